@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
 import casadi as ca
 
@@ -41,10 +41,19 @@ class ConstrainedMotion:
     """
 
     multipliers: ca.SX
-    u_rates: ca.SX
+    accelerations: Accelerations
     transmitted: Callable[[], Sequence[ca.SX]]
     drives: ca.SX
-    links: Sequence[ca.SX]
+
+    @property
+    def u_rates(self) -> ca.SX:
+        """The derivatives of the speeds."""
+        return self.accelerations.u_rates
+
+    @property
+    def links(self) -> Sequence[ca.SX]:
+        """The accelerations of the links."""
+        return self.accelerations.links
 
 
 def applied_forces(traced: TracedMechanism) -> AppliedForces:
@@ -78,12 +87,12 @@ def solve_accelerations(
     else:
         applied, bias_accelerations = mass_matrix.applied(forces.joints.generalized, wrenches, gravity)
         multipliers = solver.multipliers(applied)
-        at_rest = Accelerations(ca.SX(traced.layout.nv, 1), bias_accelerations)
+        at_rest = Accelerations(ca.SX(traced.layout.nv, 1), lambda: bias_accelerations)
         motion = solver.accelerations(applied, multipliers) + at_rest
         wrenches = [own + unit @ multipliers for own, unit in zip(wrenches, constraints.wrenches, strict=True)]
-    transmitted = cache(partial(transmitted_wrenches, traced.links, traced.motions, motion.links, wrenches))
+    transmitted = cache(lambda: transmitted_wrenches(traced.links, traced.motions, motion.links, wrenches))
     drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers, forces))
-    return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drives, motion.links)
+    return ConstrainedMotion(multipliers, motion, transmitted, drives)
 
 
 def coupling_forces(

@@ -13,8 +13,9 @@ accelerate the joint, after the bias force pᴬ of the links outboard of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -33,14 +34,22 @@ from mbd_sim.geometry.pose import Array
 class Accelerations:
     """`u_rates` (nv,) = u', and the spatial acceleration (6,) of each of the `links` less that of gravity.
 
-    The spatial accelerations are expressed in the link's frame L at its origin.
+    The spatial accelerations are expressed in the link's frame L at its origin. They are traced when they are first
+    read: few mechanisms need them for their motion.
     """
 
     u_rates: ca.SX
-    links: list[ca.SX]
+    trace_links: Callable[[], list[ca.SX]]
+
+    @cached_property
+    def links(self) -> list[ca.SX]:
+        """The accelerations of the links."""
+        return self.trace_links()
 
     def __add__(self, other: Accelerations) -> Accelerations:
-        links = [sparse(one + more) for one, more in zip(self.links, other.links, strict=True)]
+        def links() -> list[ca.SX]:
+            return [sparse(one + more) for one, more in zip(self.links, other.links, strict=True)]
+
         return Accelerations(self.u_rates + other.u_rates, links)
 
 
@@ -52,13 +61,20 @@ class FactorizedMassMatrix:
     """
 
     def __init__(
-        self, links: Sequence[Link], motions: Sequence[LinkMotion], nv: int, added: ca.SX | None = None
+        self,
+        links: Sequence[Link],
+        motions: Sequence[LinkMotion],
+        nv: int,
+        added: ca.SX | None = None,
+        inertias: Sequence[ca.SX] | None = None,
     ) -> None:
-        """Factorize M, or M + diag(`added`) with `added` (nv,), which is zero for free joints."""
+        """Factorize M, or M + diag(`added`) with `added` (nv,), which is zero for free joints.
+
+        :param inertias: the `lumped_inertias` of the links, if they are known.
+        """
         self._links, self._motions, self._nv = links, motions, nv
-        inertias = lumped_inertias(links)
-        self._inertias = list(inertias)
-        self._squares = [_square(motion.V_WL[:3]) for motion in motions]
+        self._inertias = lumped_inertias(links) if inertias is None else inertias
+        inertias = list(self._inertias)
         self._joints: dict[int, _EliminatedJoint] = {}
         self.pivots = ca.SX(nv, 1)
         for index in reversed(range(len(links))):
@@ -68,6 +84,14 @@ class FactorizedMassMatrix:
             self.pivots[link.u] = joint.factors.pivots
             if link.parent >= 0:
                 inertias[link.parent] += inboard_inertia(link, motion, joint.projected_inertia)
+
+    @cached_property
+    def _squares(self) -> list[ca.SX]:
+        return [_square(motion.V_WL[:3]) for motion in self._motions]
+
+    def with_added(self, added: ca.SX) -> FactorizedMassMatrix:
+        """The factors of M + diag(`added`) with `added` (nv,) in place of what was added before."""
+        return FactorizedMassMatrix(self._links, self._motions, self._nv, added, self._inertias)
 
     def accelerations(self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array | ca.SX) -> Accelerations:
         """The accelerations under all forces.
@@ -80,7 +104,7 @@ class FactorizedMassMatrix:
         bias_accelerations = self._bias_accelerations()
         net_forces = self._inward(forces, biases, bias_accelerations)
         motion = self._outward(net_forces, bias_accelerations, -gravity)
-        return Accelerations(motion.u_rates, self._spatial(motion.links))
+        return Accelerations(motion.u_rates, lambda: self._spatial(motion.links))
 
     def applied(
         self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array | ca.SX
@@ -180,7 +204,7 @@ class FactorizedMassMatrix:
             speed_rates = joint.speed_rates(net_forces[index], carried)
             accelerations.append(sparse(carried + motion.joint.partial_velocities @ speed_rates))
             result[link.u] = speed_rates
-        return Accelerations(result, accelerations)
+        return Accelerations(result, lambda: accelerations)
 
 
 def _base_acceleration(acceleration: Array | ca.SX) -> ca.SX:

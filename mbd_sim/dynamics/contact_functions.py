@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
@@ -134,7 +134,7 @@ class ContactDynamics:
         applied, bias, unloaded = self._unloaded
         loaded = self._loaded(applied, forces)
         multipliers = unloaded + self._reaction @ forces
-        at_rest = Accelerations(ca.SX(traced.layout.nv, 1), bias)
+        at_rest = Accelerations(ca.SX(traced.layout.nv, 1), lambda: bias)
         accelerations = self._accelerations(loaded, multipliers) + at_rest
         both = self._all_rows
         all_multipliers = ca.vertcat(multipliers, forces)
@@ -142,9 +142,9 @@ class ContactDynamics:
             ca.sparsify(own + unit @ all_multipliers)
             for own, unit in zip(self._forces.elements.wrenches, both.wrenches, strict=True)
         ]
-        transmitted = cache(partial(transmitted_wrenches, traced.links, traced.motions, accelerations.links, wrenches))
+        transmitted = cache(lambda: transmitted_wrenches(traced.links, traced.motions, accelerations.links, wrenches))
         drives = drive_table(traced, transmitted, coupling_forces(both, all_multipliers, self._forces))
-        return ConstrainedMotion(all_multipliers, accelerations.u_rates, transmitted, drives, accelerations.links)
+        return ConstrainedMotion(all_multipliers, accelerations, transmitted, drives)
 
     @cached_property
     def _all_rows(self) -> ConstraintEquations:

@@ -245,7 +245,7 @@ def derive(
 
         dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
         contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
-    linearized = JointLinearization(traced, constraints, scales, assembly.dependent, forces)
+    linearized = JointLinearization(traced, mass_matrix, constraints, scales, assembly.dependent, forces)
     functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
     return _packaged(traced, assembly, forces, motion, functions, linearized, contact)
 

@@ -35,6 +35,7 @@ class JointLinearization:
     """
 
     traced: TracedMechanism
+    mass_matrix: FactorizedMassMatrix
     constraints: ConstraintEquations
     scales: Array
     dependent: NDArray[np.bool_]
@@ -69,7 +70,7 @@ def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX)
     if traced.rotor_inertia is not None:
         added += traced.rotor_inertia
     displaced = stiffness * _own_coordinates(traced, right_q)
-    mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, nv, added)
+    mass_matrix = system.mass_matrix.with_added(added)
     if constraints.rows:
         # r already satisfies the constraints, so only its change does not: M a + Gᵀ λ = (D + g K) U_u + K r_q, G a = 0.
         unbiased = replace(constraints, bias=ca.SX(len(constraints.rows), 1))
