@@ -149,13 +149,15 @@ def quoted(value: object, max_length: int = 60) -> str:
 
 
 def require_each_once(names: Sequence[str], remedy: str) -> None:
-    """Refuse joints of a command of which one is named twice.
+    """Refuse joints of a command of which one is named twice, in a time proportional to their number.
 
     :raises CommandError: with the first such name.
     """
-    for index, name in enumerate(names):
-        if name in names[:index]:
+    seen = set[str]()
+    for name in names:
+        if name in seen:
             raise CommandError(f"{quoted(name)} is named twice. {remedy}")
+        seen.add(name)
 
 
 def counted(count: int, noun: str) -> str:

@@ -3,7 +3,7 @@
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.errors import CommandError, InputError, MechanismError, Problem, counted, printable
+from mbd_sim.errors import CommandError, InputError, MechanismError, Problem, counted, printable, require_each_once
 from mbd_sim.load import parse_mechanism
 
 BODY = "joints: {j: {type: revolute, between: [ground, a], axis: [0, 0, 1]}}\n"
@@ -50,3 +50,23 @@ def test_names_in_commands_are_printed_escaped(command):
 
 def test_counts_have_the_plural_except_of_one():
     assert [counted(number, "step") for number in (0, 1, 2)] == ["0 steps", "1 step", "2 steps"]
+
+
+class CountedName(str):
+    """A name that counts how often names are compared."""
+
+    comparisons = 0
+    __hash__ = str.__hash__
+
+    def __eq__(self, other):
+        CountedName.comparisons += 1
+        return str.__eq__(self, other)
+
+
+def test_names_of_a_command_are_compared_in_proportion_to_their_number():
+    """Each with all others, 50,000 names would keep a node busy for 20 s."""
+    names = [CountedName(number) for number in range(1000)]
+    require_each_once(names, "")
+    with pytest.raises(CommandError, match=r"^'7' is named twice\. Name each once\.$"):
+        require_each_once([*names, CountedName(7), CountedName(5)], "Name each once.")
+    assert 0 < CountedName.comparisons < 2 * len(names)
