@@ -20,6 +20,7 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ DEPENDENCIES = {
     ),
 }
 SUFFIXES = (".msg", ".srv", ".action")
+COMPILERS = {".c": ("gcc", "-std=c11"), ".cpp": ("g++", "-std=c++17")}
 FAST_DDS, INTROSPECTION = "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"
 GENERATORS = {  # what each generator's function is called, and its arguments
     "rosidl_generator_c": ("generate_c",),
@@ -141,24 +143,19 @@ def _compile(package: str, dependencies: Sequence[str], work: Path, target: Path
     used += [f"-l{dependency}__{part}" for dependency in dependencies for part in DEPENDENCY_LIBRARIES]
 
     def link(library: str, generators: Sequence[str], *libraries: str) -> None:
-        objects = []
-        for name in generators:
-            for source in sorted([*(work / name).rglob("*.c"), *(work / name).rglob("*.cpp")]):
-                objects.append(source.with_suffix(".o"))
-                compiler = ["g++", "-std=c++17"] if source.suffix == ".cpp" else ["gcc", "-std=c11"]
-                _call(
-                    [
-                        *compiler,
-                        "-O0",
-                        "-w",
-                        "-fPIC",
-                        *(f"-I{path}" for path in headers),
-                        "-c",
-                        source,
-                        "-o",
-                        objects[-1],
-                    ]
-                )
+        sources = [
+            source
+            for name in generators
+            for source in sorted((work / name).rglob("*.c*"))
+            if source.suffix in COMPILERS
+        ]
+        objects = [source.with_suffix(".o") for source in sources]
+        options = ["-O0", "-w", "-fPIC", *(f"-I{path}" for path in headers), "-c"]
+        commands = [
+            [*COMPILERS[one.suffix], *options, one, "-o", target] for one, target in zip(sources, objects, strict=True)
+        ]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(_call, commands))
         folders = [
             f"-L{PREFIX / 'lib'}",
             f"-L{target}",
