@@ -168,7 +168,6 @@ def test_a_mechanism_is_traced_and_built_so(monkeypatch: pytest.MonkeyPatch) -> 
     ("module", "called", "use"),
     [
         (kinematics, "trace", lambda: kinematics.Kinematics(load_mechanism("rod_pendulum"))),
-        (kinematics, "unpack_poses", lambda: kinematics.Kinematics(load_mechanism("rod_pendulum")).poses()),
         (inverse_dynamics, "trace", lambda: inverse_dynamics.InverseDynamics(load_mechanism("rod_pendulum"))),
         (
             kinematic_system,

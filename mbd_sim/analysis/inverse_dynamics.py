@@ -15,8 +15,8 @@ from mbd_sim.dynamics.dynamics_terms import tree_efforts
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
-from mbd_sim.geometry.finite_arrays import finite_vector
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.shaped_arrays import vector
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
@@ -71,7 +71,6 @@ class InverseDynamics:
         self._equations = equations
         self._contact: ContactMotion | None = None
 
-    @interruptible_tracing()
     def __call__(
         self, q: _Numbers, u: _Numbers, u_rates: _Numbers, t: float = 0.0, inputs: Array | None = None
     ) -> Array:
@@ -82,13 +81,12 @@ class InverseDynamics:
         :param t: time in s, for forces, drives and constraints that depend on it.
         :param inputs: all inputs of the equations, for their wrenches, live values and contacts; the efforts in it do
             not matter. By default there are no wrenches, live values are those of the mechanism, and contacts are open.
-        :raises ValueError: an argument has another shape or is not finite; the constraints, or joints without
-            actuation, do not allow these accelerations; or a contact would have to pull or to hold more than its
-            friction.
+        :raises ValueError: an argument has another shape; the constraints, or joints without actuation, do not allow
+            these accelerations; or a contact would have to pull or to hold more than its friction.
         """
         layout = self._tree_layout
-        q, u = finite_vector(q, layout.nq, "q"), finite_vector(u, layout.nv, "u")
-        u_rates = finite_vector(u_rates, layout.nv, "u_rates")
+        q, u = vector(q, layout.nq, "q"), vector(u, layout.nv, "u")
+        u_rates = vector(u_rates, layout.nv, "u_rates")
         if self._equations is None and not self._direct:
             self._equations = derive(self.mechanism)
         if inputs is None:

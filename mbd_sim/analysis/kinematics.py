@@ -49,7 +49,6 @@ class Kinematics:
         self._poses = ca.Function("poses", inputs, [ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))])
         self._values = traced.parameters.base
 
-    @interruptible_tracing()
     def poses(self, q: Sequence[float] | Array | None = None, time: float = 0.0) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame.
 
@@ -80,7 +79,6 @@ class Kinematics:
         pose = self.poses(q, time)[part]
         return np.asarray(pose.position + pose.rotation @ local)
 
-    @interruptible_tracing()
     def closed(self, q: Sequence[float] | Array, time: float = 0.0) -> Array:
         """The coordinates (nq,) near q that close the loops at a time.
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from mbd_sim.analysis.small_motion import small_motion
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.errors import quoted
-from mbd_sim.geometry.finite_arrays import finite_vector
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.mechanism.actuators import channel_names
 
 ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbd_sim.geometry.finite_arrays import finite_matrix
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.shaped_arrays import finite_matrix
 
 ROUNDING = 1e-12  # relative error of the costs that is accepted
 

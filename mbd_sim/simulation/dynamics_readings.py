@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbd_sim import compiler, simulation
-from mbd_sim.geometry.finite_arrays import finite_vector
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.read_only import ReadOnlyView

@@ -19,8 +19,8 @@ from mbd_sim.compiler.ensemble_kernel import (
     compile_members,
 )
 from mbd_sim.errors import CommandError, DivergedError, counted, nearest
-from mbd_sim.geometry.finite_arrays import require_finite
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.shaped_arrays import require_finite
 from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism, require_mechanism

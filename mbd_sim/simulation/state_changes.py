@@ -8,8 +8,8 @@ from operator import index
 import numpy as np
 
 from mbd_sim import simulation
-from mbd_sim.geometry.finite_arrays import finite_vector
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.readings import Readings

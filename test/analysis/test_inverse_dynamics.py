@@ -117,7 +117,7 @@ def test_live_values_and_wrenches_are_accounted_for(name, part, changes):
         (np.zeros(5), np.zeros(6), r"q must be a list of 6 values, not an array of shape \(5,\)"),
         (np.zeros((6, 2)), np.zeros(6), r"not an array of shape \(6, 2\)"),
         (0.0, np.zeros(6), r"not an array of shape \(\)"),
-        (np.zeros(6), np.full(6, np.nan), "u_rates contains a value that is not finite"),
+        (np.zeros(6), np.zeros(7), r"u_rates must be a list of 6 values, not an array of shape \(7,\)"),
     ],
 )
 def test_arguments_of_another_shape_are_refused(q, rates, words):

@@ -1,4 +1,4 @@
-"""Arrays of finite numbers from what a caller gives."""
+"""Arrays of a known shape from what a caller gives."""
 
 from __future__ import annotations
 
@@ -22,17 +22,26 @@ def finite_matrix(values: Sequence[Sequence[float]] | Array, shape: tuple[int, i
     return require_finite(matrix, name)
 
 
+def vector(values: Sequence[float] | Array, size: int, name: str) -> Array:
+    """`values` as an array (size,), the same one if they are an array of floats.
+
+    :raises ValueError: the shape is different.
+    """
+    found = np.asarray(values, dtype=float)
+    if found.shape != (size,):
+        raise ValueError(f"{name} must be a list of {counted(size, 'value')}, not an array of shape {found.shape}.")
+    return found
+
+
 def finite_vector(values: Sequence[float] | Array, size: int, name: str) -> Array:
     """A copy of `values` as an array (size,).
 
     :raises ValueError: the shape is different, or a value is not finite.
     """
-    vector = np.array(values, dtype=float)
-    if vector.shape != (size,):
-        raise ValueError(f"{name} must be a list of {counted(size, 'value')}, not an array of shape {vector.shape}.")
-    if not math.isfinite(sum(vector.tolist())):  # which is fast for few values, but can overflow
-        require_finite(vector, name)
-    return vector
+    found = vector(values, size, name).copy()
+    if not math.isfinite(sum(found.tolist())):  # which is fast for few values, but can overflow
+        require_finite(found, name)
+    return found
 
 
 def require_finite(array: Array, name: str) -> Array:
