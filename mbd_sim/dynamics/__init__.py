@@ -23,9 +23,12 @@ if TYPE_CHECKING:
     from mbd_sim.dynamics.assembly import CONSISTENT as CONSISTENT
     from mbd_sim.dynamics.assembly import close_loops as close_loops
     from mbd_sim.dynamics.assembly import nearest_speeds as nearest_speeds
+    from mbd_sim.dynamics.assembly import rank_of as rank_of
+    from mbd_sim.dynamics.assembly import unit_rows as unit_rows
     from mbd_sim.dynamics.cam_check import require_followable_cams as require_followable_cams
     from mbd_sim.dynamics.equations import derive as derive
     from mbd_sim.dynamics.evaluation import evaluated as evaluated
+    from mbd_sim.dynamics.singular_start import speeds_of_a_branch as speeds_of_a_branch
     from mbd_sim.dynamics.symbolic_parameters import StructureError as StructureError
     from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters as SymbolicParameters
     from mbd_sim.dynamics.symbolic_parameters import equation_data as equation_data
@@ -34,10 +37,11 @@ else:
     __getattr__ = lazy_names(
         __name__,
         {
-            "assembly": ("CONSISTENT", "close_loops", "nearest_speeds"),
+            "assembly": ("CONSISTENT", "close_loops", "nearest_speeds", "rank_of", "unit_rows"),
             "cam_check": ("require_followable_cams",),
             "equations": ("derive",),
             "evaluation": ("evaluated",),
+            "singular_start": ("speeds_of_a_branch",),
             "symbolic_parameters": ("StructureError", "SymbolicParameters", "equation_data", "varying_parameters"),
         },
     )

@@ -95,6 +95,8 @@ def _is_moment(joint: Joint) -> list[bool]:
 def _massless(mechanism: Mechanism, link: Link) -> Problem:
     message = f"nothing that this joint moves has mass: '{link.joint.outboard}' is a massless chain end"
     remedy = "Give the part a mass, fix it to a part that has one, or give the joint a drive."
+    if mechanism.closing:
+        remedy += " In place of a massless rod between two parts of a loop, write the constraint 'distance'."
     return mechanism.source.problem(("joints", link.joint.name), message, remedy)
 
 

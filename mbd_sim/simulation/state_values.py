@@ -53,7 +53,7 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     """The state y with given positions and speeds, at a time in s.
 
     Coordinates that are not given keep their values, except as far as loops and constraints require others: then they
-    move as little as possible.
+    move as little as possible. In a singular configuration, speeds are those of one of the branches that meet there.
 
     :param values: (n,) the live values among the inputs of the equations.
     :raises CommandError: with these values the loops cannot be closed, or the constraints cannot be satisfied.
@@ -90,6 +90,8 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
             raise CommandError(f"the constraints do not allow these speeds. Name fewer joints, or give {nearby}.")
+    if u.any() and dynamics.rank_of(dynamics.unit_rows(gradient)) < model.equations.start.rank:
+        u = dynamics.speeds_of_a_branch(constraints, time, closure.q, u, fixed)
     moved[model.u_range] = u
     return moved
 

@@ -252,3 +252,17 @@ def test_factors_give_each_row_its_own_pivot():
     found, rows = ca.Function("f", [x], [solution, pivots])(numbers)
     assert values @ np.array(found).ravel() == pytest.approx([1.0, 2.0, 3.0, 4.0], rel=1e-13)
     assert np.array(rows).ravel() == pytest.approx(np.diag(values), rel=0.05)
+
+
+def test_for_a_massless_rod_in_a_loop_a_distance_is_proposed():
+    text = """
+mechanism: slider_crank
+parts: {crank: {mass: 1, inertia: [1, 1, 1], points: {tip: [1, 0, 0]}}, rod: {mass: 0, points: {end: [3, 0, 0]}}, slide: {mass: 1}}
+joints:
+  main: {type: revolute, between: [ground, crank], axis: [0, 1, 0], position: 1}
+  pin: {type: revolute, between: [crank.tip, rod], axis: [0, 1, 0]}
+  rail: {type: prismatic, between: [ground, slide], axis: [1, 0, 0]}
+  eye: {type: revolute, between: [rod.end, slide], axis: [0, 1, 0]}
+"""
+    with pytest.raises(NoInertiaError, match=r"'rod' is a massless chain end.*write the constraint 'distance'"):
+        derive(parse_mechanism(text))

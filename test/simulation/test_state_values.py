@@ -90,3 +90,25 @@ def test_a_driven_joint_cannot_be_set():
     driven = simulation.model.driven_names[0]
     with pytest.raises(CommandError, match="is driven: its drive prescribes the motion"):
         simulation.set_state({driven: 0.1})
+
+
+def test_speeds_in_a_flat_parallelogram_are_those_of_one_of_its_branches():
+    simulation = Simulation.from_text("""
+mechanism: parallelogram
+gravity: [0, 0, 0]
+ground: {points: {d: [1, 0, 0]}}
+parts:
+  crank: {mass: 1, shape: {type: rod, to: [0.4, 0, 0]}, points: {tip: [0.4, 0, 0]}}
+  bar: {mass: 1, shape: {type: rod, to: [1, 0, 0]}, points: {tip: [1, 0, 0]}}
+  rocker: {mass: 1, shape: {type: rod, to: [0.4, 0, 0]}, points: {tip: [0.4, 0, 0]}}
+joints:
+  main: {type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 0.5}
+  pin: {type: revolute, between: [crank.tip, bar], axis: [0, -1, 0], position: -0.5, guess: true}
+  other: {type: revolute, between: [ground.d, rocker], axis: [0, -1, 0], position: 0.5, guess: true}
+  eye: {type: revolute, between: [bar.tip, rocker.tip], axis: [0, -1, 0]}
+""")
+    simulation.set_state({"main": 0.0, "pin": 0.0, "other": 0.0}, {"main": 3.0})
+    assert simulation.u == pytest.approx([3.0, -3.0, 3.0], rel=1e-13)
+    before = simulation.energies.kinetic
+    simulation.run(until=0.1)
+    assert simulation.energies.kinetic == pytest.approx(before, rel=1e-12)
