@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from mbd_sim.geometry import rotation as rot
 
@@ -65,6 +64,7 @@ def _frames(angles, lengths, twists):
 
 def _closed_angles(rng, lengths, twists):
     """Angles (n,) about the hinges at which the loop is closed and has one freedom."""
+    from scipy.optimize import least_squares  # conftest.py imports this module for the names of the linkages
 
     def openness(angles):
         return (_frames(angles, lengths, twists)[1] - np.eye(4))[:3].ravel()
