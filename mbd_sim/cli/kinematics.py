@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import add_mechanism, seed_number
+from mbd_sim.cli.common import add_mechanism, print_notes, seed_number
 from mbd_sim.cli.plot_options import add_show, shown_plots
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
 
@@ -110,7 +110,12 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.kinematic_analysis.motion_panels import require_groups
     from mbd_sim.kinematic_analysis.motion_picture import draw_motion, require_picture_suffix
     from mbd_sim.kinematic_analysis.motion_text import motion_text
-    from mbd_sim.kinematic_analysis.prescribed_drives import drive_range, drive_speed, position_count
+    from mbd_sim.kinematic_analysis.prescribed_drives import (
+        bare_angle_remark,
+        drive_range,
+        drive_speed,
+        position_count,
+    )
     from mbd_sim.kinematic_analysis.transmission import coupler_and_follower
     from mbd_sim.playback.plot_files import require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
@@ -125,6 +130,7 @@ def execute(options: argparse.Namespace) -> int:
         require_packages_for(options.out)
     mechanism = changed_mechanism(options)
     given = [drive_range(text, mechanism) for text in options.drive]
+    print_notes(remark for text in options.drive if (remark := bare_angle_remark(text, mechanism)))
     drives = {one.name: (one.start, one.stop) for one, _ in given}
     count = position_count(given, POSITIONS)
     if options.modes:

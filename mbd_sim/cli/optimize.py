@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import add_mechanism
+from mbd_sim.cli.common import add_mechanism, print_notes
 
 if TYPE_CHECKING:
     from mbd_sim.synthesis.synthesis import Norm
@@ -65,7 +65,7 @@ def execute(options: argparse.Namespace) -> int:
     """Search, print the values found, and write and draw the mechanism; returns 1 if the search did not converge."""
     from mbd_sim.errors import InputError
     from mbd_sim.kinematic_analysis.motion_picture import require_picture_suffix
-    from mbd_sim.kinematic_analysis.prescribed_drives import drive_range, drive_speed
+    from mbd_sim.kinematic_analysis.prescribed_drives import bare_angle_remark, drive_range, drive_speed
     from mbd_sim.load import load_mechanism
     from mbd_sim.synthesis import synthesize
     from mbd_sim.synthesis.design_text import design_text, draw_design, write_mechanism
@@ -77,6 +77,7 @@ def execute(options: argparse.Namespace) -> int:
         raise InputError(f"{options.out} is not a mechanism file", "Use a file name that ends in .yaml.")
     mechanism = load_mechanism(options.mechanism)
     drive, count = drive_range(options.drive, mechanism)
+    print_notes(remark for remark in [bare_angle_remark(options.drive, mechanism)] if remark)
     speed = drive_speed(options.speed, mechanism, [drive])
     goal = goal_of(options, mechanism, drive, count, speed)
     norm: Norm = options.norm or ("peak" if options.least_effort else "rms")

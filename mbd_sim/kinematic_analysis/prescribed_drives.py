@@ -12,6 +12,7 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import InputError, MechanismError, Problem, listed, nearest
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism
+from mbd_sim.mechanism_file.override import require_unit
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 EXAMPLE = "Write for example crank=0:360deg, or crank=0:360deg:73 for 73 positions."
@@ -51,6 +52,21 @@ def drive_range(text: str, mechanism: Mechanism) -> tuple[DriveRange, int | None
     return DriveRange(name, values[0], values[-1]), count
 
 
+def bare_angle_remark(text: str, mechanism: Mechanism) -> str:
+    """A sentence if the text of a range has an angle beyond a full turn without a unit, or ""."""
+    name, _, rest = (part.strip() for part in text.partition("="))
+    values = [_plain(word.strip()) for word in rest.split(":")[:2]]
+    if any(split_unit(value)[1] for value in values if isinstance(value, str)) or not is_rotation(mechanism, name):
+        return ""
+    large = [value for value in values if isinstance(value, float) and abs(value) > 2.0 * math.pi]
+    if not large:
+        return ""
+    return (
+        f"{text}: {large[-1]:g} is in rad ({math.degrees(large[-1]):.4g}°), because it has no unit. "
+        f"Write {large[-1]:g}deg or {large[-1]:g}rad."
+    )
+
+
 def drive_speed(text: str, mechanism: Mechanism, drives: Sequence[DriveRange]) -> float:
     """The speed of the first drive that moves, such as `60rpm`, in rad/s or m/s.
 
@@ -68,23 +84,27 @@ def drive_speed(text: str, mechanism: Mechanism, drives: Sequence[DriveRange]) -
 
 
 def parameter_value(text: str, mechanism: Mechanism) -> tuple[str, float]:
-    """The key and the number in SI units of `KEY=VALUE`; the value may have any unit.
+    """The key and the number in SI units of `KEY=VALUE`.
 
-    :raises InputError: the text cannot be read.
+    :raises InputError: the text cannot be read, or its unit does not fit.
+    :raises MechanismError: there is no such key.
     """
     key, equals, value = (part.strip() for part in text.partition("="))
     if not key or not equals:
         raise InputError(f"'{text}' gives no value", "Write for example l=0.1mm.")
-    return key, parameter_number(text, value, mechanism)
+    return key, parameter_number(text, key, value, mechanism)
 
 
-def parameter_number(text: str, value: str, mechanism: Mechanism) -> float:
-    """The number in SI units of a `value` of any unit, which is part of an argument `text`.
+def parameter_number(text: str, key: str, value: str, mechanism: Mechanism) -> float:
+    """The number in SI units of a `value` for a key of the file, which is part of an argument `text`.
 
-    :raises InputError: it is none.
+    :raises InputError: it is none, or has a unit that does not fit.
+    :raises MechanismError: there is no such key.
     """
     try:
-        return parse_value(_plain(value), mechanism.parameters, None)
+        number = parse_value(_plain(value), mechanism.parameters, None)
+        require_unit(mechanism, key, split_unit(value)[1])
+        return number
     except InputError as error:
         raise InputError(f"{text}: '{value}' {error.message}", error.remedy) from error
 

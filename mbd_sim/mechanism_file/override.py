@@ -12,7 +12,8 @@ from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS, as_written
-from mbd_sim.mechanism_file.units import si_factor
+from mbd_sim.mechanism_file.units import factor, si_factor
+from mbd_sim.mechanism_file.value_parser import split_unit
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
@@ -49,6 +50,7 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
             locations[name] = location_of(mechanism, name)
             _require_known_shape(source, locations[name])
             _require_declared(source, locations[name])
+            _require_like_unit(source, locations[name], changes[name])
         except InputError as error:
             problems.append(_problem(mechanism, name, error))
     if problems:
@@ -109,6 +111,15 @@ def _require_declared(source: Source, location: Location) -> None:
             kind = str(section).removesuffix("s")
             remedy = nearest(str(location[1]), declared) or f"The file has no {section}."
             raise InputError(f"there is no {kind} '{location[1]}'", remedy)
+
+
+def _require_like_unit(source: Source, location: Location, value: Any) -> None:
+    """Refuse a parameter with a unit of another dimension than the unit that it has in the file."""
+    if location[0] != "parameters" or len(location) != 2 or not isinstance(value, str):
+        return
+    written = (source.data.get("parameters") or {}).get(location[1])
+    if isinstance(written, str) and (own := split_unit(written)[1]) and (unit := split_unit(value)[1]):
+        factor(unit, own)
 
 
 def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
@@ -185,7 +196,8 @@ def require_unit(mechanism: Mechanism, key: str, unit: str) -> None:
     if not unit:
         return
     present = value_of(mechanism, key)
-    assert present is not None
+    if present is None:
+        raise InputError(f"'{key}' is not a number in the file", "Name a number, such as joints.elbow.damping.")
     try:
         with_values(mechanism, {key: f"{present / si_factor(unit)!r} {unit}"})
     except MechanismError as error:

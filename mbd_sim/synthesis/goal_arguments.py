@@ -34,7 +34,7 @@ def bounds_of(texts: Sequence[str], mechanism: Mechanism) -> dict[str, tuple[flo
             raise InputError(f"'{text}' gives no bounds", "Write KEY=LOW:HIGH, for example l=0.5:2 or l=200mm:400mm.")
         if key in found:
             raise InputError(f"{key} is varied twice", "Remove one of the two.")
-        low, high = (parameter_number(text, word, mechanism) for word in words)
+        low, high = (parameter_number(text, key, word, mechanism) for word in words)
         if not low < high:
             raise InputError(f"{text}: the lower bound is not below the upper one", "Write KEY=LOW:HIGH.")
         found[key] = (low, high)

@@ -73,6 +73,13 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
     assert out.count("dead point") == 2
 
 
+def test_an_angle_beyond_a_turn_without_a_unit_is_noted(capsys):
+    for text, noted in (("0:360:3", True), ("0:6.28:3", False), ("0:360deg:3", False), ("0:4*pi:3", False)):
+        assert main(["kinematics", "four_bar", "--drive", f"crank_pivot={text}"]) == 0
+        note = "360 is in rad (2.063e+04°), because it has no unit. Write 360deg or 360rad."
+        assert (note in capsys.readouterr().out) is noted
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -82,6 +89,8 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
         (["--drive", "crank_pivvot=0:1"], "Did you mean 'crank_pivot'"),
         (["--drive", "crank_pivot=0:1", "--speed=-1"], "is negative"),
         (["--drive", "crank_pivot=0:1", "--speed", "1 m/s"], "the speed 1 m/s"),
+        (["--drive", "crank_pivot=0:1", "--tolerance", "crank=1 kg"], "the unit 'kg' does not fit: a value in m"),
+        (["--drive", "crank_pivot=0:1", "--tolerance", "joints.crank_pin.type=1 m"], "is not a number in the file"),
         (["--drive", "crank_pivot=0:1", "--point", "coupler.tap"], "Did you mean 'tip'"),
         (["--drive", "crank_pivot=0:1", "--plot", "x.csv"], "is not a picture"),
         (["--drive", "crank_pivot=0:1", "--out", "x.png"], "x.png"),

@@ -102,7 +102,7 @@ def test_uniform_samples_stay_within_the_worst_case(motion):
     [
         ({}, 0, InputError, "must be positive numbers"),
         ({"a": -1.0}, 0, InputError, "must be positive numbers"),
-        ({"a": 1e-4}, 1, InputError, "1 samples have no standard deviation"),
+        ({"a": 1e-4}, 1, InputError, "1 sample cannot have a standard deviation"),
         ({"e": 1e-4}, 0, MechanismError, "e: is not a key of this file"),
         ({"parts.crank.mass": 1e-4}, 0, MechanismError, "the equations do not depend on it"),
     ],

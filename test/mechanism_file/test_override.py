@@ -81,3 +81,11 @@ def test_regularization_in_both_spellings_at_once_is_refused():
             "mechanism: slider\nparts: {body: {mass: 1}}\njoints: {s: {type: prismatic, between: [ground, body], "
             "axis: [1, 0, 0], friction: {coulomb: 1, regularisation: 1, regularization: 1}}}"
         )
+
+
+def test_a_parameter_with_a_unit_takes_only_units_of_its_dimension():
+    linkage = load_mechanism("four_bar")  # crank: 0.5 m, density: 1
+    assert with_values(linkage, {"crank": "40 cm", "density": "2 kg/m"}).parameters["crank"] == 0.4
+    assert with_values(linkage, {"crank": 0.4}).parameters["crank"] == 0.4
+    with pytest.raises(MechanismError, match=r"crank: the unit 'kg' does not fit: a value in m is expected here"):
+        with_values(linkage, {"crank": "1 kg"})
