@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from mbd_sim.cli.setup_options import add_set, changed_mechanism
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Array
     from mbd_sim.kinematic_analysis import DrivenMotion
+    from mbd_sim.kinematic_analysis.prescribed_drives import DriveRange
     from mbd_sim.mechanism.records import Mechanism
 
 CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
@@ -110,12 +111,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.kinematic_analysis.motion_panels import require_groups
     from mbd_sim.kinematic_analysis.motion_picture import draw_motion, require_picture_suffix
     from mbd_sim.kinematic_analysis.motion_text import motion_text
-    from mbd_sim.kinematic_analysis.prescribed_drives import (
-        bare_angle_remark,
-        drive_range,
-        drive_speed,
-        position_count,
-    )
+    from mbd_sim.kinematic_analysis.prescribed_drives import drive_speed, position_count
     from mbd_sim.kinematic_analysis.transmission import coupler_and_follower
     from mbd_sim.playback.plot_files import require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
@@ -129,8 +125,7 @@ def execute(options: argparse.Namespace) -> int:
         require_suffix(options.out, SUFFIXES)
         require_packages_for(options.out)
     mechanism = changed_mechanism(options)
-    given = [drive_range(text, mechanism) for text in options.drive]
-    print_notes(remark for text in options.drive if (remark := bare_angle_remark(text, mechanism)))
+    given = _ranges(options.drive, mechanism)
     drives = {one.name: (one.start, one.stop) for one, _ in given}
     count = position_count(given, POSITIONS)
     if options.modes:
@@ -172,6 +167,15 @@ def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
     from mbd_sim.kinematic_analysis.motion_text import modes_text
 
     print(modes_text(mechanism, assembly_modes(mechanism, drives)))
+
+
+def _ranges(texts: Sequence[str], mechanism: Mechanism) -> list[tuple[DriveRange, int | None]]:
+    """The ranges of `--drive` with their numbers of positions; angles that were probably meant in degrees are noted."""
+    from mbd_sim.kinematic_analysis.prescribed_drives import bare_angle_remark, drive_range
+
+    found = [drive_range(text, mechanism) for text in texts]
+    print_notes(remark for text in texts if (remark := bare_angle_remark(text, mechanism)))
+    return found
 
 
 def _accuracy(

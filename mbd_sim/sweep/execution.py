@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -41,8 +44,33 @@ def sweep(settings: Settings, work: Sequence[Chunk], scheduler: str = "", progre
     tasks = [dask.delayed(compute, pure=False)(settings, chunk) for chunk in work]
     if scheduler:
         return joined(_on_cluster(tasks, work, scheduler, progress))
-    with _reported(progress):
-        return joined(dask.compute(*tasks, scheduler="processes"))
+    with _reported(progress), _local_workers() as pool:
+        return joined(dask.compute(*tasks, scheduler="processes", pool=pool))
+
+
+@contextmanager
+def _local_workers() -> Iterator[ProcessPoolExecutor]:
+    """A process for each processor. An interrupt or an error ends them at once, and not after their present chunks."""
+    from dask import config
+    from dask.multiprocessing import get_context
+    from dask.system import CPU_COUNT
+
+    others = {child.pid for child in multiprocessing.active_children()}
+    count = config.get("num_workers", None) or CPU_COUNT
+    pool = ProcessPoolExecutor(count, mp_context=get_context(), initializer=_leave_interrupts_to_parent)
+    try:
+        yield pool
+    except BaseException:
+        for child in multiprocessing.active_children():
+            if child.pid not in others:
+                child.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts_to_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

@@ -1,13 +1,17 @@
 import json
+import multiprocessing
 import subprocess
 import sys
+import time
 
+import dask
 import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
 from mbd_sim.cli.main import main
+from mbd_sim.sweep import execution
 from test.waiting import wait_until
 
 RODS = ["sweep", "double_rod", "--quiet", "--time", "0.2", "--method", "rk4"]
@@ -81,3 +85,13 @@ def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, cl
 def test_a_wrong_call_says_what_to_write(arguments, words, capsys):
     assert main([*RODS, *arguments]) == 1
     assert words in capsys.readouterr().err
+
+
+def test_an_interrupt_ends_the_workers_and_does_not_wait_for_their_chunks():
+    before = {child.pid for child in multiprocessing.active_children()}
+    with dask.config.set(num_workers=1), pytest.raises(KeyboardInterrupt), execution._local_workers() as pool:
+        assert pool.submit(abs, -1).result() == 1
+        waiting = pool.submit(time.sleep, 3600.0)
+        (worker,) = [child for child in multiprocessing.active_children() if child.pid not in before]
+        raise KeyboardInterrupt
+    assert not worker.is_alive() and waiting.done()
