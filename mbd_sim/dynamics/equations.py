@@ -39,7 +39,7 @@ from mbd_sim.dynamics.kernel_functions import KernelFunctions, kernel_functions,
 from mbd_sim.dynamics.like_branches import like_branches
 from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
-from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
+from mbd_sim.dynamics.multipliers import ConstraintSolver, TypicalMatrices, typical_matrices
 from mbd_sim.dynamics.regular_start import require_regular_start, start_with_actuators
 from mbd_sim.dynamics.state_derivatives import DerivativeLayout, derivative_layout, rate_derivatives
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
@@ -231,10 +231,10 @@ def derive(
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv, traced.rotor_inertia)
     require_regular_start(traced, assembly, forces, mass_matrix)
     constraints = assembly.active
-    solver, scales = None, np.zeros(0)
+    solver, typical = None, TypicalMatrices(np.zeros(0), ())
     if constraints.rows:
-        scales = typical_diagonal(assembly.functions, assembly.start)
-        solver = ConstraintSolver(mass_matrix, constraints, scales, assembly.dependent)
+        typical = typical_matrices(assembly.functions, assembly.start)
+        solver = ConstraintSolver(mass_matrix, constraints, typical, assembly.dependent)
     motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
     open_losses = ca.SX(traced.audit.shape[0] - len(AUDIT_STATES), 1)
     audit = ca.vertcat(open_losses, audit_rates(constraints, forces, motion))
@@ -245,7 +245,7 @@ def derive(
 
         dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
         contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
-    linearized = JointLinearization(traced, mass_matrix, constraints, scales, assembly.dependent, forces)
+    linearized = JointLinearization(traced, mass_matrix, constraints, typical, assembly.dependent, forces)
     functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
     return _packaged(traced, assembly, forces, motion, functions, linearized, contact)
 

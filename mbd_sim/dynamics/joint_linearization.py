@@ -21,23 +21,22 @@ from numpy.typing import NDArray
 from mbd_sim.dynamics.accelerations import AppliedForces
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
-from mbd_sim.dynamics.multipliers import ConstraintSolver
+from mbd_sim.dynamics.multipliers import ConstraintSolver, TypicalMatrices
 from mbd_sim.dynamics.separation import separated
 from mbd_sim.dynamics.tracing import TracedMechanism
-from mbd_sim.geometry.pose import Array
 
 
 @dataclass(frozen=True, eq=False)
 class JointLinearization:
     """Functions that are traced when they are first read.
 
-    `constraints` are the active rows; `scales` and `dependent` as in `ConstraintSolver`.
+    `constraints` are the active rows; `typical` and `dependent` as in `ConstraintSolver`.
     """
 
     traced: TracedMechanism
     mass_matrix: FactorizedMassMatrix
     constraints: ConstraintEquations
-    scales: Array
+    typical: TypicalMatrices
     dependent: NDArray[np.bool_]
     forces: AppliedForces
 
@@ -74,7 +73,7 @@ def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX)
     if constraints.rows:
         # r already satisfies the constraints, so only its change does not: M a + Gᵀ λ = (D + g K) U_u + K r_q, G a = 0.
         unbiased = replace(constraints, bias=ca.SX(len(constraints.rows), 1))
-        solver = ConstraintSolver(mass_matrix, unbiased, system.scales, system.dependent)
+        solver = ConstraintSolver(mass_matrix, unbiased, system.typical, system.dependent)
         applied = mass_matrix.net_joint_forces((slopes + g * stiffness) * right_u + displaced)
         solution = right_u - g * solver.accelerations(applied, solver.multipliers(applied)).u_rates
     else:

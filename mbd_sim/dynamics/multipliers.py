@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -24,10 +25,39 @@ WEAK, VANISHED, NEARLY_WEAK = 1e-7, 1e-13, 1e-2
 # the right side inconsistent; the error is of the order of d²/REGULARIZATION, or d³/PROJECTION in projections.
 REGULARIZATION, PROJECTION, CORRECTIONS = 1e-6, 1e-4, 4
 TINY = 1e-30
+LIGHT = 1e-4  # of its diagonal entry: a typical pivot below it is due to light parts, and not to a weak constraint
+
+
+@dataclass(frozen=True, eq=False)
+class TypicalMatrices:
+    """G M⁻¹ Gᵀ (m, m) in some `configurations`, and the `scales` (m,) of its diagonal: the largest entries there."""
+
+    scales: Array
+    configurations: Sequence[Array]
+
+    def sizes(self, dependent: NDArray[np.bool_], added: Array) -> Array:
+        """The typical sizes (m,) of the pivots, with a diagonal that is `added` (m,) for `dependent` rows.
+
+        They are the scales, unless parts are far lighter than others: in all configurations, some row that is
+        eliminated last has a pivot far smaller than its diagonal entry. The sizes of such rows are these pivots.
+        """
+        found = []
+        for matrix in self.configurations:
+            try:
+                last = 1.0 / np.diag(np.linalg.inv(matrix + np.diag(added)))
+            except np.linalg.LinAlgError:  # a singular configuration
+                continue
+            if np.all(last[~dependent] > VANISHED * self.scales[~dependent]):
+                found.append(last)
+        light = [np.any(last[~dependent] < LIGHT * self.scales[~dependent]) for last in found]
+        if not light or not all(light):
+            return self.scales
+        least = np.min(found, axis=0)
+        return np.where(~dependent & (least < LIGHT * self.scales), least, self.scales)
 
 
 class ConstraintSolver:
-    """G M⁻¹ Gᵀ factorized; `scales` (m,) are the typical sizes of its diagonal.
+    """G M⁻¹ Gᵀ factorized; `typical` are its sizes, with the scales of its diagonal.
 
     Rows may depend on each other: `dependent` (m,) marks them. Which of them could be left out changes with the
     configuration, so all of them stay. Their multipliers are those with the smallest Σ scales λ².
@@ -41,20 +71,21 @@ class ConstraintSolver:
         self,
         mass_matrix: FactorizedMassMatrix,
         constraints: ConstraintEquations,
-        scales: Array,
+        typical: TypicalMatrices,
         dependent: NDArray[np.bool_],
     ) -> None:
         self._mass_matrix, self._constraints = mass_matrix, constraints
         self._net_forces = mass_matrix.net_joint_forces(constraints.gradient.T)
         product = mass_matrix.product(self._net_forces, self._net_forces)
-        self._factors = _factorized(product, scales, VANISHED, dependent, REGULARIZATION)
+        sizes = typical.sizes(dependent, REGULARIZATION * typical.scales * dependent)
+        self._factors = _factorized(product, typical, VANISHED, dependent, REGULARIZATION)
         self._cautious_factors = self._projection_factors = _factorized(
-            product, scales, WEAK, dependent, REGULARIZATION
+            product, typical, WEAK, dependent, REGULARIZATION
         )
         if dependent.any():
-            self._projection_factors = _factorized(product, scales, WEAK, dependent, PROJECTION)
+            self._projection_factors = _factorized(product, typical, WEAK, dependent, PROJECTION)
         self._all_dependent = bool(dependent.all())
-        margins = [self._factors.pivots[row] - NEARLY_WEAK * scales[row] for row in np.flatnonzero(~dependent).tolist()]
+        margins = [self._factors.pivots[row] - NEARLY_WEAK * sizes[row] for row in np.flatnonzero(~dependent).tolist()]
         self.margin = functools.reduce(ca.fmin, margins) if margins else None
 
     def multipliers(self, applied: Sequence[ca.SX]) -> ca.SX:
@@ -165,11 +196,13 @@ class RegularizedFactors:
 
 
 def _factorized(
-    matrix: ca.SX, scales: Array, floor: float, dependent: NDArray[np.bool_], regularization: float
+    matrix: ca.SX, typical: TypicalMatrices, floor: float, dependent: NDArray[np.bool_], regularization: float
 ) -> GuardedFactors | RegularizedFactors:
+    added = regularization * typical.scales * dependent
+    sizes = typical.sizes(dependent, added)
     if not dependent.any():
-        return GuardedFactors(matrix, floor * scales)
-    return RegularizedFactors(matrix, regularization * scales * dependent, np.where(dependent, TINY, floor) * scales)
+        return GuardedFactors(matrix, floor * sizes)
+    return RegularizedFactors(matrix, added, np.where(dependent, TINY * typical.scales, floor * sizes))
 
 
 def minimum_degree(neighbors: Sequence[set[int]]) -> list[int]:
@@ -189,11 +222,13 @@ def minimum_degree(neighbors: Sequence[set[int]]) -> list[int]:
     return order
 
 
-def typical_diagonal(functions: ConstraintFunctions, start: AssembledStart) -> Array:
-    """The largest diagonal (m,) of G M⁻¹ Gᵀ in the configurations around the start, of the active rows."""
+def typical_matrices(functions: ConstraintFunctions, start: AssembledStart) -> TypicalMatrices:
+    """G M⁻¹ Gᵀ of the active rows in the configurations around the start."""
     rows = list(start.active)
-    diagonals = [np.zeros(len(rows))]
+    matrices, diagonals = list[Array](), [np.zeros(len(rows))]
     for t, q in start.nearby:
         gradient = functions.gradient(t, q)[rows]
-        diagonals.append(np.einsum("ij,jk,ik->i", gradient, np.linalg.pinv(functions.mass_matrix(t, q)), gradient))
-    return np.asarray(np.max(diagonals, axis=0), dtype=float)
+        inverse = np.linalg.pinv(functions.mass_matrix(t, q))
+        diagonals.append(np.einsum("ij,jk,ik->i", gradient, inverse, gradient))
+        matrices.append(gradient @ inverse @ gradient.T)
+    return TypicalMatrices(np.asarray(np.max(diagonals, axis=0), dtype=float), matrices)
