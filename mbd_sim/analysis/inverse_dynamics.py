@@ -50,12 +50,13 @@ class InverseDynamics:
     ) -> None:
         """Derive the recursion.
 
-        :param actuated: names of the coordinates with efforts, by default all.
+        :param actuated: names of the coordinates with efforts, or a single one by itself; by default all.
         :param equations: those of the mechanism, if they have been derived already. Their wrenches and live values are
             accounted for.
         :raises ValueError: a coordinate does not exist.
         """
         names = require_mechanism(mechanism).coordinate_names
+        actuated = [actuated] if isinstance(actuated, str) else actuated
         for name in actuated or ():
             if name not in names:
                 raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")

@@ -72,7 +72,8 @@ class RunRecorder:
         :param reactions: also record the force and moment that each joint transmits,
         :param violation: the violation of loops and constraints,
         :param poses: the poses of these parts; `["*"]` are all,
-        :param accelerations: and the accelerations of the `coordinates`, of parts and of points; `["*"]` are all.
+        :param accelerations: and the accelerations of the `coordinates`, of parts and of points; `["*"]` are all. A
+            single name may be given by itself, here and in `poses`.
         :raises InputError: the file does not end in .mcap, or its folder does not exist; the rate is not possible; a
             part or a point does not exist; or the simulation is being recorded already.
         :raises RecordingError: the file cannot be written.
@@ -80,6 +81,7 @@ class RunRecorder:
         self.path, self._simulation = Path(path), simulation
         self.states = self.events = 0  # that have been recorded
         self._schedule = publication_schedule(_possible_rate(rate, simulation.step_size), simulation.step_size)
+        poses, accelerations = ([one] if isinstance(one, str) else one for one in (poses, accelerations))
         requested = _requested(simulation, reactions, violation, poses, accelerations)
         _require_path(self.path)
         self._step_ns = round(simulation.step_size * 1e9)

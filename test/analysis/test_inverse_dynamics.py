@@ -126,3 +126,7 @@ def test_arguments_of_another_shape_are_refused(q, rates, words):
     assert inverse([0] * 6, [0] * 6, [0] * 6).shape == (6,)
     with pytest.raises(ValueError, match=words):
         inverse(q, np.zeros(6), rates)
+
+
+def test_a_single_actuated_coordinate_may_be_given_by_itself():
+    assert InverseDynamics(load_mechanism("four_bar"), "crank_pivot").actuated == ("crank_pivot",)

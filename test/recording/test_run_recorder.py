@@ -215,3 +215,13 @@ def test_a_subclass_with_its_own_step_is_recorded(tmp_path):
     sim.step()
     assert sim.calls == 2
     assert verified(tmp_path / "run.mcap").steps == 30
+
+
+def test_single_names_may_be_given_by_themselves(tmp_path):
+    sim = Simulation.from_file("double_rod")
+    for name, options in (("one", {"poses": "lower"}), ("all", {"poses": "*", "accelerations": "coordinates"})):
+        sim.recording(tmp_path / f"{name}.mcap", **options).close()
+    one, every = (set(open_recording(tmp_path / f"{name}.mcap").topics) for name in ("one", "all"))
+    poses = {topic for topic in every if "poses" in topic}
+    assert len(poses) == 2 and poses & one == {topic for topic in poses if topic.endswith("lower")}
+    assert any("accelerations" in topic for topic in every)
