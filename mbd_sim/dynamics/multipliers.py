@@ -77,13 +77,18 @@ class ConstraintSolver:
         self._mass_matrix, self._constraints = mass_matrix, constraints
         self._net_forces = mass_matrix.net_joint_forces(constraints.gradient.T)
         product = mass_matrix.product(self._net_forces, self._net_forces)
-        sizes = typical.sizes(dependent, REGULARIZATION * typical.scales * dependent)
-        self._factors = _factorized(product, typical, VANISHED, dependent, REGULARIZATION)
-        self._cautious_factors = self._projection_factors = _factorized(
-            product, typical, WEAK, dependent, REGULARIZATION
-        )
+        scales, sizes = typical.scales, typical.sizes(dependent, REGULARIZATION * typical.scales * dependent)
+
+        def factorized(floor: float, regularization: float) -> GuardedFactors | RegularizedFactors:
+            if not dependent.any():
+                return GuardedFactors(product, floor * sizes)
+            floors = np.where(dependent, TINY * scales, floor * sizes)
+            return RegularizedFactors(product, regularization * scales * dependent, floors)
+
+        self._factors = factorized(VANISHED, REGULARIZATION)
+        self._cautious_factors = self._projection_factors = factorized(WEAK, REGULARIZATION)
         if dependent.any():
-            self._projection_factors = _factorized(product, typical, WEAK, dependent, PROJECTION)
+            self._projection_factors = factorized(WEAK, PROJECTION)
         self._all_dependent = bool(dependent.all())
         margins = [self._factors.pivots[row] - NEARLY_WEAK * sizes[row] for row in np.flatnonzero(~dependent).tolist()]
         self.margin = functools.reduce(ca.fmin, margins) if margins else None
@@ -193,16 +198,6 @@ class RegularizedFactors:
         for _ in range(CORRECTIONS):
             x = x + self._factors.solve(right - self._matrix @ x)
         return x
-
-
-def _factorized(
-    matrix: ca.SX, typical: TypicalMatrices, floor: float, dependent: NDArray[np.bool_], regularization: float
-) -> GuardedFactors | RegularizedFactors:
-    added = regularization * typical.scales * dependent
-    sizes = typical.sizes(dependent, added)
-    if not dependent.any():
-        return GuardedFactors(matrix, floor * sizes)
-    return RegularizedFactors(matrix, added, np.where(dependent, TINY * typical.scales, floor * sizes))
 
 
 def minimum_degree(neighbors: Sequence[set[int]]) -> list[int]:

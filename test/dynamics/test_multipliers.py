@@ -179,20 +179,19 @@ def test_multipliers_are_the_forces_that_the_accelerations_require(drawn):
     assert not multipliers[unused].any()
 
 
-@pytest.mark.parametrize("rod", [1e-6, 1e-9])
-def test_a_loop_with_a_rod_far_lighter_than_other_parts_stays_closed(rod):
+def test_a_loop_with_a_rod_far_lighter_than_other_parts_stays_closed():
     """C θ'' + C' θ'²/2 + m g r cos(θ)/2 = 0, C = m r²/3 + M x'², x' = r (sin φ cos θ/cos φ - sin θ), l sin φ = -r sin θ."""
-    simulation = Simulation.from_text(f"""
+    simulation = Simulation.from_text("""
 mechanism: light_rod
 parts:
-  crank: {{mass: 1, shape: {{type: rod, to: [0.1, 0, 0]}}, points: {{tip: [0.1, 0, 0]}}}}
-  rod: {{mass: {rod}, shape: {{type: rod, to: [0.3, 0, 0]}}, points: {{tip: [0.3, 0, 0]}}}}
-  piston: {{mass: 2}}
+  crank: {mass: 1, shape: {type: rod, to: [0.1, 0, 0]}, points: {tip: [0.1, 0, 0]}}
+  rod: {mass: 1e-9, shape: {type: rod, to: [0.3, 0, 0]}, points: {tip: [0.3, 0, 0]}}
+  piston: {mass: 2}
 joints:
-  main: {{type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 1, velocity: 20}}
-  pin: {{type: revolute, between: [crank.tip, rod], axis: [0, -1, 0], position: -1.3, guess: true}}
-  bore: {{type: prismatic, between: [ground, piston], axis: [1, 0, 0]}}
-  eye: {{type: revolute, between: [rod.tip, piston], axis: [0, -1, 0]}}
+  main: {type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 1, velocity: 20}
+  pin: {type: revolute, between: [crank.tip, rod], axis: [0, -1, 0], position: -1.3, guess: true}
+  bore: {type: prismatic, between: [ground, piston], axis: [1, 0, 0]}
+  eye: {type: revolute, between: [rod.tip, piston], axis: [0, -1, 0]}
 """)
     simulation.run(until=0.2)
     assert simulation.violation.position < 1e-13
@@ -205,4 +204,4 @@ joints:
 
     slope = (inertia(angle + 1e-5) - inertia(angle - 1e-5)) / 2e-5
     exact = -(0.5 * slope * rate**2 + 9.81 * 0.05 * np.cos(angle)) / inertia(angle)
-    assert simulation.u_rates[0] == pytest.approx(exact, rel=10.0 * rod + 1e-7)
+    assert simulation.u_rates[0] == pytest.approx(exact, rel=1e-7)
