@@ -32,6 +32,7 @@ from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 from mbd_sim.mechanism.laws import Expressed
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
 from mbd_sim.simulation.argument_checks import step_size
 from mbd_sim.simulation.method_choice import choose_method
@@ -90,7 +91,7 @@ class ExportedModel:
     @property
     def hash(self) -> str:
         """The SHA-256 hash of the mechanism's file, as hexadecimal digits."""
-        return hashlib.sha256(self.mechanism.source.text.encode()).hexdigest()
+        return hashlib.sha256(mechanism_text(self.mechanism.source).encode()).hexdigest()
 
     def tangent(self) -> ca.Function:
         """(t, y, inputs, p, dy, d inputs, dp) -> the derivatives of rates and outputs along that direction.

@@ -40,6 +40,7 @@ def execute(options: argparse.Namespace) -> int:
     """
     from mbd_sim.errors import CommandError
     from mbd_sim.load import load_mechanism
+    from mbd_sim.mechanism_file.yaml_writer import mechanism_text, yaml_text
 
     if options.expand and options.to != "yaml":
         raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to.")
@@ -48,11 +49,9 @@ def execute(options: argparse.Namespace) -> int:
         return write_as(mechanism, options.to)
     source = mechanism.source
     if options.expand and source.template is not None:
-        from mbd_sim.mechanism_file.yaml_writer import yaml_text
-
         print(yaml_text(source.data), end="")
         return 0
-    print(source.text, end="")
+    print(mechanism_text(source), end="")
     return 0
 
 

@@ -92,6 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     from mbd_sim.load import load_mechanism
+    from mbd_sim.mechanism_file.yaml_writer import mechanism_text
     from mbd_sim.packages import require_packages
     from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.sweep.execution import sweep
@@ -111,7 +112,7 @@ def execute(options: argparse.Namespace) -> int:
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)
     settings = Settings(
-        text=mechanism.source.text,
+        text=mechanism_text(mechanism.source),
         file=mechanism.source.file,
         until=options.time,
         every=options.every or options.time / SAMPLES,

@@ -27,7 +27,9 @@ class Origin:
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `text` is YAML from which alone the mechanism can be built again, unless `data` have been `changed` since.
+    `text` is the YAML that was read, and None after a conversion from another `format`. `yaml_writer.mechanism_text`
+    writes YAML from which alone the mechanism can be built again, after a conversion with `comments` at the top.
+    `data` may have been `changed` since they were read.
     `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such
     as a duplicate key; `notes` list what was not imported from another `format`.
 
@@ -42,7 +44,8 @@ class Source:
     data: Any
     lines: dict[Location, int] = field(default_factory=dict)
     file: str = ""
-    text: str = ""
+    text: str | None = None
+    comments: tuple[str, ...] = ()
     problems: list[Problem] = field(default_factory=list)
     origins: dict[Location, Origin] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

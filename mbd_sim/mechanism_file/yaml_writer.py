@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 from collections.abc import Iterable
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import yaml
 
 from mbd_sim.mechanism.source import Location, Source
-from mbd_sim.mechanism_file.yaml_layout import UnusualTextError, YamlLayout
 from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
 
 WIDTH = 120
@@ -23,21 +21,15 @@ _RESOLVER = yaml.resolver.Resolver()
 def yaml_text(data: dict[str, Any], comments: Iterable[str] = ()) -> str:
     """The text from which `parse_source` reads the same data; keys without a value are left out."""
     head = "".join(f"# {_one_line(comment)}\n" for comment in comments)
-    try:
-        return head + YamlLayout(WIDTH, _block, _plain, _is_quoted).text(data)
-    except UnusualTextError:
-        return head + text_by_pyyaml(data)
-
-
-def text_by_pyyaml(data: dict[str, Any]) -> str:
-    """The text of any data, which `YamlLayout` writes in the same way if it can."""
-    text: str = yaml.serialize(_node(data, ()), Dumper=yaml.SafeDumper, width=WIDTH, allow_unicode=True)
-    return text
+    body: str = yaml.serialize(_node(data, ()), Dumper=yaml.SafeDumper, width=WIDTH, allow_unicode=True)
+    return head + body
 
 
 def mechanism_text(source: Source) -> str:
-    """YAML from which alone a mechanism can be built again: the text of its file, or its changed data."""
-    return yaml_text(source.data) if source.changed else source.text
+    """YAML from which alone a mechanism can be built again: the text of its file, or its converted or changed data."""
+    if source.changed:
+        return yaml_text(source.data)
+    return yaml_text(source.data, source.comments) if source.text is None else source.text
 
 
 def _one_line(comment: str) -> str:
@@ -69,23 +61,13 @@ def _block(location: Location) -> bool:
 
 
 def _scalar(value: Any) -> yaml.ScalarNode:
+    if value is None:  # in a list; in a mapping it is left out
+        return yaml.ScalarNode("tag:yaml.org,2002:null", "null")
     if isinstance(value, str):
-        return yaml.ScalarNode(_STRING, value, style='"' if _is_quoted(value) else None)
-    text = _plain(value)
+        plain = value.isprintable() and _tag(value) == _STRING and isinstance(plain_scalar(value), str)
+        return yaml.ScalarNode(_STRING, value, style=None if plain else '"')
+    text = str(value).lower() if isinstance(value, bool) else _number(value)
     return yaml.ScalarNode(_tag(text), text)
-
-
-def _plain(value: Any) -> str:
-    """The text of a number, true, false, or null, which is in lists only; mappings leave it out."""
-    if value is None:
-        return "null"
-    return str(value).lower() if isinstance(value, bool) else _number(value)
-
-
-@functools.lru_cache(maxsize=1024)
-def _is_quoted(text: str) -> bool:
-    """Whether a text without quotes would be read as something else, in YAML 1.1 or 1.2."""
-    return not (text.isprintable() and _tag(text) == _STRING and isinstance(plain_scalar(text), str))
 
 
 def _tag(text: str) -> Any:

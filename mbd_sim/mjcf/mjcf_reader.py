@@ -10,7 +10,6 @@ from pathlib import Path
 from mbd_sim.errors import quoted
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.file_limits import MAX_VALUES, digest_of, file_error, read_text
-from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.mjcf.actuators import Actuators
 from mbd_sim.mjcf.body_tree import BodyTree, key_of
 from mbd_sim.mjcf.compiler_options import Context, compiler_of
@@ -91,8 +90,7 @@ def _source(root: Element, file: str) -> Source:
     content = {"mechanism": valid_names([name], "model")[name], **gravity, **sections}
     source = Source(content, file=file, problems=reading.problems, origins=data.origins, format="MJCF")
     source.notes = reading.notes
-    if not source.problems:
-        source.text = yaml_text(source.data, [f"From {Path(file).name}.", *source.notes])
+    source.comments = (f"From {Path(file).name}.", *source.notes)
     return source
 
 

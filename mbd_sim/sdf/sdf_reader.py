@@ -14,7 +14,6 @@ from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location, Origin, Source
 from mbd_sim.mechanism_file.file_limits import file_error
-from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.sdf.couplings import gearbox_of, mimics_of
 from mbd_sim.sdf.frame_graph import Node, Scope, key_of, link_of, world_pose
 from mbd_sim.sdf.joints import GEARBOX, joint_of
@@ -95,8 +94,7 @@ class _Reader:
         )
         source.notes = self.reading.notes
         source.other_files = None if any(element.tag == "include" for element in self.root.walk()) else {}
-        if not source.problems:
-            source.text = yaml_text(source.data, [f"From {Path(self.reading.file).name}.", *source.notes])
+        source.comments = (f"From {Path(self.reading.file).name}.", *source.notes)
         return source
 
     def _collect(self, scope: Scope, static: bool) -> None:

@@ -13,7 +13,6 @@ from typing import Any, get_args
 from mbd_sim.errors import MechanismError, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.file_limits import digest_of, read_text
-from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.urdf.robot_reader import Base, urdf_source
 
 BASES = get_args(Base)
@@ -44,8 +43,7 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
     under = urdf_source(text, str(path), base or written)
     merged = overlaid(under, source)
     merged.other_files = None if urdf.startswith("~") else {str(path): digest_of(text)}
-    if not merged.problems:
-        merged.text = yaml_text(merged.data, [f"From {Path(source.file).name} and {path.name}.", *merged.notes])
+    merged.comments = (f"From {Path(source.file).name} and {path.name}.", *merged.notes)
     return merged
 
 

@@ -13,7 +13,6 @@ from mbd_sim.errors import listed, nearest, quoted
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location, Origin, Source
 from mbd_sim.mechanism_file.file_limits import file_error
-from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.urdf.joint_reader import joint_of, mimic_of
 from mbd_sim.urdf.link_reader import MOMENTS, Origins, color_of, part_of
 from mbd_sim.urdf.unread import note_unread, read
@@ -65,8 +64,7 @@ def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
     _check_robot(robot, file)
     reader = _Robot(robot, file, base)
     source = reader.source()
-    if not source.problems:
-        source.text = yaml_text(source.data, [f"From {Path(file).name}.", *source.notes])
+    source.comments = (f"From {Path(file).name}.", *source.notes)
     return source
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from test.mjcf.models import EQUALITIES, FORCES, LINKS
 
 BODY = '<body name="b"><joint name="j"/><geom name="g" size="0.1"/></body>'
@@ -23,7 +24,7 @@ def test_the_mechanism_can_be_written_out_and_read_again():
     for text in (FORCES, LINKS.replace("EQUALITY", EQUALITIES["connect"] + EQUALITIES["joint_polynomial"])):
         source = parse_mechanism(text).source
         assert source.format == "MJCF"
-        assert parse_mechanism(source.text).source.data == source.data
+        assert parse_mechanism(mechanism_text(source)).source.data == source.data
 
 
 def test_sites_are_points_and_bodies_without_a_name_get_one():

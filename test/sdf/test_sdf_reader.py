@@ -8,6 +8,7 @@ import pytest
 from mbd_sim import Kinematics
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from test.generators.mechanisms import accelerations, derived
 from test.sdf.models import PENDULUM, ROBOT
 
@@ -97,7 +98,7 @@ def test_names_of_nested_models_and_points():
     ]
     assert mechanism.ground_points["table"].position.tolist() == [1.0, 2.0, 0.5]
     assert "mount" in mechanism.parts["robot_foot"].points
-    assert parse_mechanism(mechanism.source.text).source.data == mechanism.source.data
+    assert parse_mechanism(mechanism_text(mechanism.source)).source.data == mechanism.source.data
 
 
 def test_models_are_included(tmp_path):

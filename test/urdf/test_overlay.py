@@ -9,6 +9,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from test.generators.urdf_robots import arm, quadruped
 
 FIVE_BAR = """<robot name="five_bar">
@@ -93,7 +94,7 @@ forces:
     assert (mechanism.gravity[2], mechanism.method, mechanism.step) == (-1.62, "rk4", 2e-3)
     simulation.run(until=0.2)
     assert simulation.violation.position < 1e-12
-    again = Simulation(parse_mechanism(mechanism.source.text))
+    again = Simulation(parse_mechanism(mechanism_text(mechanism.source)))
     again.run(until=0.2)
     assert again.state.tobytes() == simulation.state.tobytes()
 

@@ -13,6 +13,7 @@ import pytest
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from mbd_sim.urdf.urdf_writer import to_urdf
 from test.generators.mechanisms import accelerations, random_state
 
@@ -93,4 +94,4 @@ def test_every_robot_loads_or_is_refused_with_a_reason(path):
             parse_mechanism(text)
     else:
         mechanism = parse_mechanism(text)
-        assert parse_mechanism(mechanism.source.text).source.data == mechanism.source.data
+        assert parse_mechanism(mechanism_text(mechanism.source)).source.data == mechanism.source.data
