@@ -284,8 +284,8 @@ def rank_of(matrix: Array) -> int:
 
 
 def unit_rows(gradient: Array) -> Array:
-    """The rows (m, nv) with a length of 1, or 0."""
-    size = np.linalg.norm(gradient, axis=1, keepdims=True)
+    """The rows (…, m, nv) with a length of 1, or 0."""
+    size = np.linalg.norm(gradient, axis=-1, keepdims=True)
     unit: Array = np.divide(gradient, size, out=np.zeros_like(gradient), where=size > 1e-12)
     return unit
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, RANK, STALLED
+from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, RANK, STALLED, unit_rows
 from mbd_sim.dynamics.constraint_functions import ManyConstraints
 from mbd_sim.geometry.pose import Array
 
@@ -39,15 +39,9 @@ def start_many(
     """
     q, closed = _closed(constraints, q, ~fixed_q)
     u, consistent = _fitted(constraints, q, u, fixed_u)
-    ranks = np.linalg.matrix_rank(_unit_rows(constraints.gradient(q, np.arange(len(q)))), tol=RANK)
+    ranks = np.linalg.matrix_rank(unit_rows(constraints.gradient(q, np.arange(len(q)))), tol=RANK)
     regular = (ranks == ranks.max()) | ~u.any(axis=1)
     return ManyStarts(q, u, closed & consistent & regular)
-
-
-def _unit_rows(gradients: Array) -> Array:
-    sizes = np.linalg.norm(gradients, axis=2, keepdims=True)
-    unit: Array = np.divide(gradients, sizes, out=np.zeros_like(gradients), where=sizes > 1e-12)
-    return unit
 
 
 def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
