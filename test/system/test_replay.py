@@ -100,6 +100,11 @@ def cut(run: Path, folder: Path) -> Path:
     return path
 
 
+def padded(payload: bytes) -> bytes:
+    """A payload of whole words, to which DDS fills messages up."""
+    return payload + bytes(-len(payload) % 4)
+
+
 @pytest.mark.parametrize("whole", [True, False], ids=["finished", "truncated"])
 def test_every_message_comes_back_as_it_was_recorded(run: Path, tmp_path: Path, whole: bool) -> None:
     bag = run if whole else cut(run, tmp_path)
@@ -116,7 +121,7 @@ def test_every_message_comes_back_as_it_was_recorded(run: Path, tmp_path: Path, 
         def due(until_ns: int) -> dict[str, list[bytes]]:
             until_then = [message for message in recorded if message.time_ns <= until_ns]
             return {
-                topic: [message.payload for message in until_then if message.topic == topic]
+                topic: [padded(message.payload) for message in until_then if message.topic == topic]
                 for topic in audience.received
                 if topic != "/clock"
             }
@@ -134,7 +139,8 @@ def test_every_message_comes_back_as_it_was_recorded(run: Path, tmp_path: Path, 
         assert ("cut off" in process.text) == (not whole)
         clocks = [nanoseconds(deserialize_message(data, Clock).clock) for data in audience.received.pop("/clock")]
     assert len(audience.received["/joint_states"]) > 30
-    assert audience.received == due(times[-1])
+    received = {topic: [padded(data) for data in payloads] for topic, payloads in audience.received.items()}
+    assert received == due(times[-1])
     assert len(clocks) > 20 and all(np.diff(clocks) > 0)
     assert clocks[-1] <= recorded[-1].time_ns and clocks[0] == 0
 
