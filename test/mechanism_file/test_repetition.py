@@ -13,7 +13,7 @@ from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.json_schema import json_schema
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
 from mbd_sim.mechanism_file.yaml_reader import parse_source
-from mbd_sim.mechanism_file.yaml_writer import yaml_text
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text, yaml_text
 from test.urdf.test_overlay import FIVE_BAR
 
 CHAIN = """mechanism: chain
@@ -161,7 +161,7 @@ def test_entries_beside_a_urdf_are_repeated(tmp_path):
     )
     five = load_mechanism(path)
     assert five.joints["right_hip"].damping == five.joints["left_hip"].damping == [3.0] and "extra_2" in five.parts
-    assert list(parse_mechanism(five.source.text).parts) == list(five.parts)
+    assert list(parse_mechanism(mechanism_text(five.source)).parts) == list(five.parts)
     with pytest.raises(
         MechanismError, match="n: cannot be changed here: it determines the number of entries of a file"
     ):
