@@ -51,12 +51,13 @@ def _searched(mechanism: Mechanism, names: Sequence[str]) -> LiveNumbers:
     ]
     keys = _each_once(mechanism, [key for found in matches.values() for key in found])
     values = values_of(mechanism, keys)
+    given = {_location(mechanism, name) for name in names if "*" not in name}
     numbers: dict[str, EquationData] = {}
     for key in keys:
         try:
             numbers[key] = _probed(mechanism, key, values[key], base)
         except dynamics.StructureError as error:
-            if key in names:
+            if _location(mechanism, key) in given:
                 remedy = _remedy_of_list(mechanism, key) or "Change the file and start again."
                 problems.append(Problem(f"cannot change during a run: {error}", remedy, key, file=file))
     if problems:
@@ -85,11 +86,16 @@ def _each_once(mechanism: Mechanism, keys: Iterable[str]) -> list[str]:
     """The keys without those that name the same value by another name: `l` and `parameters.l`."""
     first: dict[object, str] = {}
     for key in keys:
-        try:
-            first.setdefault(location_of(mechanism, key), key)
-        except InputError:
-            first.setdefault(key, key)  # its problem is reported with its value
+        first.setdefault(_location(mechanism, key), key)
     return list(first.values())
+
+
+def _location(mechanism: Mechanism, key: str) -> object:
+    """Where a value is, or the key of one that does not exist: its problem is reported with its value."""
+    try:
+        return location_of(mechanism, key)
+    except InputError:
+        return key
 
 
 def _remedy_of_list(mechanism: Mechanism, key: str) -> str:

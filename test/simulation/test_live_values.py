@@ -117,6 +117,12 @@ def test_a_pattern_that_matches_nothing_is_an_error_with_the_nearest_key():
     assert names_with_matches(load_mechanism("box_kite"), names) == ["gravity[*]", "no_such", "joints.*.damping"]
 
 
+def test_a_name_that_a_pattern_also_matches_is_an_error_if_it_cannot_be_live():
+    text = FOLLOWING.replace("parameters: {", "parameters: {unused: 3, ")
+    with pytest.raises(MechanismError, match=r"unused: cannot change during a run: the equations of motion do not"):
+        Simulation.from_text(text, live=["parameters.*", "unused"])
+
+
 def test_a_live_value_may_be_given_by_any_of_its_names_and_with_a_unit():
     sim = Simulation.from_file("double_rod", live=["m", "parameters.*", "joints.elbow.damping"])
     assert list(sim.live) == ["m", "parameters.l", "joints.elbow.damping"]
