@@ -235,3 +235,8 @@ def test_what_is_no_linearization_or_no_equations_is_refused_with_the_way_to_it(
             analyze(sim)
     with pytest.raises(ValueError, match=r"q must be a list of 1 value, not an array of shape \(2,\)"):
         linearize(sim.model.equations, [0.0, 0.0], [0.0], [0.0])
+    given = sim.model.equations, sim.q, sim.u, sim.efforts
+    with pytest.raises(ValueError, match=r"inputs must be a list of"):
+        linearize(*given, inputs=[0.0] * 99)
+    with pytest.raises(ValueError, match=r"states must be a list of"):
+        linearize(*given, states=0.0)
