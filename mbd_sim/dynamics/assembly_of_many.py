@@ -1,8 +1,8 @@
 """Assembly of many variants of a mechanism at once, each with the bits that it would get alone.
 
 The same operations as in `mbd_sim.dynamics.assembly` and `initial_conditions`, on arrays with a row for each variant.
-Variants for which Newton's method fails, whose speeds are not consistent, or which start with speeds where their
-constraint matrix has a smaller rank than those of others, are left to those.
+Variants for which Newton's method fails, whose speeds are not consistent, or which start with speeds in a singular
+configuration, are left to those.
 """
 
 from __future__ import annotations
@@ -30,17 +30,23 @@ class ManyStarts:
 
 @np.errstate(all="ignore")
 def start_many(
-    constraints: ManyConstraints, q: Array, u: Array, fixed_q: NDArray[np.bool_], fixed_u: NDArray[np.bool_]
+    constraints: ManyConstraints,
+    q: Array,
+    u: Array,
+    fixed_q: NDArray[np.bool_],
+    fixed_u: NDArray[np.bool_],
+    rank: int,
 ) -> ManyStarts:
     """Close the loops and fit the speeds of all variants at t = 0.
 
     :param q: (k, nq) and `u` (k, nv) of the file.
     :param fixed_q: (nv,) which coordinates are kept, as displacements; `fixed_u` (nv,) which speeds.
+    :param rank: of the constraint matrix almost everywhere.
     """
     q, closed = _closed(constraints, q, ~fixed_q)
     u, consistent = _fitted(constraints, q, u, fixed_u)
     ranks = np.linalg.matrix_rank(unit_rows(constraints.gradient(q, np.arange(len(q)))), tol=RANK)
-    regular = (ranks == ranks.max()) | ~u.any(axis=1)
+    regular = (ranks >= rank) | ~u.any(axis=1)
     return ManyStarts(q, u, closed & consistent & regular)
 
 

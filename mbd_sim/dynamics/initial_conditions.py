@@ -18,7 +18,9 @@ from mbd_sim.dynamics.assembly import (
     independent_rows,
     nearby_configurations,
     nonzero_rows,
+    rank_of,
     undefined_rows,
+    unit_rows,
 )
 from mbd_sim.dynamics.assembly_errors import (
     conflict_with_drives,
@@ -159,22 +161,27 @@ def assembled_start(
     _require_compatible_drives(mechanism, constraints, rows, independent, moving)
     if max(ranks) == layout.nv and not rheonomic(mechanism):
         raise no_mobility(mechanism, rows, layout.nv)
-    u = _consistent_speeds(mechanism, constraints, rows, q, u, regular=ranks[0] == max(ranks))
+    u = _consistent_speeds(mechanism, constraints, rows, q, u, max(ranks))
     return AssembledStart(q, u, independent, active, ranks, nearby)
 
 
 def start_like(
-    mechanism: Mechanism, layout: CoordinateLayout, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow]
+    mechanism: Mechanism,
+    layout: CoordinateLayout,
+    constraints: ConstraintFunctions,
+    rows: Sequence[ConstraintRow],
+    rank: int,
 ) -> tuple[Array, Array]:
     """The start q (nq,) and u (nv,) of a mechanism that shares its constraints with another one, with other values.
 
+    :param rank: of the constraint matrix almost everywhere, see `AssembledStart`.
     :raises MechanismError: a loop cannot be closed, or given speeds violate the constraints.
     """
     q, u = given_start(mechanism, layout)
     if not rows:
         return q, u
     q = _closed(mechanism, constraints, rows, q)
-    return q, _consistent_speeds(mechanism, constraints, rows, q, u, regular=False)
+    return q, _consistent_speeds(mechanism, constraints, rows, q, u, rank)
 
 
 def _consistent_speeds(
@@ -183,14 +190,16 @@ def _consistent_speeds(
     rows: Sequence[ConstraintRow],
     q: Array,
     u: Array,
-    regular: bool,
+    rank: int,
 ) -> Array:
-    """Speeds (nv,) that satisfy the constraints; `regular` says that G has its highest rank at q."""
+    """Speeds (nv,) that satisfy the constraints, whose matrix has this `rank` almost everywhere."""
     fixed = _flags([joint.fixed_speeds for joint in mechanism.joints.values()])
     speeds = fit_speeds(constraints, 0.0, q, u, fixed)
     if not speeds.consistent:
         raise inconsistent_speeds(mechanism, rows, speeds.errors, fixed)
-    return speeds.u if regular or not speeds.u.any() else speeds_of_a_branch(constraints, 0.0, q, speeds.u, fixed)
+    if not speeds.u.any() or rank_of(unit_rows(constraints.gradient(0.0, q))) >= rank:
+        return speeds.u
+    return speeds_of_a_branch(constraints, 0.0, q, speeds.u, fixed)
 
 
 def _closed(mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array) -> Array:

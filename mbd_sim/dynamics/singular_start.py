@@ -9,7 +9,8 @@ from mbd_sim.dynamics.assembly import null_space, unit_rows
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.geometry.pose import Array
 
-SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ
+SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ,
+ROUND_OFF = 1e-13  # or to the squared speeds, where γ itself is round-off, as on the axis of a turning part
 STARTS, ITERATIONS = 12, 50
 
 
@@ -37,13 +38,15 @@ def speeds_of_a_branch(
         return u
     free = free @ axes / np.sqrt(weights)  # directions of unit energy
 
-    def curvature(speeds: Array) -> tuple[Array, float]:
-        bias = constraints.bias(t, q, speeds) / sizes
-        return stresses.T @ bias, SATISFIED * float(np.linalg.norm(bias))
+    def curvature(speeds: Array) -> Array:
+        return np.asarray(stresses.T @ (constraints.bias(t, q, speeds) / sizes))
+
+    # Not γ of the speeds that are judged: on a branch on which the linkage moves without it, all of it is round-off.
+    bias = float(np.linalg.norm(constraints.bias(t, q, u) / sizes))
 
     def satisfied(speeds: Array) -> bool:
-        remaining, tolerance = curvature(speeds)
-        return float(np.linalg.norm(remaining)) <= tolerance
+        tolerance = max(SATISFIED * bias, ROUND_OFF * float(speeds @ speeds))
+        return float(np.linalg.norm(curvature(speeds))) <= tolerance
 
     if satisfied(u):
         return u
@@ -54,8 +57,8 @@ def speeds_of_a_branch(
         for _ in range(ITERATIONS):
             at = u + free @ change
             # Differences of a quadratic function are exact.
-            slopes = [(curvature(at + move)[0] - curvature(at - move)[0]) / (2.0 * size) for move in size * free.T]
-            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at)[0], rcond=1e-9)[0]
+            slopes = [(curvature(at + move) - curvature(at - move)) / (2.0 * size) for move in size * free.T]
+            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at), rcond=1e-9)[0]
             change = change + step
             if np.linalg.norm(step) <= 1e-15 * size:
                 break

@@ -118,7 +118,7 @@ class Variants:
         if len(q) >= FEWEST:
             fixed_q = np.array([flag for joint in joints for flag in joint.fixed_in_assembly], dtype=bool)
             fixed_u = np.array([flag for joint in joints for flag in joint.fixed_speeds], dtype=bool)
-            found = start_many(constraints, q, u, fixed_q, fixed_u)
+            found = start_many(constraints, q, u, fixed_q, fixed_u, model.equations.start.rank)
             done = np.flatnonzero(found.assembled)
             for number in first_middle_last(done):
                 alone = self._start(model, number, values[number])
@@ -132,7 +132,7 @@ class Variants:
         """The start of a variant that is assembled by itself."""
         constraints, rows = model.equations.constraints.with_values(values), model.equations.rows
         try:
-            return start_like(self._built(number), model.layout, constraints, rows)
+            return start_like(self._built(number), model.layout, constraints, rows, model.equations.start.rank)
         except MechanismError as error:
             raise _of_member(self._variant_of.index(number), error) from error
 

@@ -52,7 +52,9 @@ def test_loops_closed_at_once_are_those_of_each(name):
     assert len(variants._mechanisms) == 3, "the other variants are not built"
     for state, row, change in zip(states, values, changes, strict=True):
         constraints = model.equations.constraints.with_values(row)
-        q, u = start_like(with_values(mechanism, change), model.layout, constraints, model.equations.rows)
+        q, u = start_like(
+            with_values(mechanism, change), model.layout, constraints, model.equations.rows, model.equations.start.rank
+        )
         assert np.array_equal(state[model.q_range], q)
         assert np.array_equal(state[model.u_range], u)
 
