@@ -245,7 +245,7 @@ class Diagnostics:
             problem = recorder.failure
         if viewer is not None:
             values["dropped from Rerun"] = str(viewer.dropped)
-        if not problem and (dropped := now.dropped - self._last.dropped):
+        if not problem and (dropped := now.dropped - self._last.dropped) > 0:
             problem = f"{counted(dropped, 'message')} dropped in the last second: lower publish_rate"
         elif not problem and waiting > MAX_WAITING and self.stepping_thread.rates.real_time_factor:
             problem = f"{waiting} states wait to be published: lower publish_rate"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from test.recording.runs import stepped_node
@@ -27,3 +28,14 @@ def mechanics(folder: Path, position: str) -> str:
 def test_energies_beyond_every_table_are_unknown_rather_than_balanced(tmp_path: Path) -> None:
     assert mechanics(tmp_path, "1e3 rad") == "energies balance"
     assert "the energy balance is unknown: at this elongation the potential" in mechanics(tmp_path, "1e9 rad")
+
+
+def test_dropped_messages_are_those_of_the_last_second_also_when_a_recording_has_ended(tmp_path: Path) -> None:
+    """With the recording, the number of messages that it dropped is gone: the sum decreases."""
+    with stepped_node(tmp_path, "rod_pendulum", record=False) as node:
+        diagnostics, now = node.diagnostics, node.diagnostics._sample()
+        messages = []
+        for before in (now.dropped + 5, now.dropped, now.dropped - 1):
+            diagnostics._last = replace(now, dropped=before)
+            messages.append(str(diagnostics._output(now).message))
+        assert messages == ["not recorded"] * 2 + ["1 message dropped in the last second: lower publish_rate"]
