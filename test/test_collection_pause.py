@@ -1,9 +1,11 @@
 """The search for unreachable cycles is as before after a pause, also after an exception."""
 
 import gc
+import weakref
 
 import pytest
 
+from mbd_sim import collection_pause
 from mbd_sim.collection_pause import paused_collection
 
 
@@ -41,6 +43,28 @@ def test_objects_made_in_a_pause_are_old_afterwards_unless_others_are_frozen(are
         assert gc.get_freeze_count() == frozen
         generations = [any(one is made for one in gc.get_objects(generation=number)) for number in range(3)]
         assert generations[2] != are_frozen
+    finally:
+        (gc.enable if before else gc.disable)()
+        if frozen_before:
+            gc.freeze()
+
+
+def test_cycles_made_in_pauses_do_not_accumulate(monkeypatch):
+    class Cycle:
+        def __init__(self):
+            self.own, self.others = self, [[] for _ in range(2000)]
+
+    before, frozen_before = gc.isenabled(), gc.get_freeze_count()
+    gc.unfreeze()
+    monkeypatch.setattr(collection_pause, "LEAST", 5000)
+    monkeypatch.setattr(collection_pause, "_aged", collection_pause._AgedObjects())
+    try:
+        gc.enable()
+        made = []
+        for _ in range(5):
+            with paused_collection():
+                made.append(weakref.ref(Cycle()))
+        assert [one() is None for one in made] == [True, True, True, False, False]
     finally:
         (gc.enable if before else gc.disable)()
         if frozen_before:
