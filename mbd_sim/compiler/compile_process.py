@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
-import select
+import selectors
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -47,13 +48,13 @@ class CompileProcesses:
         """Begin to load LLVM, which takes 0.1 s of another processor; without that the first module does."""
         if self._server is not None or self._cannot_start:
             return
-        paths = [*filter(None, sys.path), _PACKAGES]
+        paths = [*(path for path in sys.path if isinstance(path, str) and path), _PACKAGES]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
         # Without `site` it starts sooner.
-        command = [sys.executable, "-P", "-S", str(PROGRAM), *self._arguments]
-        self._connection, other = socket.socketpair()
-        with other:
-            try:
+        command = [sys.executable or "", "-P", "-S", str(PROGRAM), *self._arguments]
+        try:
+            self._connection, other = socket.socketpair()
+            with other:
                 # In a session of its own: Ctrl-C in a terminal interrupts only this process, which then ends the other.
                 self._server = subprocess.Popen(  # noqa: S603  (own arguments)
                     command,
@@ -62,27 +63,28 @@ class CompileProcesses:
                     env=environment,
                     start_new_session=True,
                 )
-            except OSError:
-                self._cannot_start = True
+        except OSError:
+            self._cannot_start = True
 
     def compile(self, text: str) -> CodeInProgress | None:
-        """Begin to compile a module, after those before; None if no process can be started."""
+        """Begin to compile a module, after those before; None if no process, file or pipe can be had."""
         self.start()
         if self._connection is None or self._cannot_start:
             return None
         _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
         with ExitStack() as on_failure:
-            module = on_failure.enter_context(tempfile.TemporaryFile())
-            module.write(text.encode())
-            module.flush()
-            reader, writer = os.pipe()
-            on_failure.callback(os.close, reader)
             try:
-                socket.send_fds(self._connection, [COMPILE], [module.fileno(), writer])
+                module = on_failure.enter_context(tempfile.TemporaryFile())
+                module.write(text.encode())
+                module.flush()
+                reader, writer = os.pipe()
+                on_failure.callback(os.close, reader)
+                try:
+                    socket.send_fds(self._connection, [COMPILE], [module.fileno(), writer])
+                finally:
+                    os.close(writer)
             except OSError:
                 return None
-            finally:
-                os.close(writer)
             self._has_compiled = True
             on_failure.pop_all()
             return CodeInProgress(module, reader)
@@ -98,6 +100,9 @@ class CompileProcesses:
     def end(self) -> None:
         """End all that still runs."""
         if self._connection is not None:
+            with suppress(OSError):  # it has ended
+                # Processes that the caller has forked since may hold the socket open.
+                self._connection.shutdown(socket.SHUT_RDWR)
             self._connection.close()
         if self._server is None:
             return
@@ -105,12 +110,19 @@ class CompileProcesses:
             if not self._has_compiled:  # it may still be loading LLVM
                 self._server.kill()
             self._server.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            self._kill()
         except BaseException:
-            self._server.kill()
-            self._server.wait()
+            self._kill()
             raise
         finally:
             self._server = None
+
+    def _kill(self) -> None:
+        """Kill the server with the processes that it has forked."""
+        if self._server is not None:
+            os.killpg(self._server.pid, signal.SIGKILL)
+            self._server.wait()
 
 
 class CodeInProgress:
@@ -123,8 +135,10 @@ class CodeInProgress:
 
     def code(self) -> bytes | None:
         """The object code, when all of it is written; None if the process fails."""
-        while not select.select([self._done], [], [], REPORT_PERIOD)[0]:
-            _log.info("still compiling: %.0f s", time.monotonic() - self._began)
+        with selectors.DefaultSelector() as events:
+            events.register(self._done, selectors.EVENT_READ)
+            while not events.select(REPORT_PERIOD):
+                _log.info("still compiling: %.0f s", time.monotonic() - self._began)
         if os.read(self._done, 1) != DONE:
             return None
         _log.info("compiled in %.0f s", time.monotonic() - self._began)

@@ -8,6 +8,7 @@ started, when the caller closes the socket or ends.
 
 from __future__ import annotations
 
+import importlib
 import os
 import selectors
 import signal
@@ -16,12 +17,10 @@ import sys
 from collections import deque
 from collections.abc import Callable
 
-from mbd_sim.compiler import near_addresses, object_code
+from mbd_sim.compiler import object_code
 
 COMPILE, WAITING, DONE = b"c", b"w", b"d"
 _FILES = 2  # that come with COMPILE
-
-assert near_addresses  # loaded before the first fork, as every long module needs it
 
 
 class Server:
@@ -67,9 +66,15 @@ class Server:
         os.waitpid(self._running.pop(ended), 0)
 
     def _start(self, module: int, done: int) -> None:
-        """Compile a module in a new process."""
-        ended, held = os.pipe()
-        process = os.fork()
+        """Compile a module in a new process; if none can be had, close its files, which tells the caller."""
+        files = [module, done]
+        try:
+            files += os.pipe()
+            process = os.fork()
+        except OSError:
+            for file in files:
+                os.close(file)
+            return
         if process == 0:
             status = 1
             try:
@@ -77,13 +82,16 @@ class Server:
                 status = 0
             finally:
                 os._exit(status)
-        for file in (held, module, done):
+        ended = files.pop(2)
+        for file in files:
             os.close(file)
         self._running[ended] = process
         self._events.register(ended, selectors.EVENT_READ)
 
     def _compile(self, module: int, done: int) -> None:
         self._connection.close()
+        for _, other in self._waiting:
+            os.close(other)  # it must close when the process of that module ends, and not with this one
         with open(module, "r+b") as file:
             file.seek(0)
             code = self._compiled(file.read().decode())
@@ -98,7 +106,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # nobody waits for the code any more
     cpu, features, level = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    object_code.target_machine(cpu, features, level)  # LLVM is ready before the first fork
+    object_code.target_machine(cpu, features, level)  # LLVM is ready before the first fork, and so are the passes
+    importlib.import_module("mbd_sim.compiler.near_addresses")
     with socket.socket(fileno=0) as connection:
         Server(connection, lambda text: object_code.object_code(text, cpu, features, level, is_long=True)).run()
     os._exit(0)  # without unloading LLVM

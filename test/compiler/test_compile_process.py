@@ -1,6 +1,11 @@
 """The processes that compile long modules: their code has the results of others; they end if their caller is gone."""
 
 import ctypes
+import fcntl
+import io
+import os
+import resource
+import signal
 import sys
 from contextlib import closing
 from pathlib import Path
@@ -11,7 +16,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler import compile_process, machine_code
-from mbd_sim.compiler.compile_process import CompileProcesses, compile_apart
+from mbd_sim.compiler.compile_process import CodeInProgress, CompileProcesses, compile_apart
 from mbd_sim.compiler.host_module import new_module
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.object_code import object_code
@@ -84,6 +89,71 @@ def test_a_server_that_has_failed_compiles_nothing(monkeypatch, tmp_path):
         processes._server.wait()
         processes.use_all_processors()
         assert processes.compile("") is None
+
+
+FORKLESS_SERVER = """
+import os
+from mbd_sim.compiler import compile_server
+def fork():
+    raise BlockingIOError("no more processes")
+os.fork = fork
+compile_server.main()
+"""
+
+
+def test_without_more_processes_or_files_nothing_is_compiled_apart(monkeypatch, tmp_path, capfd):
+    (program := tmp_path / "forkless_server.py").write_text(FORKLESS_SERVER)
+    monkeypatch.setattr(compile_process, "PROGRAM", program)
+    with CompileProcesses(*host(), 1) as processes:
+        for _ in range(2):
+            with closing(processes.compile("")) as begun:
+                assert begun.code() is None
+        monkeypatch.setattr("tempfile.TemporaryFile", failing)
+        assert processes.compile("") is None
+    monkeypatch.setattr("socket.socketpair", failing)
+    assert compile_apart("", *host(), 1) is None
+    assert capfd.readouterr() == ("", "")
+
+
+def failing(*_):
+    raise OSError("too many open files")
+
+
+def test_paths_that_are_no_texts_are_left_out_as_imports_do(monkeypatch):
+    monkeypatch.setattr(sys, "path", [Path("/does/not/exist"), *sys.path])
+    assert compile_apart(swapping_module(), *host(), 1) is not None
+
+
+def test_the_server_ends_while_another_process_holds_the_socket():
+    with CompileProcesses(*host(), 1) as processes:
+        processes.compile("").close()
+        server, held = processes._server, os.dup(processes._connection.fileno())
+    os.close(held)
+    assert server.returncode == 0
+
+
+def test_a_server_that_does_not_end_is_killed(monkeypatch):
+    monkeypatch.setattr(compile_process, "ENDING", 0.01)
+    with CompileProcesses(*host(), 1) as processes:
+        processes.compile("").close()
+        server = processes._server
+        server.send_signal(signal.SIGSTOP)
+    assert server.returncode == -signal.SIGKILL
+
+
+def test_code_is_awaited_also_with_many_open_files():
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (limits[1], limits[1]))
+    try:
+        reader, writer = os.pipe()
+        far = fcntl.fcntl(reader, fcntl.F_DUPFD, 1100)
+        os.write(writer, b"d")
+        with closing(CodeInProgress(io.BytesIO(b"code"), far)) as begun:
+            assert begun.code() == b"code"
+        os.close(reader)
+        os.close(writer)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
 def test_progress_is_logged(monkeypatch, caplog):
