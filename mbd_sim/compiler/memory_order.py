@@ -143,6 +143,10 @@ class OrderedConstants:
 def _size(line: str) -> int | None:
     """How many bytes an instruction accesses, if it is known."""
     name, _, operands = line.partition("#")[0].strip().partition("\t")
+    if "%zmm" in operands or "{%k" in operands:  # eight numbers, or some of them
+        return None
+    if "{1to" in operands:  # one for all lanes
+        return CELL
     return _size_of(name, "%ymm" in operands)
 
 

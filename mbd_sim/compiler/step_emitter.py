@@ -34,10 +34,10 @@ class System:
     `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
     constraints after each step; it neither changes nor stores the components in `unmoved`. If `rates` also
     `reports_conditioning`, it has a second output: where that is negative at the start of a step, the constraints are
-    ill-conditioned and each further stage is projected too. The components
-    in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them. Those in `held` have
-    the rate zero, and on those in `unread` no rate depends. The `samples` change the state at the start of each step.
-    `in_registers`: the arrays of a step are kept there, see `local_array`.
+    ill-conditioned and each further stage is projected too. The components in `still`, after the first `error_size`
+    ones, have the rate zero, and no rate depends on them. Those in `held` have the rate zero, and on those in `unread`
+    no rate depends. The `samples` change the state at the start of each step. `in_registers`: the arrays of a step are
+    kept there, see `local_array`.
     There are `inputs_size` inputs, and the rates have so many `instructions`.
     """
 
@@ -137,7 +137,8 @@ class StepEmitter:
             self.b.call(self.system.projection, [self.time, state, *inputs, self._projected])
             if not self.system.unmoved:
                 copy(self.b, self.system.size, self._projected, state)
-            for index in range(self.system.size) if self.system.unmoved else ():
+                return
+            for index in range(self.system.size):
                 if index not in self.system.unmoved:
                     store(self.b, load(self.b, self._projected, index), state, index)
 

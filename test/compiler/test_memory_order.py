@@ -12,6 +12,7 @@ FRAME = ["\tpushq\t%rbp", "\tmovq\t%rsp, %rbp", "\tpushq\t%rbx", "\tsubq\t$1016,
 END = ["\taddq\t$1016, %rsp", "\tpopq\t%rbx", "\tpopq\t%rbp", "\tretq"]
 STORES = {"vmovsd\t%xmm1, {}": 8, "vmovapd\t%xmm2, {}": 16, "vmovupd\t%ymm3, {}": 32, "vmovhpd\t%xmm1, {}": 8}
 LOADS = {"vmulsd\t{}, %xmm1, %xmm2": 8, "vfmadd231pd\t{}, %xmm3, %xmm4": 16, "vmovupd\t{}, %ymm5": 32}
+LOADS |= {"vaddpd\t{}{{1to4}}, %ymm3, %ymm4": 8}
 LOADS |= {"vmovddup\t{}, %xmm6": 8, "vmulpd\t{}, %xmm3, %xmm4": 16, "vunpcklpd\t{}, %xmm3, %xmm4": 16}
 FIXED = 24  # bytes below the frame pointer, of which 16 hold the saved register and a gap
 
@@ -41,7 +42,7 @@ def executed(lines):
         match = re.search(r"(-?\d+)\(%rbp\)", line)
         if match is None:
             continue
-        form = line.strip().replace(match[0], "{}")
+        form = line.strip().replace("{1to4}", "{{1to4}}").replace(match[0], "{}")
         size = STORES.get(form) or LOADS[form]
         place = int(match[1])
         assert bottom <= place <= -FIXED - size
@@ -95,10 +96,12 @@ def test_more_room_is_taken_where_it_is_needed():
         "\tsubq\t$16, %rsp",
         "\tvaddpd\t-512(%rbp), %xmm0, %xmm0",
         "\tvcvtsi2sdq\t-64(%rbp), %xmm0, %xmm0",
+        "\tvaddpd\t-64(%rbp), %zmm0, %zmm0",
+        "\tvmovapd\t-64(%rbp), %xmm0 {%k1} {z}",
     ],
 )
 def test_functions_with_other_accesses_stay_as_they_are(line):
-    """Addresses, parts of numbers, other operations, another frame, and what was not stored."""
+    """Addresses, parts of numbers, other operations, another frame, what was not stored, eight numbers, and masks."""
     body = ["\tvmovapd\t%xmm0, -64(%rbp)", "\tvmovapd\t%xmm0, -800(%rbp)", line]
     lines = [*FRAME, *body, *END]
     assert with_ordered_stack(lines) is lines
