@@ -17,6 +17,7 @@ PAIR = 16  # bytes, to which values of this size or more are aligned, as is the 
 LONG_LIVED = 2000  # instructions: what waits longer gets places of its own, so that the others are close together
 AGAIN = 40  # accesses to constants after which one that is used again is stored again
 SECTION = ".rodata.ordered"
+SIZES = {".quad": 8, ".long": 4, ".short": 2, ".byte": 1}  # of the numbers that a directive defines, bytes
 
 _FRAME_OPERAND = re.compile(r"(-?\d*)\(%rbp\)")
 _CONSTANT_OPERAND = re.compile(r"(\.LCPI\d+_\d+)(?:\+(\d+))?\(%rip\)")
@@ -31,7 +32,6 @@ _WIDE = re.compile(
     r"v(mov[au]|add|sub|mul|div|sqrt|xor|and|andn|or|shuf|perm|permil|unpckl|unpckh|fn?m(add|sub)\d+)p[ds]|vblendv?pd"
 )
 _SINGLE = re.compile(r"v(mov|add|sub|mul|div|sqrt|broadcast|fn?m(add|sub)\d+)sd")
-_SIZES = {".quad": 8, ".long": 4, ".short": 2, ".byte": 1}
 
 Entries: TypeAlias = Sequence[tuple[int, str]]  # of a constant: sizes in bytes, and the lines that define them
 
@@ -256,8 +256,8 @@ def _entries(lines: Sequence[str]) -> Mapping[str, Entries]:
         if words[0].startswith(".LCPI") and words[0].endswith(":"):
             label = words[0][:-1]
             found[label] = []
-        elif label and words[0] in _SIZES:
-            found[label].append((_SIZES[words[0]], line))
+        elif label and words[0] in SIZES:
+            found[label].append((SIZES[words[0]], line))
         elif label and words[0] == ".zero":
             found[label].append((int(words[1].partition(",")[0]), line))
         else:

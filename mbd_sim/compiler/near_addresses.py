@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import accumulate, chain
 from typing import NamedTuple, TypeAlias
 
-from mbd_sim.compiler.memory_order import SECTION, OrderedConstants, with_ordered_stack
+from mbd_sim.compiler.memory_order import SECTION, SIZES, OrderedConstants, with_ordered_stack
 
 REACH = 128  # bytes before a register's address, and less one after it, that a distance of one byte reaches
 GRAIN = 8  # bytes, of which places of constants and of numbers on the stack are multiples
@@ -46,7 +46,6 @@ _OPERAND = re.compile(r"(-?\d*)\(%rbp\)|(\.LCPI\w+)(?:\+(\d+))?\(%rip\)")
 _REGISTER = re.compile(r"%([a-w][a-z0-9]*)")  # those of vectors begin with x, y or z, and are none of `REGISTERS`
 _CONSTANTS = re.compile(rf"\.section\s+(\.rodata\.cst\d+|{re.escape(SECTION)}),")
 _SECTIONS = frozenset({".section", ".text", ".data", ".bss"})
-_SIZES = {".quad": 8, ".long": 4, ".short": 2, ".byte": 1}
 
 Constants: TypeAlias = Mapping[str, tuple[str, int]]  # of each label the section, and the distance from its start
 
@@ -134,8 +133,8 @@ def _constants(lines: Sequence[str]) -> Constants:
                 sizes[section] = -(-size // step) * step
             elif words[0] == ".zero":
                 sizes[section] = size + int(words[1].partition(",")[0])
-            elif words[0] in _SIZES:
-                sizes[section] = size + _SIZES[words[0]]
+            elif words[0] in SIZES:
+                sizes[section] = size + SIZES[words[0]]
             else:
                 unknown.add(section)
     return {label: place for label, place in found.items() if place[0] not in unknown}
