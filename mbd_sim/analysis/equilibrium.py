@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize
-from mbd_sim.dynamics.assembly import close_loops, null_space
+from mbd_sim.dynamics.assembly import close_loops
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array

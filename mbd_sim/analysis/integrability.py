@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 

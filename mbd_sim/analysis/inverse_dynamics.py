@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
-from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.dynamics_terms import tree_efforts
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.tracing import TracedMechanism, trace

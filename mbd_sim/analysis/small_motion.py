@@ -21,7 +21,7 @@ import numpy as np
 from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.analysis.turning_axes import steadier_before_joints, turning_of_parts
 from mbd_sim.dynamics.actuator_layout import require_continuous
-from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array

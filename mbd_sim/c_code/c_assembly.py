@@ -8,7 +8,8 @@ from mbd_sim.c_code.c_assembly_texts import WITH_CONSTRAINTS, WITHOUT_CONSTRAINT
 from mbd_sim.c_code.c_functions import c_function, literal
 from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.start_functions import StartFunctions
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, RANK, STALLED
+from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
+from mbd_sim.dynamics.constraint_rank import RANK
 
 # The functions of (t, q, parameters) that closing loops and fitting speeds evaluate.
 CONSTRAINTS = ("position", "gradient", "drift", "mass_matrix", "branch_checks")

@@ -1,4 +1,4 @@
-"""Closing loops by Newton's method, speeds that satisfy the constraints, and independent rows."""
+"""Closing loops by Newton's method, and speeds that satisfy the constraints."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.dynamics.constraint_rank import RANK, null_space
 from mbd_sim.geometry.pose import Array
 
 CLOSED = 1e-10  # tolerated gap, relative to the size of the mechanism
 CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
-RANK = 1e-9  # singular values below this fraction of the largest count as zero
-ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
 ITERATIONS, ATTEMPTS = 60, 30
 FAR_ITERATIONS = 120
 LONGEST_STEP = 0.6  # m or rad
@@ -236,72 +234,3 @@ def configurations_of_drives(
             if closure.closed and not undefined_rows(constraints, 0.0, closure.q).any():
                 configurations.append((0.0, closure.q))
     return configurations
-
-
-def null_space(matrix: Array) -> Array:
-    """An orthonormal basis (n, k) of the null space of a matrix (m, n)."""
-    if not matrix.size:
-        return np.eye(matrix.shape[1])
-    if matrix.shape[0] > matrix.shape[1]:
-        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))  # the same null space with fewer rows
-    _, values, axes = np.linalg.svd(matrix)
-    rank = int(np.sum(values > RANK * max(values.max(initial=0.0), 1e-300)))
-    return np.ascontiguousarray(axes[rank:].T)
-
-
-def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
-    """Rows that span all rows of G in as many configurations as possible, and the rank of G in each configuration.
-
-    Rows are chosen one by one; each is judged by the configuration in which it adds least.
-    """
-    unit = [unit_rows(gradient) for gradient in gradients]
-    ranks = [rank_of(gradient) for gradient in unit]
-    highest = max(ranks)
-    regular = [gradient for gradient, rank in zip(unit, ranks, strict=True) if rank == highest]
-    return _greedy_rows(regular, highest), ranks
-
-
-def nonzero_rows(gradients: Sequence[Array]) -> list[int]:
-    """The rows that are not zero in all configurations."""
-    sizes = [np.linalg.norm(gradient, axis=1) for gradient in gradients]
-    return [int(row) for row in np.flatnonzero(np.any([size > ZERO * np.linalg.norm(size) for size in sizes], axis=0))]
-
-
-def dependent_rows(gradients: Sequence[Array]) -> NDArray[np.bool_]:
-    """Which rows take part in a linear dependence that exists in all configurations of the highest rank."""
-    unit = [unit_rows(gradient) for gradient in gradients]
-    most = max((rank_of(gradient) for gradient in unit), default=0)
-    found = np.zeros(len(gradients[0]) if gradients else 0, dtype=bool)
-    for gradient in unit:
-        if rank_of(gradient) == most < len(gradient):
-            found |= np.any(np.abs(null_space(gradient.T)) > RANK, axis=1)
-    return found
-
-
-def rank_of(matrix: Array) -> int:
-    """The rank of a matrix with rows of order one, up to the round-off of the assembly."""
-    return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
-
-
-def unit_rows(gradient: Array) -> Array:
-    """The rows (…, m, nv) with a length of 1, or 0."""
-    size = np.linalg.norm(gradient, axis=-1, keepdims=True)
-    unit: Array = np.divide(gradient, size, out=np.zeros_like(gradient), where=size > 1e-12)
-    return unit
-
-
-def _greedy_rows(gradients: Sequence[Array], rank: int) -> list[int]:
-    """Choose rows one by one: the first that adds nearly as much as the best. Chosen rows are projected out."""
-    remainders = [gradient.copy() for gradient in gradients]
-    chosen: list[int] = []
-    for _ in range(rank):
-        gain = np.min([np.linalg.norm(matrix, axis=1) for matrix in remainders], axis=0)
-        gain[chosen] = 0.0
-        best = int(np.argmax(gain > 0.99 * gain.max()))
-        chosen.append(best)
-        for matrix in remainders:
-            size = np.linalg.norm(matrix[best])
-            if size > 0.0:
-                direction = matrix[best] / size
-                matrix -= np.outer(matrix @ direction, direction)
-    return sorted(chosen)

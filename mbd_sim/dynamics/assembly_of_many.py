@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, RANK, STALLED, unit_rows
+from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
 from mbd_sim.dynamics.constraint_functions import ManyConstraints
+from mbd_sim.dynamics.constraint_rank import RANK, unit_rows
 from mbd_sim.geometry.pose import Array
 
 HALVINGS = 12

@@ -13,14 +13,9 @@ from numpy.typing import NDArray
 from mbd_sim.dynamics.assembly import (
     close_loops,
     configurations_of_drives,
-    dependent_rows,
     fit_speeds,
-    independent_rows,
     nearby_configurations,
-    nonzero_rows,
-    rank_of,
     undefined_rows,
-    unit_rows,
 )
 from mbd_sim.dynamics.assembly_errors import (
     conflict_with_drives,
@@ -31,6 +26,7 @@ from mbd_sim.dynamics.assembly_errors import (
 )
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, constraint_functions
+from mbd_sim.dynamics.constraint_rank import dependent_rows, independent_rows, nonzero_rows, rank_of, unit_rows
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.singular_start import speeds_of_a_branch

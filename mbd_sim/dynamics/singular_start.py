@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import null_space, unit_rows
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.dynamics.constraint_rank import null_space, unit_rows
 from mbd_sim.geometry.pose import Array
 
 SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.dynamics.assembly import RANK
+from mbd_sim.dynamics.constraint_rank import RANK
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.kinematic_system import ITERATIONS, SETTLED, KinematicSystem
 

@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import CLOSED, RANK
+from mbd_sim.dynamics.assembly import CLOSED
+from mbd_sim.dynamics.constraint_rank import RANK
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.initial_conditions import assemble
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters

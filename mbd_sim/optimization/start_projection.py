@@ -12,7 +12,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.assembly import RANK, ClosingStep, close_loops, nearest_speeds, scaled_rows
+from mbd_sim.dynamics.assembly import ClosingStep, close_loops, nearest_speeds, scaled_rows
+from mbd_sim.dynamics.constraint_rank import RANK
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.optimization.casadi_functions import CasadiFunctions

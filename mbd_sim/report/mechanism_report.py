@@ -15,7 +15,7 @@ from mbd_sim.analysis.integrability import integrable_rows
 from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.analysis.linearization import linearize, modes
 from mbd_sim.analysis.mobility import Mobility, mobility
-from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.dynamics.assembly import close_loops, null_space
+from mbd_sim.dynamics.assembly import close_loops
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array

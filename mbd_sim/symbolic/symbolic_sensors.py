@@ -14,8 +14,8 @@ from mbd_sim.analysis.load_sharing import LoadSharing
 from mbd_sim.dynamics.actuator_forces import actuator_forces, port_motion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS, actuator_functions
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
-from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations, joined
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.dynamics_terms import link_accelerations, weight
 from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations

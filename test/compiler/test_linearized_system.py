@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.linearized_system import linearize_rates, unit_inverse
-from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
 from test.generators.mechanisms import SHIPPED

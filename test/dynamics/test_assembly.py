@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbd_sim.dynamics.assembly import close_loops, independent_rows, nearest_speeds, null_space, rank_of
+from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
+from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.dynamics.test_assembly_errors import FOUR_BAR, four_bar
@@ -141,46 +142,6 @@ def test_closing_does_not_change_fixed_coordinates():
     stuck = close_loops(constraints, 0.0, q, np.zeros(3, dtype=bool))
     assert not stuck.closed
     assert stuck.q.tolist() == q.tolist()
-
-
-def test_independent_rows_span_all_others():
-    rng = np.random.default_rng(2)
-    basis = rng.normal(size=(3, 6))
-    rows = np.vstack([basis[0], 2.0 * basis[0], basis[1], np.zeros(6), basis[0] - basis[1], basis[2]])
-    keep, ranks = independent_rows([rows])
-    assert ranks == [3]
-    assert rank_of(rows[keep]) == 3 == len(keep)
-    assert keep == sorted(keep)
-
-
-def test_rows_are_chosen_for_where_they_add_least():
-    """The third row is the first one where the mechanism starts, but the second one nearby."""
-    one, two = np.eye(2)
-    start = np.array([one, two, one])
-    near = np.array([one, two, two])
-    tilted = np.array([one, one + 1e-3 * two, two])
-    assert independent_rows([start, near])[0] == [0, 1]
-    assert independent_rows([start, tilted])[0] != [0, 2]
-    assert independent_rows([tilted])[0] == [0, 2]
-
-
-def test_configurations_of_smaller_rank_do_not_count():
-    """A parallelogram that starts flat has one row less there."""
-    flat = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    usual = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    keep, ranks = independent_rows([flat, usual, usual])
-    assert keep == [0, 1]
-    assert ranks == [1, 2, 2]
-
-
-def test_null_space():
-    rng = np.random.default_rng(3)
-    matrix = rng.normal(size=(2, 5))
-    basis = null_space(np.vstack([matrix, matrix[0]]))
-    assert basis.shape == (5, 3)
-    assert basis.T @ basis == pytest.approx(np.eye(3), abs=1e-14)
-    assert matrix @ basis == pytest.approx(np.zeros((2, 3)), abs=1e-14)
-    assert null_space(np.zeros((0, 3))).shape == (3, 3)
 
 
 def test_a_flat_parallelogram_starts_and_names_its_redundant_rows():
