@@ -234,10 +234,10 @@ def test_a_system_clock_that_is_set_back_and_forth_changes_nothing_in_the_record
         for shift in (-3_600, 7_200, -86_400):
             set_clock(shift)
             goes_on(listener)
-        known = set((tmp_path / "logs").iterdir())
+        known = set((tmp_path / "logs").glob("*.mcap"))  # not the hidden name that a file has at its very beginning
         assert listener.call(Trigger, "split_recording").success
-        listener.until(lambda: set((tmp_path / "logs").iterdir()) - known, "the next file")
-        (second,) = set((tmp_path / "logs").iterdir()) - known
+        listener.until(lambda: set((tmp_path / "logs").glob("*.mcap")) - known, "the next file")
+        (second,) = set((tmp_path / "logs").glob("*.mcap")) - known
         until_recorded(listener, second, 15)
         assert listener.call(SetBool, "record", data=False).success
         late = listener.call(SetBool, "record", data=True)
