@@ -124,7 +124,6 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    gc.freeze()
     gc.set_threshold(2000, 10, 100)  # the shared builds are many objects, which stay as well
     gc.enable()
 
