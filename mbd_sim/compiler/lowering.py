@@ -122,9 +122,10 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
     return emitted
 
 
-def export(module: Module, name: str, function: Function) -> None:
+def export(module: Module, name: str, function: Function, attributes: Sequence[str] = ()) -> None:
     """Export a function of the module under a name."""
     exported = Function(module, FunctionType(VOID, [POINTER] * len(function.args)), name)
+    exported.attributes = [*attributes]
     builder = IRBuilder(exported.append_basic_block("entry"))
     builder.call(function, exported.args)
     builder.ret_void()

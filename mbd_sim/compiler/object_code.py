@@ -28,9 +28,10 @@ LONG_CODE_OPTIONS = (
     ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
     ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
 )
-# Lines of IR from which on the addresses of a function are made shorter, see `near_addresses`.
+# Lines of IR from which on the addresses of a function of the rates are made shorter, see `near_addresses`. In functions
+# that are called once a step, such as those of a Jacobian, that takes as long but saves nothing.
 NEAR_ADDRESSES = 1000
-_FUNCTIONS = re.compile(r'^define [a-z ]*void @"([^"]+)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
+_RATES = re.compile(r'^define [a-z ]*void @"(rates(?:\.\d+)?)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
 _COMPILING = threading.Lock()  # these options are variables of the whole process
 
 
@@ -39,7 +40,7 @@ def compiler_options(level: int) -> tuple[str, ...]:
     long = (
         *(f"long: no {name}" for name in SKIPPED_IN_LONG_CODE),
         *(f"{name}={value}" for name, value, _ in LONG_CODE_OPTIONS),
-        f"{NEAR_ADDRESSES} lines: near addresses {_near_addresses_digest()}",
+        f"{NEAR_ADDRESSES} lines of rates: near addresses {_near_addresses_digest()}",
     )
     return *ADDRESSES.values(), *PASSES[level], f"O{level}", *long
 
@@ -101,7 +102,7 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
         getattr(passes, f"add_{name}_pass")()
     with _options(is_long=is_long):
         passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
-        functions = _long_functions(text)
+        functions = _long_rates(text)
         if functions and level and re.match("x86_64.*linux", parsed.triple):
             from mbd_sim.compiler.near_addresses import as_module, with_near_addresses
 
@@ -110,7 +111,7 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
         return bytes(machine.emit_object(parsed))
 
 
-def _long_functions(text: str) -> frozenset[str]:
-    """The functions in IR that return nothing, are not inlined, and have at least `NEAR_ADDRESSES` lines."""
-    found = _FUNCTIONS.findall(text)
+def _long_rates(text: str) -> frozenset[str]:
+    """The functions of the rates in IR that are not inlined, and have at least `NEAR_ADDRESSES` lines."""
+    found = _RATES.findall(text)
     return frozenset(n for n, head, body in found if "alwaysinline" not in head and body.count("\n") >= NEAR_ADDRESSES)

@@ -131,7 +131,7 @@ def test_constants_whose_places_are_not_known_stay_as_they_are():
 def products(numbers):
     """A function with twice as many products as there are numbers, and sines that are called."""
     x = ca.SX.sym("x", numbers.shape[1])
-    return ca.Function("f", [x], [(ca.DM(numbers) @ ca.sin(x)) * (ca.DM(numbers) @ x)])
+    return ca.Function("rates", [x], [(ca.DM(numbers) @ ca.sin(x)) * (ca.DM(numbers) @ x)])
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the pass is for x86-64")
