@@ -43,8 +43,8 @@ MOVED = 40  # components that a projection changes, up to which they are copied 
 STATE = 1  # the argument of a projection that it moves
 # Instructions of the rates and the readers from which on functions are compiled while others are still being traced.
 LONG = 6000
-# Readers are called rarely, and as they consist of one block without loops, LLVM finds little to improve: not optimized,
-# they compile in half the time and take 0.9 to 1.1 of the time.
+# Readers are called rarely, and in one block without loops LLVM finds little to improve: not optimized, they compile in
+# half the time and take 1.0 to 1.1 of the time.
 NOT_OPTIMIZED = ("noinline", "optnone")
 
 PartialSystem: TypeAlias = tuple[ca.Function, ca.Function]

@@ -28,8 +28,8 @@ LONG_CODE_OPTIONS = (
     ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
     ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
 )
-# Lines of IR from which on the addresses of a function of the rates are made shorter, see `near_addresses`. In functions
-# that are called once a step, such as those of a Jacobian, that takes as long but saves nothing.
+# Lines of IR from which on the addresses of a function of the rates are made shorter, see `near_addresses`. In other
+# functions, such as those of a Jacobian, that takes as long but saves nothing.
 NEAR_ADDRESSES = 1000
 _RATES = re.compile(r'^define [a-z ]*void @"(rates(?:\.\d+)?)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
 _COMPILING = threading.Lock()  # these options are variables of the whole process
