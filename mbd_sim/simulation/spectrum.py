@@ -50,12 +50,10 @@ def is_slower(equations: Equations, time: float, y: Array, inputs: Array, rate: 
 def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
     """The same without what the forces within joints contribute to the derivatives."""
     nq, nv = equations.layout.nq, equations.layout.nv
-    base = np.array(equations.rates.call([time, y, inputs])[0]).ravel()
-    inverse_mass = np.zeros((nv, nv))
-    for index in range(nv):
-        unit = inputs.copy()
-        unit[index] += 1.0  # an effort: the equations are linear in it
-        inverse_mass[:, index] = (np.array(equations.rates.call([time, y, unit])[0]).ravel() - base)[nq : nq + nv]
+    pushed = np.tile(inputs[:, None], nv + 1)  # the last column are the inputs themselves
+    pushed[:nv, :nv] += np.eye(nv)  # one effort each: the equations are linear in them
+    rates = np.array(equations.rates.call([time, y, pushed])[0])[nq : nq + nv]
+    inverse_mass = rates[:, :-1] - rates[:, -1:]
     damping, stiffness = (np.array(value) for value in equations.joint_linearization.slopes(time, y, inputs))
     jacobian = _jacobian(equations, time, y, inputs)
     with np.errstate(all="ignore"):
