@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
+from mcap.records import AttachmentIndex, ChunkIndex, MessageIndex, MetadataIndex
 
 from mbd_sim.recording.mcap_scanner import MAGIC, Definitions
 from mbd_sim.recording.mcap_summary import Summary, encoded
@@ -23,11 +24,15 @@ class IndexedChunk:
 class DataSection:
     """The undamaged records of a file; they end at byte `end`.
 
+    If the file is cut off or damaged after the content of a chunk, `missing_indexes` are the indexes of the messages of
+    that chunk, which belong at `end`.
+
     `index_problem` is damage that new indexes repair, `content_problem` damage that is confined to one record and
     cannot be repaired, and `problem` says why the records end before the end of the data section. All are "" if absent.
     """
 
     end: int = len(MAGIC)
+    missing_indexes: bytes = b""
     definitions: Definitions = field(default_factory=Definitions)
     chunks: list[IndexedChunk] = field(default_factory=list)
     attachments: list[AttachmentIndex] = field(default_factory=list)
@@ -57,7 +62,17 @@ class DataSection:
 
     def drop_last_chunk(self) -> None:
         """End before the last chunk."""
-        self.end = self.chunks.pop().index.chunk_start_offset
+        self.end, self.missing_indexes = self.chunks.pop().index.chunk_start_offset, b""
+
+    def replace_last_indexes(self, entries: Mapping[int, list[tuple[int, int]]]) -> None:
+        """End after the content of the last chunk; `entries` are times and offsets of its messages, by channel."""
+        chunk = self.chunks[-1].index
+        self.end = chunk.chunk_start_offset + chunk.chunk_length
+        self.missing_indexes, chunk.message_index_offsets = b"", {}
+        for channel, each in sorted(entries.items()):
+            chunk.message_index_offsets[channel] = self.end + len(self.missing_indexes)
+            self.missing_indexes += encoded(MessageIndex(channel, each))
+        chunk.message_index_length = len(self.missing_indexes)
 
     def summary(self) -> Summary:
         """Return the summary of a file that ends here."""

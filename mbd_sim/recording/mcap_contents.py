@@ -197,9 +197,9 @@ class _DataSectionReader:
         self._entries = None
 
     def end_truncated(self) -> None:
-        """End a file that is cut off or damaged here; without the last chunk if its indexes are incomplete."""
+        """End a file that is cut off or damaged here; the indexes of the last chunk may be incomplete."""
         if self._entries is not None and _sorted(self._entries) != _sorted(self._indexed):
-            self._found.drop_last_chunk()
+            self._found.replace_last_indexes(self._entries)
 
     def finish(self, opcode: int, start: int, content: bytes) -> None:
         """End the data section at byte `start`, where its last record or the footer begins."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 from pathlib import Path
 from typing import IO
 
@@ -77,8 +78,8 @@ def _is_truncation(data: ByteSource, end: int) -> bool:
     tail = bytes(data[end : end + _LARGEST_END])
     if not any(tail) or tail[0] in (Opcode.DATA_END, Opcode.FOOTER):
         return True
-    mark = tail.find(_CHUNK_MARK)
-    return len(data) - end <= _LARGEST_END and tail.find(_CHUNK_MARK, mark + 1) < 0
+    chunks = 1 if tail[0] == Opcode.CHUNK else 0
+    return len(data) - end <= _LARGEST_END and tail.count(_CHUNK_MARK) <= chunks
 
 
 def _end_in_place(stream: IO[bytes], data: ByteSource, found: DataSection) -> None:
@@ -88,7 +89,9 @@ def _end_in_place(stream: IO[bytes], data: ByteSource, found: DataSection) -> No
     """
     freed = 0
     while True:
-        end = found.summary().file_end(found.end, crc_of(data, found.end))
+        indexes = found.missing_indexes
+        crc = zlib.crc32(indexes, crc_of(data, found.end))
+        end = indexes + found.summary().file_end(found.end + len(indexes), crc)
         try:
             os.ftruncate(stream.fileno(), found.end)
             _write_at(stream.fileno(), end, found.end)

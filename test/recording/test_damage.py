@@ -139,6 +139,22 @@ def test_a_damaged_length_does_not_cost_the_original(run, tmp_path, capsys):
     assert verify(path)[0].is_intact
 
 
+def test_a_damaged_index_costs_neither_its_chunk_nor_the_original(run, tmp_path):
+    path = tmp_path / "damaged.mcap"
+    data = rewrite(run, path, chunk_size=500).read_bytes()
+    found = records(data)
+    *_, (_, before), (_, last) = [(start, end) for opcode, start, end in found if opcode == Opcode.CHUNK]
+    index = max(start for opcode, start, _ in found if opcode == Opcode.MESSAGE_INDEX and start < last)
+    damaged = bytearray(data[:last])
+    struct.pack_into("<Q", damaged, index + 1, 1 << 40)
+    path.write_bytes(damaged)
+    kept = recover(path)
+    assert damaged_original(path).read_bytes() == damaged
+    assert refusal_of_other_readers(path) == ""
+    path.write_bytes(data[:before])
+    assert recover(path) == kept and sum(kept.values()) > 0
+
+
 def test_a_damaged_length_within_a_chunk_ends_the_undamaged_records_there(run, tmp_path):
     """Python reads at most what there is, so that a length that is too large goes unnoticed unless it is checked."""
     path = tmp_path / "damaged.mcap"
