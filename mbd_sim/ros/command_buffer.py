@@ -37,11 +37,15 @@ class DueEfforts(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A trajectory that is followed: its `number`, its `start` in s of the run, and taker and curve of each joint."""
+    """A trajectory that is followed: its `number`, its `start` in ns of the run, and taker and curve of each joint."""
 
     number: int
-    start: float
+    start: int
     curves: Mapping[str, tuple[str, JointCurve]]
+
+    def elapsed(self, now: int) -> float:
+        """The time in s from the start to `now` in ns of the run."""
+        return 1e-9 * (now - self.start)
 
 
 class CommandBuffer:
@@ -155,8 +159,7 @@ class CommandBuffer:
             start = trajectory.start_ns - zero_ns if trajectory.start_ns else None
             taken = dict(curves.values())
             number = self._actuators.player.take(taken, start)
-        start_ns = trajectory.start_ns or now_ns
-        return Followed(number, 1e-9 * (start_ns - zero_ns), curves)
+        return Followed(number, (trajectory.start_ns or now_ns) - zero_ns, curves)
 
     def checked(self, trajectory: Trajectory, now_ns: int) -> dict[str, tuple[str, JointCurve]]:
         """The actuator or drive of each joint of a trajectory, and its curve.
@@ -181,12 +184,12 @@ class CommandBuffer:
             player = self._actuators.player
             return all(player.follows(taker, followed.number) for taker, _ in followed.curves.values())
 
-    def desired(self, followed: Followed, time: float) -> dict[str, JointMotion]:
-        """The motion of each joint of a trajectory that is commanded at a time in s of the run; after it, its end."""
+    def desired(self, followed: Followed, now: int) -> dict[str, JointMotion]:
+        """The motion of each joint of a trajectory that is commanded `now` in ns of the run; after it, its end."""
         with self._lock:
             player = self._actuators.player
             return {
-                joint: player.motion(taker, time) or JointMotion(curve.points[-1].position)
+                joint: player.motion(taker, now) or JointMotion(curve.points[-1].position)
                 for joint, (taker, curve) in followed.curves.items()
             }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, assert_never
@@ -47,6 +47,24 @@ class _Active:
     result: Future
     goal: TrajectoryGoal
     followed: Followed
+
+
+@dataclass(frozen=True)
+class _Progress:
+    """How far a goal is, between two steps: the time in s from its start, and motions of its joints.
+
+    `is_followed` is false once another command has ended the trajectory, and after its end.
+    """
+
+    elapsed: float
+    is_followed: bool
+    desired: Mapping[str, JointMotion]
+    actual: Mapping[str, JointMotion]
+
+    def deviations(self) -> dict[str, JointMotion]:
+        """How far the joints are off the desired motions."""
+        pairs = {name: (self.actual[name], wanted) for name, wanted in self.desired.items()}
+        return {name: JointMotion(a.position - w.position, a.velocity - w.velocity) for name, (a, w) in pairs.items()}
 
 
 @dataclass(frozen=True)
@@ -130,37 +148,43 @@ class TrajectoryAction:
         """Send feedback, and end the goals that have succeeded, failed, or been canceled."""
         if not self._active:
             return
-        actual: dict[str, JointMotion] = {}
-        times: list[float] = []
+        progress: dict[_Active, _Progress] = {}
 
         def read() -> str:
-            simulation = self._simulation
-            y, inputs = simulation.state, simulation.inputs
-            times[:] = [1e-9 * (self._stepping_thread.clock.ns - self._stepping_thread.clock.zero_ns)]
-            position, velocity, _ = joint_state_arrays(simulation.model, simulation.time, y, inputs)
-            for name, *motion in zip(joint_state_names(simulation.model), position, velocity, strict=True):
-                actual[name] = JointMotion(*map(float, motion))
+            progress.update(self._progress())
             return ""
 
         if self._stepping_thread.between_steps(read):
             return
-        desired = {active: self._commands.desired(active.followed, times[0]) for active in self._active}
-        for active, motions in desired.items():
-            if (ending := self._ending(active, times[0], _deviations(motions, actual))) is not None:
+        for active, found in progress.items():
+            if (ending := self._ending(active, found)) is not None:
                 self._active.remove(active)
                 self._end(active, ending)
         for active in self._active:
-            self._publish_feedback(active, times[0], desired[active], actual)
+            self._publish_feedback(active, progress[active])
 
-    def _ending(self, active: _Active, time: float, deviations: Mapping[str, JointMotion]) -> _Ending | None:
-        """How a goal ends at a time in s of the run; None if it goes on. Joints that it leaves are held."""
-        elapsed, handle = time - active.followed.start, active.handle
+    def _progress(self) -> Iterator[tuple[_Active, _Progress]]:
+        """How far each goal is; for the stepping thread, in which a trajectory cannot end meanwhile."""
+        simulation, clock = self._simulation, self._stepping_thread.clock
+        y, inputs, now = simulation.state, simulation.inputs, clock.ns - clock.zero_ns
+        position, velocity, _ = joint_state_arrays(simulation.model, simulation.time, y, inputs)
+        actual = {
+            name: JointMotion(*map(float, motion))
+            for name, *motion in zip(joint_state_names(simulation.model), position, velocity, strict=True)
+        }
+        for active in self._active:
+            followed, desired = active.followed, self._commands.desired(active.followed, now)
+            yield active, _Progress(followed.elapsed(now), self._commands.follows(followed), desired, actual)
+
+    def _ending(self, active: _Active, progress: _Progress) -> _Ending | None:
+        """How a goal ends; None if it goes on. Joints that it leaves are held."""
+        handle, elapsed = active.handle, progress.elapsed
         if handle.is_cancel_requested:
             self._commands.stop(active.followed)
             return _Ending(handle.canceled, "SUCCESSFUL", "canceled; the joints are held where they were sent")
-        if elapsed < active.goal.duration and not self._commands.follows(active.followed):
+        if elapsed < active.goal.duration and not progress.is_followed:
             return _Ending(handle.abort, "INVALID_GOAL", "ended by another command, another goal or a reset")
-        if elapsed < 0.0 or (verdict := active.goal.verdict(elapsed, deviations)) is None:
+        if elapsed < 0.0 or (verdict := active.goal.verdict(elapsed, progress.deviations())) is None:
             return None
         match verdict.outcome:
             case Outcome.SUCCEEDED:
@@ -180,10 +204,8 @@ class TrajectoryAction:
         finally:
             active.result.set_result(self._result(ending.code, ending.text))
 
-    def _publish_feedback(
-        self, active: _Active, time: float, desired: Mapping[str, JointMotion], actual: Mapping[str, JointMotion]
-    ) -> None:
-        elapsed, deviations = time - active.followed.start, _deviations(desired, actual)
+    def _publish_feedback(self, active: _Active, progress: _Progress) -> None:
+        desired, actual, deviations = progress.desired, progress.actual, progress.deviations()
         feedback = self._kind.Feedback(joint_names=list(desired))
         now = self._stepping_thread.clock.ns
         feedback.header.stamp.sec, feedback.header.stamp.nanosec = divmod(now, 1_000_000_000)
@@ -192,21 +214,13 @@ class TrajectoryAction:
             point = JointTrajectoryPoint(
                 positions=[motion.position for motion in chosen], velocities=[motion.velocity for motion in chosen]
             )
-            elapsed_ns = max(0, round(1e9 * elapsed))
+            elapsed_ns = max(0, round(1e9 * progress.elapsed))
             point.time_from_start.sec, point.time_from_start.nanosec = divmod(elapsed_ns, 1_000_000_000)
             setattr(feedback, key, point)
         active.handle.publish_feedback(feedback)
 
     def _result(self, code: str, text: str) -> Any:
         return self._kind.Result(error_code=getattr(self._kind.Result, code), error_string=text)
-
-
-def _deviations(desired: Mapping[str, JointMotion], actual: Mapping[str, JointMotion]) -> dict[str, JointMotion]:
-    """How far joints are off the motions that a goal demands."""
-    return {
-        name: JointMotion(actual[name].position - wanted.position, actual[name].velocity - wanted.velocity)
-        for name, wanted in desired.items()
-    }
 
 
 def _tolerances(messages: Any) -> dict[str, Tolerance]:

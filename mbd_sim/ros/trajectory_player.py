@@ -64,10 +64,10 @@ class TrajectoryPlayer:
             for played in (self._playing.get(actuator), self._waiting.get(actuator))
         )
 
-    def motion(self, actuator: str, time: float) -> JointMotion | None:
-        """The motion that is commanded at a time in s of the run; None if no trajectory has begun."""
+    def motion(self, actuator: str, now: int) -> JointMotion | None:
+        """The motion that is commanded `now` in ns of the run; None if no trajectory has begun."""
         played = self._playing.get(actuator)
-        return None if played is None else _motion(played, round(1e9 * time))
+        return None if played is None else _motion(played, now)
 
     def cancel(self, actuators: Iterable[str]) -> list[int]:
         """End the trajectories of actuators; returns the channels of the velocities that have been commanded."""

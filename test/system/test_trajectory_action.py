@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +113,46 @@ def test_goals_succeed_fail_are_refused_replaced_and_canceled(tmp_path: Path, va
         assert 0.1 < listener.states[-1].position[1] < 0.4995
 
 
+class SteppingOn(SteppingThread):
+    """A thread that has taken a hundred steps more when the answer of an action arrives."""
+
+    def between_steps(self, action: Callable[[], str]) -> str:
+        def act_and_step() -> str:
+            answer = action()
+            for _ in range(100):
+                self.run.advance(1)
+            return answer
+
+        return super().between_steps(act_and_step)
+
+
+@contextlib.contextmanager
+def served_here(kind: type[SteppingThread]) -> Iterator[Client]:
+    """Serve the action in this process, paused."""
+    from control_msgs import action as actions
+
+    simulation = Simulation.from_text(LIFT)
+    commands = CommandBuffer(simulation.effort_map, 0.0, simulation.command_map, simulation.step_size)
+    thread = kind(simulation, commands, Rates(), paused=True)
+    with contextlib.closing(Listener(new_domain())) as listener:
+        node = Node("sim_node", context=listener.context)
+        TrajectoryAction(node, thread, lambda *given: pytest.fail(str(given)), actions)
+        listener.executor.add_node(node)
+        thread.start()
+        yield Client(listener)
+        thread.stop()
+        node.destroy_node()
+
+
+@pytest.mark.usefixtures("variables")
+def test_goals_succeed_if_they_end_before_an_answer_about_them_arrives() -> None:
+    with served_here(SteppingOn) as client:
+        for end in (0.5, 0.1):
+            status, answer = client.result(client.send((0.25, [end])))
+            assert (status, answer.error_string) == (SUCCEEDED, "")
+            assert client.feedback
+
+
 @pytest.mark.parametrize("failing", ["abort", "publish_feedback"])
 def test_results_arrive_even_if_other_messages_about_a_goal_fail(
     failing: str,
@@ -120,8 +160,6 @@ def test_results_arrive_even_if_other_messages_about_a_goal_fail(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The server is in this process, paused; from the second goal on, one of rclpy's functions fails after its work."""
-    from control_msgs import action as actions
-
     failures: list[str] = []
     work = getattr(ServerGoalHandle, failing)
 
@@ -130,14 +168,9 @@ def test_results_arrive_even_if_other_messages_about_a_goal_fail(
         failures.append(failing)
         raise RuntimeError(f"{failing} failed")
 
-    simulation = Simulation.from_text(LIFT)
-    commands = CommandBuffer(simulation.effort_map, 0.0, simulation.command_map, simulation.step_size)
-    thread = SteppingThread(simulation, commands, Rates(), paused=True)
-    with contextlib.closing(Listener(new_domain())) as listener:
-        node = Node("sim_node", context=listener.context)
-        TrajectoryAction(node, thread, lambda *given: pytest.fail(str(given)), actions)
-        listener.executor.add_node(node)
-        spin_once = listener.executor.spin_once
+    with served_here(SteppingThread) as client:
+        executor = client.listener.executor
+        spin_once = executor.spin_once
 
         def spin(**given: Any) -> None:
             try:
@@ -145,9 +178,7 @@ def test_results_arrive_even_if_other_messages_about_a_goal_fail(
             except RuntimeError as error:
                 assert str(error) == f"{failing} failed"
 
-        monkeypatch.setattr(listener.executor, "spin_once", spin)
-        thread.start()
-        client = Client(listener)
+        monkeypatch.setattr(executor, "spin_once", spin)
         first = client.send((60.0, [0.0]))
         monkeypatch.setattr(ServerGoalHandle, failing, fail)
         second = client.send((60.0, [0.1]))
@@ -157,8 +188,6 @@ def test_results_arrive_even_if_other_messages_about_a_goal_fail(
         status, answer = client.result(second)
         assert (status, answer.error_code) == (CANCELED, answer.SUCCESSFUL)
         assert failures and (failing == "publish_feedback" or len(failures) == 1)  # a goal ends once
-        thread.stop()
-        node.destroy_node()
 
 
 def test_without_the_package_the_node_says_once_that_the_action_is_not_served(tmp_path: Path) -> None:
