@@ -89,6 +89,11 @@ class Recomputation:
         return self._start.step
 
     @property
+    def frame_prefix(self) -> str:
+        """What precedes the names of frames in recorded messages."""
+        return self._start.frame_prefix
+
+    @property
     def as_recorded(self) -> bool:
         """Whether equations, method and step are those of the recording."""
         same_step = self.simulation.step_size == self._start.step

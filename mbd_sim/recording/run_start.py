@@ -42,6 +42,7 @@ class RunStart:
     clock_ns: int | None
     samples: Array | None = None
     history: Array | None = None
+    frame_prefix: str = ""  # of the frames that messages name
 
 
 def read_run_start(file: RecordedFile) -> RunStart:
@@ -71,6 +72,7 @@ def read_run_start(file: RecordedFile) -> RunStart:
             clock_ns=int(about["first_clock"]) if "first_clock" in about else None,
             samples=_exact_rows(about["samples"]) if "samples" in about else None,
             history=_exact(about["history"]) if "history" in about else None,
+            frame_prefix=str(json.loads(about.get("parameters", "{}")).get("frame_prefix", "")),
         )
     except (ValueError, TypeError, AttributeError, OverflowError) as error:
         raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' cannot be read ({error}).") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from mbd_sim.messages.sensor_messages import Numbers
 from mbd_sim.messages.sensor_topics import SensorMessages
 from mbd_sim.recording.recomputation import Recomputation
-from mbd_sim.recording.recorded_file import RUN_METADATA, Message, ReadingError
+from mbd_sim.recording.recorded_file import Message, ReadingError
 
 NumberDifference = tuple[str, float, float]  # the name of a number, as recorded, and as computed
 
@@ -21,9 +20,7 @@ class SensorComparison:
     def __init__(self, recomputation: Recomputation) -> None:
         """Prepare the messages, with the frame names that the node was given."""
         self._recomputation, simulation = recomputation, recomputation.simulation
-        parameters = json.loads(recomputation.file.metadata[RUN_METADATA].get("parameters", "{}"))
-        prefix = str(parameters.get("frame_prefix", ""))
-        self._messages = SensorMessages(simulation.model, simulation.step_size, prefix)
+        self._messages = SensorMessages(simulation.model, simulation.step_size, recomputation.frame_prefix)
         self._numbers = {name.rpartition("/")[2]: number for number, name in enumerate(self._messages.names)}
 
     def differences(self, message: Message, tolerance: float | None) -> list[NumberDifference]:

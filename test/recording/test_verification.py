@@ -245,6 +245,8 @@ def test_metadata_that_prevents_recomputation_is_reported(run, tmp_path):
         ({"start": "[]"}, "its metadata does not fit its mechanism"),
         ({"start": "[1]"}, "its metadata 'mbd_sim' cannot be read"),
         ({"first_tick": "x"}, "its metadata 'mbd_sim' cannot be read"),
+        ({"parameters": "{x"}, "its metadata 'mbd_sim' cannot be read"),
+        ({"parameters": "[]"}, "its metadata 'mbd_sim' cannot be read"),
         ({"wrenches": '["nothing"]'}, "there is no part 'nothing'"),
     ):
         path = rewrite(run, tmp_path / "x.mcap", about=about)
