@@ -17,6 +17,11 @@ def file_error(file: str, line: int, message: str, remedy: str, key: str = "", v
     return MechanismError([Problem(message, remedy, key=key, value=value, file=file, line=line)])
 
 
+def too_deep(file: str, line: int) -> MechanismError:
+    """The error for a value that is nested deeper than `MAX_DEPTH`."""
+    return file_error(file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+
+
 def read_text(path: Path) -> str:
     """The text of a file.
 

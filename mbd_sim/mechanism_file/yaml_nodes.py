@@ -8,7 +8,7 @@ from typing import Literal
 import yaml
 
 from mbd_sim.errors import nearest, quoted
-from mbd_sim.mechanism_file.file_limits import MAX_DEPTH, MAX_VALUES, file_error
+from mbd_sim.mechanism_file.file_limits import MAX_DEPTH, MAX_VALUES, file_error, too_deep
 
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
@@ -71,7 +71,7 @@ class _Composer:
             if isinstance(event, yaml.CollectionStartEvent):
                 stack.append(node)
                 if len(stack) > MAX_DEPTH:
-                    raise file_error(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+                    raise too_deep(self.file, line)
         return root.items[0] if root.items else YamlNode("scalar", 1, plain=True)
 
     def _node(self, event: yaml.NodeEvent, line: int) -> YamlNode:

@@ -9,7 +9,7 @@ import yaml
 
 from mbd_sim.errors import Problem
 from mbd_sim.mechanism.source import Location, Source, dotted
-from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error
+from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error, too_deep
 from mbd_sim.mechanism_file.yaml_nodes import YamlNode, compose
 from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
 
@@ -33,6 +33,9 @@ def parse_source(text: str, file: str = "<text>") -> Source:
         last = max(1, len(text.splitlines()))
         begun, found = (mark and min(mark.line + 1, last) for mark in (error.context_mark, error.problem_mark))
         line = found or begun or 1
+        # libyaml reads ahead, and reaches its own limit before the nodes that it has read so far reach ours.
+        if "maximum nesting depth" in (error.problem or ""):
+            raise too_deep(file, line) from error
         context = f"{error.context} that begins on line {begun}" if begun and begun != line else error.context
         cause = " ".join(part for part in (context, error.problem) if part)
         raise file_error(file, line, f"not valid YAML: {cause}", _yaml_remedy(text, line)) from error
@@ -67,7 +70,7 @@ class _Constructor:
         if id(node) in self.open:
             raise file_error(self.source.file, node.line, "an alias is inside the value that it repeats", "Remove it.")
         if len(location) > MAX_DEPTH:
-            raise file_error(self.source.file, node.line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+            raise too_deep(self.source.file, node.line)
         self.source.lines.setdefault(location, node.line)
         if node.kind == "scalar":
             return plain_scalar(node.text) if node.plain else node.text
