@@ -57,7 +57,7 @@ class Recorder:
         self._topics = list(topics.values())
         self._numbers = {key: number for number, key in enumerate(topics)}
         self._mechanism_text, self._open_file = mechanism_text, open_file
-        self._begun = self._closing = False
+        self._begun = self._closing = self._stopped = False
         self._accepted = self._dropped = self._unwritten = (
             0  # messages accepted and dropped by `put`, and by the thread
         )
@@ -158,6 +158,8 @@ class Recorder:
         self._queued_bytes += len(payload) + MESSAGE_OVERHEAD
         self._accepted += 1
         self._queue.put((number, payload, time_ns, sequence & 0xFFFFFFFF))
+        if self._stopped:  # since the check above: the thread may have emptied the queue before
+            self._dropped += self._discarded()
 
     def close(self, timeout: float | None = None) -> bool:
         """Write queued messages, summary and index; return whether that was done within `timeout` seconds.
@@ -190,12 +192,18 @@ class Recorder:
         except Exception as error:  # a defect must not end the recording silently
             self._fail(f"stopped: {error!r}", error)
         finally:
-            self._closing = True
-            with contextlib.suppress(queue.Empty):
-                while True:
-                    self._unwritten += isinstance(self._queue.get_nowait(), tuple)
+            self._closing = self._stopped = True
+            self._unwritten += self._discarded()
             self.finished.set()
             self.ended.set()
+
+    def _discarded(self) -> int:
+        """Empty the queue, which nobody writes any more; returns how many messages were in it."""
+        count = 0
+        with contextlib.suppress(queue.Empty):
+            while True:
+                count += isinstance(self._queue.get_nowait(), tuple)
+        return count
 
     def _fail(self, reason: str, error: Exception, *, finish: bool = False) -> None:
         path = error.filename if isinstance(error, OSError) and error.filename else self.path

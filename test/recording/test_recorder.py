@@ -1,6 +1,7 @@
 """The recorder alone: files, queues and faults."""
 
 import os
+import queue
 import resource
 import threading
 import time
@@ -147,6 +148,23 @@ def test_a_full_disk_is_reported_and_lost_messages_are_counted():
     assert "No space left on device" in recorder.failure
     assert recorder.written == 0
     assert recorder.dropped == 2000
+
+
+def test_a_message_that_is_put_when_the_thread_has_just_ended_is_counted(monkeypatch):
+    class LateQueue(queue.SimpleQueue):
+        def put(self, item):
+            if isinstance(item, tuple) and item[-1] == 10:
+                assert recorder.finished.wait(PATIENCE)  # the disk is full when the chunk of the others is written
+            super().put(item)
+
+    monkeypatch.setattr(module.queue, "SimpleQueue", LateQueue)
+    recorder = Recorder(RecordingPaths(module.Path("/dev/full")), TOPICS, "")
+    recorder.begin({})
+    for number in range(11):
+        recorder.put("text", b"12345678", number, number)
+    recorder.close()
+    assert "No space left on device" in recorder.failure
+    assert (recorder.written, recorder.dropped) == (0, 11)
 
 
 def test_a_file_size_limit_leaves_a_complete_file_with_an_index(tmp_path):
