@@ -104,6 +104,9 @@ def _run(
         return 0
     finally:
         rclpy.try_shutdown()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # The interpreter restores the default of other handlers at its end: a late signal would then kill it.
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _fail(name: str, problem: str) -> int:

@@ -1,7 +1,10 @@
 """A node as a program: Ctrl-C ends it at whatever moment it arrives."""
 
+import signal
 import subprocess
 import sys
+
+import pytest
 
 from test.system.nodes import new_domain
 from test.waiting import PATIENCE
@@ -50,3 +53,32 @@ def test_a_signal_ends_the_program_whenever_it_arrives(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(new_domain()))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     subprocess.run([sys.executable, "-c", PROGRAM], check=True, timeout=PATIENCE)
+
+
+# glibc calls `raise(exit code)` when the interpreter has ended.
+LATE = """
+import ctypes, sys
+from rclpy.node import Node
+from mbd_sim.ros.node_program import run_node
+
+class Ending(Node):
+    def __init__(self, end):
+        super().__init__("ending")
+        self.start = end
+
+    def stop(self):
+        pass
+
+assert run_node("ending", Ending, [], example="x", help_text=str) == 0
+libc = ctypes.CDLL(None)
+libc.on_exit(getattr(libc, "raise"), None)
+sys.exit({number})
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_interpreter_ends_changes_nothing(number, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(new_domain()))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    ended = subprocess.run([sys.executable, "-c", LATE.format(number=int(number))], timeout=PATIENCE)
+    assert ended.returncode == number
