@@ -11,6 +11,7 @@ with its keys; a warning says so once.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
 import grp
 import hashlib
@@ -83,6 +84,20 @@ def store(name: str, content: bytes) -> None:
         Path(file.name).replace(directory / name)
         if int.from_bytes(checksum[:4], "big") < 2.0**32 * len(content) / (LARGEST * SMALL):
             _prune(directory)
+
+
+@contextlib.contextmanager
+def one_at_a_time(name: str) -> Iterator[None]:
+    """Wait until no other process is in this context with the same name and folder; at once where that is unknown."""
+    with contextlib.ExitStack() as files:
+        if (directory := folder()) is not None:
+            with contextlib.suppress(OSError):
+                directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+                opened = files.enter_context(_opened(directory))
+                file = os.open(name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600, dir_fd=opened)
+                files.callback(os.close, file)  # which also unlocks it
+                fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 @contextlib.contextmanager

@@ -8,7 +8,6 @@ import selectors
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from contextlib import ExitStack, closing, suppress
@@ -17,10 +16,10 @@ from types import TracebackType
 from typing import IO
 
 from mbd_sim.compiler.compile_server import COMPILE, DONE, WAITING
+from mbd_sim.own_interpreter import start_interpreter
 
 REPORT_PERIOD = 5.0  # s
 PROGRAM = Path(__file__).with_name("compile_server.py")
-_PACKAGES = str(PROGRAM.parents[2])  # the folder with this package
 ENDING = 10.0  # s; it takes milliseconds
 
 _log = logging.getLogger(__name__)
@@ -48,20 +47,12 @@ class CompileProcesses:
         """Begin to load LLVM, which takes 0.1 s of another processor; without that the first module does."""
         if self._server is not None or self._cannot_start:
             return
-        paths = [*(path for path in sys.path if isinstance(path, str) and path), _PACKAGES]
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
-        # Without `site` it starts sooner.
-        command = [sys.executable or "", "-P", "-S", str(PROGRAM), *self._arguments]
         try:
             self._connection, other = socket.socketpair()
             with other:
-                # In a session of its own: Ctrl-C in a terminal interrupts only this process, which then ends the other.
-                self._server = subprocess.Popen(  # noqa: S603  (own arguments)
-                    command,
-                    stdin=other.fileno(),
-                    stdout=subprocess.DEVNULL,
-                    env=environment,
-                    start_new_session=True,
+                # Ctrl-C interrupts only this process, which then ends the other.
+                self._server = start_interpreter(
+                    str(PROGRAM), *self._arguments, stdin=other.fileno(), stdout=subprocess.DEVNULL
                 )
         except OSError:
             self._cannot_start = True

@@ -24,9 +24,9 @@ def is_likely_long(joints: int) -> bool:
     return joints >= MANY_JOINTS and math.isfinite(machine_code.LONG)
 
 
-def compile_processes() -> CompileProcesses:
-    """Those that compile for this machine."""
-    return CompileProcesses(*host(), machine_code.LEVEL)
+def compile_processes(level: int | None = None) -> CompileProcesses:
+    """Those that compile for this machine, at a level of LLVM's code generator, by default `machine_code.LEVEL`."""
+    return CompileProcesses(*host(), machine_code.LEVEL if level is None else level)
 
 
 class ConcurrentBuild:
@@ -35,7 +35,7 @@ class ConcurrentBuild:
     def __init__(self, module: Module, processes: CompileProcesses | None = None) -> None:
         """`processes` that have been started earlier, which it ends as well."""
         self._module, self._parts = module, ModuleParts(module)
-        self._processes = processes or compile_processes()
+        self._processes = processes or compile_processes(module.level)
         self._compiled: list[_Part] = []
 
     def __enter__(self) -> ConcurrentBuild:
@@ -69,14 +69,14 @@ class ConcurrentBuild:
         if parts := max(count, least):
             for share in shares(sizes, parts):
                 # One by one: an interrupt must not lose processes that run already.
-                self._compiled.append(_Part(self._parts.take(share), self._processes))
+                self._compiled.append(_Part(self._parts.take(share), self._module.level, self._processes))
 
 
 class _Part:
     """A part that is in the cache, or is being compiled by a process."""
 
-    def __init__(self, text: str, processes: CompileProcesses) -> None:
-        self.key, self._text = code_key(text), text
+    def __init__(self, text: str, level: int, processes: CompileProcesses) -> None:
+        self.key, self._text, self._level = code_key(text, level), text, level
         self._stored = disk_cache.load(self.key)
         self._begun = processes.compile(text) if self._stored is None else None
 
@@ -86,7 +86,7 @@ class _Part:
             return self._stored
         code = None if self._begun is None else self._begun.code()
         if code is None:  # no process can be started, or it failed
-            code = object_code(self._text, *host(), machine_code.LEVEL, is_long=True)
+            code = object_code(self._text, *host(), self._level, is_long=True)
         disk_cache.store(self.key, code)
         return code
 

@@ -193,14 +193,19 @@ class IRBuilder:
         result = function.function_type.result
         call = f'call {result} @"{function.name}"({", ".join([f"{a.type} {a.text}" for a in arguments])})'
         call += "" if inline else " noinline"
+        return self._called(result, call)
+
+    def call_address(self, address: Value, arguments: Sequence[Value], result: Type = VOID) -> Value:
+        """Call a function at an address."""
+        return self._called(
+            result, f"call {result} {address.text}({', '.join([f'{a.type} {a.text}' for a in arguments])})"
+        )
+
+    def _called(self, result: Type, call: str) -> Value:
         if result != VOID:
             return self.value(result, call)
         self._lines.append(f"  {call}")
         return Value(VOID, "")
-
-    def call_address(self, address: Value, arguments: Sequence[Value]) -> None:
-        """Call a function without a result at an address."""
-        self._lines.append(f"  call void {address.text}({', '.join([f'{a.type} {a.text}' for a in arguments])})")
 
     def phi(self, type_: Type) -> Phi:
         """A value that depends on where its block is reached from; only at the start of a block."""

@@ -61,6 +61,7 @@ def compile_kernel(
     between_steps: BetweenSteps | None = None,
     like_branches: Sequence[Sequence[Branch]] = (),
     processes: CompileProcesses | None = None,
+    level: int | None = None,
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -72,9 +73,10 @@ def compile_kernel(
     :param between_steps: what changes in the state at the start of a step.
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
     :param processes: for long kernels, if they have been started earlier; they are ended.
+    :param level: of LLVM's code generator; by default `machine_code.LEVEL`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
-    module = new_module()
+    module = new_module(level)
     is_long = sum(function.n_instructions() for function in (rates, *readers.values())) >= LONG
     with ConcurrentBuild(module, processes) as build:
         if is_long:
@@ -105,6 +107,7 @@ def compile_kernel(
         readers={name: function.n_in() for name, function in readers.items()},
         instructions=instruction_count(program),
         guarded=one_sided is not None,
+        optimized=module.fast,
     )
     return Kernel(code, signature)
 

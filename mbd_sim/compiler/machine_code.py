@@ -31,24 +31,24 @@ class MachineCode:
         return int(found[name])
 
 
-def compiler_identity() -> tuple[str, ...]:
+def compiler_identity(level: int | None = None) -> tuple[str, ...]:
     """What object code depends on besides the IR: the processor and its features, LLVM, and how it is used."""
     cpu, features = host()
     version = ".".join(map(str, llvm.llvm_version_info))
-    return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL))
+    return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL if level is None else level))
 
 
-def code_key(text: str) -> str:
-    """The key in the cache of the object code of IR."""
-    return disk_cache.key(text, *compiler_identity())
+def code_key(text: str, level: int) -> str:
+    """The key in the cache of the object code of IR at a level of LLVM's code generator."""
+    return disk_cache.key(text, *compiler_identity(level))
 
 
-def compile_text(text: str) -> MachineCode:
+def compile_text(text: str, level: int) -> MachineCode:
     """Optimize and compile IR, or load the object code if the same code was compiled before."""
-    key = code_key(text)
+    key = code_key(text, level)
     code = disk_cache.load(key)
     if code is None:
-        code = _compiled(text, *host())
+        code = _compiled(text, *host(), level)
         disk_cache.store(key, code)
     return linked({key: code})
 
@@ -79,11 +79,11 @@ def linked(codes: Mapping[str, bytes]) -> MachineCode:
     return MachineCode(builder.link(linker, next(iter(codes))), linker, tuple(codes))
 
 
-def _compiled(text: str, cpu: str, features: str) -> bytes:
+def _compiled(text: str, cpu: str, features: str, level: int) -> bytes:
     is_long = len(text) >= LONG
     if is_long:
         from mbd_sim.compiler.compile_process import compile_apart
 
-        if (code := compile_apart(text, cpu, features, LEVEL)) is not None:
+        if (code := compile_apart(text, cpu, features, level)) is not None:
             return code
-    return object_code(text, cpu, features, LEVEL, is_long=is_long)
+    return object_code(text, cpu, features, level, is_long=is_long)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim import compiler, simulation
+from mbd_sim.compiler.python_callable import MOST_AT_ONCE
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
@@ -52,7 +53,7 @@ class KernelMemory:
 
     def reader(self, name: str, size: int) -> CompiledFunction:
         """A reader of the kernel, of which the output has some size."""
-        return compiler.CompiledFunction(self._kernel.code.address(f"read_{name}"), self._kernel, size)
+        return compiler.CompiledFunction(self._kernel.reader_address(name), self._kernel, size)
 
     def arguments(self, name: str) -> tuple[Array, ...]:
         """The arguments of a reader besides the time."""
@@ -89,12 +90,26 @@ class KernelMemory:
         return float(self._error_estimate.item())
 
     def advance(self, n: int) -> bool:
-        """Advance by n steps; False where the new state would not be finite, and then nothing is changed."""
+        """Advance by n steps; False where the new state would not be finite, and then nothing is changed.
+
+        Only the error estimate is that of the steps that were tried.
+        """
         if self.contacts is not None:
             if not self.contacts.advance(self.y, self.inputs, self.steps, self.step_size, n, self._error_estimate):
                 return False
             self._counter[0] += n
             return True
+        if self._kernel.optimized or n <= MOST_AT_ONCE:
+            return self._advance(n)
+        y, history, steps = self.y.copy(), self.history.copy(), self.steps
+        while (left := steps + n - self.steps) > 0:
+            if not self._advance(left if self._kernel.optimized else min(left, MOST_AT_ONCE)):
+                self.y[:], self.history[:], self._counter[0] = y, history, steps
+                return False
+        return True
+
+    def _advance(self, n: int) -> bool:
+        """The same in one call of compiled code, without contacts."""
         addresses = self.y.ctypes.data, self.inputs.ctypes.data
         step_size, estimate = self.step_size, self._error_estimate.ctypes.data
         if not self._kernel.estimating_advance(*addresses, self.steps, step_size, n, estimate):

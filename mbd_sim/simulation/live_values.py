@@ -50,6 +50,9 @@ class LiveParameters:
         """`indices`, `columns` and `base` are those of `SymbolicParameters`."""
         self._mechanism, self._numbers = mechanism, (indices, columns, base)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return LiveParameters, (self._mechanism, *self._numbers)
+
     @property
     def digest(self) -> str:
         """Equal for the same numbers of the same mechanism."""

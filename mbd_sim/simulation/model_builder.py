@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 
+from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.compiler.concurrent_build import compile_processes, is_likely_long
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
@@ -37,25 +38,32 @@ class BuiltModel(NamedTuple):
     kernel: Kernel
 
 
-def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float) -> BuiltModel:
+def build(
+    mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float, *, quick: bool = False
+) -> BuiltModel:
     """Trace and compile a mechanism.
 
     :param method: its name, which may be `auto`.
     :param trace: derives its equations.
     :param step: in s.
+    :param quick: whether the code need not be optimized, if the model can be stored.
     :raises MechanismError: the method does not fit, or the equations are singular at the start.
     """
     if len(mechanism.all_joints) >= MANY_JOINTS:
         _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, method)
-    with compile_processes() as processes:
+    level = 0 if quick else machine_code.LEVEL
+    with compile_processes(level) as processes:
         if is_likely_long(len(mechanism.all_joints)):
             processes.start()
         equations = trace()
         centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
         inputs = equations.inputs_at_start(centers)
         choice = choose_method(mechanism, equations, inputs, method, step)
-        kernel = _kernel(equations, choice, processes)
+        if quick and not can_be_stored(equations):
+            kernel = _kernel(equations, choice, None, machine_code.LEVEL)
+        else:
+            kernel = _kernel(equations, choice, processes, level)
     prepared = PreparedModel(
         method=choice.method.name,
         method_remark=choice.remark,
@@ -92,7 +100,7 @@ def partial_system(equations: Equations, method: Method) -> PartialSystem | None
     return equations.joint_linearization.partial_system if joints_only else None
 
 
-def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProcesses) -> Kernel:
+def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProcesses | None, level: int) -> Kernel:
     one_sided = None
     if equations.contact is not None:
         from mbd_sim.simulation.contact_system import one_sided_system
@@ -109,6 +117,7 @@ def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProces
         None if equations.actuators is None else equations.actuators.between_steps,
         equations.like_branches,
         processes,
+        level,
     )
 
 

@@ -173,7 +173,7 @@ def test_without_the_process_long_code_is_compiled_in_the_same_way(monkeypatch):
     monkeypatch.setattr(machine_code, "LONG", 0)
     monkeypatch.setattr(sys, "executable", "/does/not/exist")
     assert compile_apart(text, *host(), 1) is None
-    assert machine_code._compiled(text, *host()) == apart != short
+    assert machine_code._compiled(text, *host(), 1) == apart != short
     assert object_code(text, *host(), 1) == short  # the options of long code have ended
 
 

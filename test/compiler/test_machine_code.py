@@ -29,7 +29,7 @@ sine_and_size = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.py_ob
 
 
 def test_addresses_remain_valid_while_the_code_is_kept():
-    code = compile_text(TEXT)
+    code = compile_text(TEXT, 1)
     first, second = scaled(code.address("scaled")), sine_and_size(code.address("sine_and_size"))
     gc.collect()
     others = [load_code(code.keys) for _ in range(3)]
@@ -42,4 +42,4 @@ def test_addresses_remain_valid_while_the_code_is_kept():
 
 def test_a_function_that_the_code_does_not_have_is_named():
     with pytest.raises(RuntimeError, match="velocity"):
-        compile_text(TEXT).address("velocity")
+        compile_text(TEXT, 1).address("velocity")

@@ -1,0 +1,28 @@
+"""What a model is built from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from mbd_sim import dynamics
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.live_values import LiveParameters
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.equations import Equations
+    from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
+
+
+class BuildOrder(NamedTuple):
+    """The arguments of `build_model`, with the name of the method, which may be `auto`, and the step in s."""
+
+    mechanism: Mechanism
+    method: str
+    loaded: tuple[str, ...]
+    values: SymbolicParameters | LiveParameters | None
+    step: float
+
+    def trace(self) -> Equations:
+        """Derive the equations."""
+        symbols = self.values.symbolic if isinstance(self.values, LiveParameters) else self.values
+        return dynamics.derive(self.mechanism, self.loaded, symbols, self.step)

@@ -1,0 +1,260 @@
+"""Models that start with code that is not optimized, until a process in the background has built them."""
+
+import fcntl
+import gc
+import os
+import signal
+import subprocess
+import sys
+import threading
+import weakref
+
+import numpy as np
+import pytest
+
+from mbd_sim import DivergedError, Ensemble, Simulation, disk_cache, simulation
+from mbd_sim.compiler import machine_code
+from mbd_sim.compiler.python_callable import MOST_AT_ONCE
+from mbd_sim.load import load_mechanism
+from mbd_sim.simulation import optimizing_process, quick_start
+from mbd_sim.simulation.prepared_model import load_prepared
+from test.waiting import PATIENCE, wait_until
+
+UNSTABLE = """
+mechanism: unstable
+parts: {mass: {mass: 1}}
+joints: {rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], stiffness: 1e12, position: 1}}
+integrator: {method: METHOD, step: 1e-5}
+"""
+DISTANT = """
+mechanism: distant
+parts: {mass: {mass: 1}}
+joints: {rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], spring: {force: x + 0.1*x*sin(x)}}}
+"""
+pytestmark = pytest.mark.usefixtures("own_builds")
+
+
+@pytest.fixture(autouse=True)
+def allowed(tmp_path, monkeypatch):
+    """Each test has a cache of its own, and a build before it is long ago."""
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("MBD_SIM_QUICK_START", "on")
+    monkeypatch.setattr(machine_code, "LEVEL", 1)
+    monkeypatch.setattr(quick_start, "APART", 0.0)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """The models to be built in the background, which nobody builds."""
+    arguments = []
+    monkeypatch.setattr(simulation, "optimize_later", lambda *given: arguments.append(given))
+    return arguments
+
+
+def adopt(asked):
+    """Build a model as the background process does, and use its code."""
+    kernel, key, order = asked.pop()
+    optimizing_process.store(key, order)
+    kernel.adopt(load_prepared(key)[1])
+    return kernel
+
+
+def state(sim):
+    return [array.tobytes() for array in (sim.y, sim.inputs, sim.history, np.array([sim.steps, sim.error_estimate]))]
+
+
+CASES = {
+    "adams11": ("double_rod", {}),
+    "loops": ("four_bar", {}),
+    "quaternions": ("rolling_disc", {}),
+    "taylor": ("double_rod", {"method": "taylor"}),
+    "rk4": ("slider_crank", {"method": "rk4"}),
+    "rosenbrock": ("triple_rod_torsion", {"method": "rosenbrock"}),
+    "rosenbrock_w": ("triple_rod_torsion", {"method": "rosenbrock_w"}),
+    "gauss6": ("double_rod", {"method": "gauss6"}),
+    "live values": ("double_rod", {"live": ["gravity[2]"]}),
+    "wrenches": ("double_rod", {"wrenches": ["lower"]}),
+    "sampled motors": ("six_axis_servo_arm", {}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_code_changes_and_the_results_do_not(case, asked, monkeypatch):
+    name, options = CASES[case]
+    sim = Simulation.from_file(name, **options)
+    assert not sim.model.kernel.optimized
+    step, poses = sim.step, sim.poses  # callables that a user keeps use the new code as well
+    step(37)
+    energies = sim.energies
+    kernel = adopt(asked)
+    assert kernel is sim.model.kernel and kernel.optimized
+    assert sim.energies == energies
+    for count in (1, 20, 300):
+        step(count)
+    other = Simulation.from_file(name, **options)  # from the cache
+    assert other.model.kernel.optimized and not asked
+    other.step(358)
+    assert state(sim) == state(other)
+    assert sim.energies == other.energies and repr(poses()) == repr(other.poses())
+    copied = sim.copy()
+    copied.step(5)
+    other.step(5)
+    assert state(copied) == state(other)
+
+
+def test_the_compiled_step_calls_the_optimized_code(asked, monkeypatch):
+    """The same call runs other machine code: here, code of a mechanism with another gravity."""
+    sim = Simulation.from_file("double_rod")
+    other = Simulation.from_file("double_rod", set={"gravity": [0, 0, 0]}).model.kernel
+    sim.model.kernel.adopt(other)
+    sim.step(1)
+    assert sim.q == pytest.approx(sim.model.start[:2], abs=0)  # at rest, without gravity
+
+
+@pytest.mark.parametrize("method", ["rk4", "adams11"])
+def test_a_long_call_that_fails_changes_nothing(method, asked):
+    sim = Simulation.from_text(UNSTABLE.replace("METHOD", method))
+    before = state(sim)[:3]
+    with pytest.raises(DivergedError):
+        sim.step(20 * MOST_AT_ONCE)
+    assert (state(sim)[:3], sim.steps) == (before, 0)
+    sim.step(3)
+    assert sim.steps == 3
+
+
+def test_a_long_call_gives_way_to_the_optimized_code(asked, monkeypatch):
+    """Between two parts of the call."""
+    sim, parts = Simulation.from_file("double_rod"), []
+    memory, plain = sim._memory, type(sim._memory)._advance
+
+    def advance(self, n):
+        parts.append(n)
+        if len(parts) == 2:
+            adopt(asked)
+        return plain(self, n)
+
+    monkeypatch.setattr(type(memory), "_advance", advance)
+    sim.step(10 * MOST_AT_ONCE)
+    assert parts == [MOST_AT_ONCE, MOST_AT_ONCE, 8 * MOST_AT_ONCE] and sim.steps == 10 * MOST_AT_ONCE
+
+
+@pytest.mark.parametrize("written", ["off", "0", "", "OFF"])
+def test_it_can_be_turned_off(written, asked, monkeypatch):
+    monkeypatch.setenv("MBD_SIM_QUICK_START", written)
+    assert Simulation.from_file("rod_pendulum").model.kernel.optimized and not asked
+
+
+def test_what_is_not_stored_is_optimized_at_once(asked, monkeypatch):
+    """Contacts, springs whose potential is not known everywhere, ensembles, and everything without a cache."""
+    assert Simulation.from_file("bounce").model.kernel.optimized
+    distant = Simulation.from_text(DISTANT).model
+    assert distant.kernel.optimized and distant.equations.distant_springs is not None
+    Ensemble.from_file("rod_pendulum", 4)
+    monkeypatch.setenv("MBD_SIM_CACHE", "off")
+    assert Simulation.from_file("double_rod").model.kernel.optimized
+    assert not asked
+
+
+def test_a_program_that_builds_one_model_after_another_waits_for_each(asked, monkeypatch):
+    monkeypatch.setattr(quick_start, "APART", 3600.0)
+    monkeypatch.setattr(quick_start, "_last_build", -3600.0)
+    kernels = [Simulation.from_file(name).model.kernel for name in ("rod_pendulum", "double_rod", "simple_pendulum")]
+    assert [kernel.optimized for kernel in kernels] == [False, True, True]
+
+
+def test_the_process_builds_what_the_program_then_uses():
+    sim = Simulation.from_file("double_rod", live=["gravity[2]"])
+    kernel = sim.model.kernel
+    wait_until(lambda: kernel.optimized, "optimized code", meanwhile=lambda: sim.step(10))
+    other = Simulation.from_file("double_rod", live=["gravity[2]"])
+    other.step(sim.steps)
+    assert sim.state.tobytes() == other.state.tobytes()
+    wait_until(lambda: "optimized code" not in {thread.name for thread in threading.enumerate()}, "the thread's end")
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)  # no process is left
+
+
+PROGRAM = """
+from mbd_sim import Simulation
+sim = Simulation.from_file("double_rod")
+sim.step()
+print(sim.model.kernel.optimized)
+"""
+
+
+def output_of(program):
+    return subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=PATIENCE)
+
+
+def test_the_next_start_has_the_optimized_code_although_the_first_program_has_ended(tmp_path):
+    first = output_of(PROGRAM)
+    assert (first.stdout, first.stderr) == ("False\n", "")
+    order = tmp_path / "cache" / "optimizing"
+    wait_until(lambda: order.exists() and is_free(order) and output_of(PROGRAM).stdout == "True\n", "the next start")
+
+
+def is_free(path):
+    """Whether no process holds a lock."""
+    with path.open() as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("raise SystemExit('no memory')", "no memory"),
+        (f"import os; os.kill(os.getpid(), {int(signal.SIGKILL)})", "exit status -9"),
+    ],
+)
+def test_a_process_that_fails_is_reported_and_the_run_goes_on(fault, reason, tmp_path, monkeypatch, caplog):
+    (tmp_path / "failing.py").write_text(fault)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(quick_start, "PROGRAM", "failing")
+    sim = Simulation.from_file("rod_pendulum")
+    wait_until(lambda: caplog.messages, "a warning")
+    assert f"its process failed ({reason})" in caplog.text and "MBD_SIM_QUICK_START=off" in caplog.text
+    sim.step(10)
+    assert not sim.model.kernel.optimized
+
+
+def test_a_process_that_cannot_start_is_reported(monkeypatch, caplog):
+    monkeypatch.setattr(sys, "executable", "/does/not/exist")
+    Simulation.from_file("rod_pendulum").step()
+    assert "its process failed ([Errno 2] No such file or directory" in caplog.text
+
+
+def test_changed_modules_are_not_built_for_the_old_key(monkeypatch, caplog):
+    monkeypatch.setattr(quick_start, "versions", lambda: "older modules")
+    sim = Simulation.from_file("rod_pendulum")
+    wait_until(lambda: caplog.messages, "a warning")
+    assert "modules have changed" in caplog.text
+    assert load_prepared(sim.model.key) is None
+
+
+def test_a_model_that_is_not_used_any_more_is_not_kept(monkeypatch):
+    """By the thread that waits for its process."""
+    loaded = []
+    monkeypatch.setattr(quick_start, "load_prepared", lambda key: loaded.append(key))
+    with disk_cache.one_at_a_time("optimizing"):  # so that the process waits
+        sim = Simulation.from_file("rod_pendulum")
+        kernel = weakref.ref(sim.model.kernel)
+        del sim
+        gc.collect()
+        assert kernel() is None
+    wait_until(lambda: "optimized code" not in {thread.name for thread in threading.enumerate()}, "the thread's end")
+    assert not loaded
+
+
+def test_processes_wait_for_each_other(tmp_path):
+    """The second process finds what the first one has built."""
+    mechanism = load_mechanism("rod_pendulum")
+    with disk_cache.one_at_a_time("optimizing"):
+        first, second = (Simulation(mechanism, step=1e-4 * (index + 1)) for index in range(2))
+        names = [thread.name for thread in threading.enumerate()]
+        assert names.count("optimized code") == 2
+        assert not first.model.kernel.optimized and not second.model.kernel.optimized
+    wait_until(lambda: first.model.kernel.optimized and second.model.kernel.optimized, "both")
