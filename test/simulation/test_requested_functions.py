@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.simulation import compiled_model
+from mbd_sim.simulation.build_order import BuildOrder
 
 
 def readings(simulation, point):
@@ -26,7 +26,7 @@ def test_those_that_were_compiled_before_are_read_without_the_equations(own_buil
     def derived(*_):
         raise AssertionError("the equations are traced")
 
-    monkeypatch.setattr(compiled_model, "_derived", derived)
+    monkeypatch.setattr(BuildOrder, "trace", derived)
     cached = readings(Simulation.from_file(name), point)
     assert [array.tobytes() for array in cached] == [array.tobytes() for array in traced]
 
