@@ -90,14 +90,32 @@ def store(name: str, content: bytes) -> None:
 def one_at_a_time(name: str) -> Iterator[None]:
     """Wait until no other process is in this context with the same name and folder; at once where that is unknown."""
     with contextlib.ExitStack() as files:
-        if (directory := folder()) is not None:
-            with contextlib.suppress(OSError):
-                directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-                opened = files.enter_context(_opened(directory))
-                file = os.open(name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600, dir_fd=opened)
-                files.callback(os.close, file)  # which also unlocks it
-                fcntl.flock(file, fcntl.LOCK_EX)
+        with contextlib.suppress(OSError):
+            _lock(name, files, fcntl.LOCK_EX)
         yield
+
+
+def is_locked(name: str) -> bool:
+    """Whether a process is in the context of this name and folder."""
+    try:
+        with contextlib.ExitStack() as files:
+            _lock(name, files, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _lock(name: str, files: contextlib.ExitStack, kind: int) -> None:
+    """Lock a file of the cache until `files` are closed."""
+    if (directory := folder()) is None:
+        return
+    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with _opened(directory) as opened:
+        file = os.open(name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600, dir_fd=opened)
+    files.callback(os.close, file)  # which also unlocks it
+    fcntl.flock(file, kind)
 
 
 @contextlib.contextmanager

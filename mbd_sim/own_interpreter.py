@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import IO
 
+QUICK_START = "MBD_SIM_QUICK_START"  # the environment variable that says whether models start quickly
 _PACKAGES = str(Path(__file__).parents[1])  # the folder with this package
 
 
@@ -16,7 +17,8 @@ def start_interpreter(
 ) -> subprocess.Popen[bytes]:
     """Start Python with arguments. It imports what this process can, and starts sooner, without `site`.
 
-    It has a session of its own: Ctrl-C in a terminal does not interrupt it.
+    It has a session of its own: Ctrl-C in a terminal does not interrupt it. What it builds does not start quickly, so
+    that a program that takes the place of Python does not start itself again and again.
 
     :raises OSError: it cannot be started.
     """
@@ -26,6 +28,6 @@ def start_interpreter(
         stdin=stdin,
         stdout=stdout,
         stderr=stderr,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths), QUICK_START: "off"},
         start_new_session=True,
     )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from mbd_sim.compiler.machine_code import MachineCode
 from mbd_sim.compiler.python_callable import SUCCESSOR, callable_of
+
+Result = TypeVar("Result")
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
@@ -81,11 +83,11 @@ class Kernel:
         return self._adopted.address(f"read_{name}")
 
     def stepper(
-        self, fallback: Callable[..., None], addresses: Sequence[int], keep_alive: object
-    ) -> Callable[..., None]:
+        self, fallback: Callable[..., Result], addresses: Sequence[int], keep_alive: object
+    ) -> Callable[..., Result | None]:
         """`step(n=1)` as a Python callable with a cheap call: see `emit_call` and `callable_of`."""
         return cast(
-            Callable[..., None],
+            Callable[..., Result | None],
             callable_of(
                 self.code.address("call"), fallback, addresses, (self, keep_alive), "step(n=1)", fallback.__doc__
             ),

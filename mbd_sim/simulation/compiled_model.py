@@ -247,14 +247,14 @@ def build_model(
         values is None or isinstance(values, LiveParameters) or not len(values.base)
     ):
         key = model_key(mechanism, name, loaded, given_step, live)
-        if (found := load_prepared(key)) is not None:
+        if (found := load_prepared(key) or (simulation.unfinished_model(key) if quick else None)) is not None:
             return Model(mechanism, *found, order.trace, key=key)
-    quick = quick and key is not None and simulation.starts_quickly(mechanism)
+    quick = quick and key is not None and simulation.note_build(mechanism, key)
     with paused_collection(), interruptible_tracing():
         built = simulation.build(mechanism, name, order.trace, given_step, quick=quick)
     if key is not None and simulation.can_be_stored(built.equations):
         if quick:
-            simulation.optimize_later(built.kernel, key, order)
+            simulation.optimize_later(built.prepared, built.kernel, key, order)
         else:
             store_prepared(key, built.prepared, built.kernel)
     contact = simulation.contact_model(built.equations, built.kernel)

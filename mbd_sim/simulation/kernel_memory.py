@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from mbd_sim.simulation.compiled_model import Model
 
 if TYPE_CHECKING:
     from mbd_sim.compiler import CompiledFunction
+
+Result = TypeVar("Result")
 
 
 class KernelMemory:
@@ -42,6 +44,7 @@ class KernelMemory:
         self._error_estimate = np.zeros(1)
         self._readers: dict[str, Callable[[], Array]] = {}
         self._accelerations: Callable[[], Array] | None = None
+        self._step: Callable[..., bool | None] | None = None
 
     def read(self, name: str, *shape: int) -> Array:
         """The output of a reader of the kernel at the present state, row by row; in the thread that takes the steps."""
@@ -92,24 +95,24 @@ class KernelMemory:
     def advance(self, n: int) -> bool:
         """Advance by n steps; False where the new state would not be finite, and then nothing is changed.
 
-        Only the error estimate is that of the steps that were tried.
+        Only the error estimate is then that of all n steps. Ctrl-C, which Python notices between calls of compiled
+        code, leaves state and step counter together, as this code counts its steps.
         """
         if self.contacts is not None:
             if not self.contacts.advance(self.y, self.inputs, self.steps, self.step_size, n, self._error_estimate):
                 return False
             self._counter[0] += n
             return True
-        if self._kernel.optimized or n <= MOST_AT_ONCE:
-            return self._advance(n)
+        if self._kernel.signature.optimized or n <= MOST_AT_ONCE:
+            return self._counted(n)
         y, history, steps = self.y.copy(), self.history.copy(), self.steps
-        while (left := steps + n - self.steps) > 0:
-            if not self._advance(left if self._kernel.optimized else min(left, MOST_AT_ONCE)):
+        while left := steps + n - self.steps:
+            if not self._counted(min(left, MOST_AT_ONCE)):
                 self.y[:], self.history[:], self._counter[0] = y, history, steps
-                return False
+                return self._at_once(n)  # which fails too, with the error estimate of optimized code
         return True
 
-    def _advance(self, n: int) -> bool:
-        """The same in one call of compiled code, without contacts."""
+    def _at_once(self, n: int) -> bool:
         addresses = self.y.ctypes.data, self.inputs.ctypes.data
         step_size, estimate = self.step_size, self._error_estimate.ctypes.data
         if not self._kernel.estimating_advance(*addresses, self.steps, step_size, n, estimate):
@@ -117,8 +120,14 @@ class KernelMemory:
         self._counter[0] += n
         return True
 
-    def compiled_step(self, fallback: Callable[..., None]) -> Callable[..., None]:
-        """`step(n=1)` as compiled code, which calls `fallback` with the same arguments if a step fails."""
+    def _counted(self, n: int) -> bool:
+        """The same in one call, without contacts; code that is not optimized takes at most `MOST_AT_ONCE` steps."""
+        if self._step is None:
+            self._step = self.compiled_step(lambda n: False)
+        return self._step(n) is None
+
+    def compiled_step(self, fallback: Callable[..., Result]) -> Callable[..., Result | None]:
+        """`step(n=1)` as compiled code, which returns None; it returns `fallback` of its arguments if a step fails."""
         arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
         return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
 

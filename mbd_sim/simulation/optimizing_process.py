@@ -11,29 +11,28 @@ import pickle
 import sys
 
 from mbd_sim import disk_cache
-from mbd_sim.mechanism_cache import versions
-from mbd_sim.simulation.build_order import BuildOrder
-from mbd_sim.simulation.model_builder import build
-from mbd_sim.simulation.prepared_model import load_prepared, store_prepared
 
+LOCK = "optimizing"
 LEAVES = 10  # added to the niceness
 
 
 def main() -> None:
     """The program."""
     os.nice(LEAVES)
-    key, state, order = pickle.load(sys.stdin.buffer)  # noqa: S301  (from the program that has started this one)
+    with disk_cache.one_at_a_time(LOCK):
+        _build(sys.stdin.buffer.read())
+
+
+def _build(order: bytes) -> None:
+    # Imported now, because the modules take the memory of a program.
+    from mbd_sim.mechanism_cache import versions
+    from mbd_sim.simulation.prepared_model import load_prepared
+
+    key, state, contents = pickle.loads(order)  # noqa: S301  (from the program that has started this one)
     if state != versions():
-        raise SystemExit("its modules have changed since the program started")
-    with disk_cache.one_at_a_time("optimizing"):
-        if load_prepared(key) is None:
-            store(key, order)
-
-
-def store(key: str, order: BuildOrder) -> None:
-    """Build a model, and store it in the cache under a key."""
-    built = build(order.mechanism, order.method, order.trace, order.step)
-    store_prepared(key, built.prepared, built.kernel)
+        raise SystemExit("modules of mbd_sim have changed since it started")
+    if load_prepared(key) is None:
+        contents.store(key)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Models that start with code that is not optimized, until a process in the background has built them."""
 
+import contextlib
 import fcntl
 import gc
 import os
@@ -15,8 +16,8 @@ import pytest
 from mbd_sim import DivergedError, Ensemble, Simulation, disk_cache, simulation
 from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.python_callable import MOST_AT_ONCE
-from mbd_sim.load import load_mechanism
-from mbd_sim.simulation import optimizing_process, quick_start
+from mbd_sim.simulation import quick_start
+from mbd_sim.simulation.optimizing_process import LOCK
 from mbd_sim.simulation.prepared_model import load_prepared
 from test.waiting import PATIENCE, wait_until
 
@@ -53,8 +54,8 @@ def asked(monkeypatch):
 
 def adopt(asked):
     """Build a model as the background process does, and use its code."""
-    kernel, key, order = asked.pop()
-    optimizing_process.store(key, order)
+    _, kernel, key, order = asked.pop()
+    order.store(key)
     kernel.adopt(load_prepared(key)[1])
     return kernel
 
@@ -112,36 +113,89 @@ def test_the_compiled_step_calls_the_optimized_code(asked, monkeypatch):
 
 
 @pytest.mark.parametrize("method", ["rk4", "adams11"])
-def test_a_long_call_that_fails_changes_nothing(method, asked):
-    sim = Simulation.from_text(UNSTABLE.replace("METHOD", method))
+def test_a_long_call_that_fails_changes_nothing_and_says_the_same(method, asked, monkeypatch):
+    sim, messages = Simulation.from_text(UNSTABLE.replace("METHOD", method)), []
     before = state(sim)[:3]
-    with pytest.raises(DivergedError):
-        sim.step(20 * MOST_AT_ONCE)
-    assert (state(sim)[:3], sim.steps) == (before, 0)
+    monkeypatch.setenv("MBD_SIM_QUICK_START", "off")
+    optimized = Simulation.from_text(UNSTABLE.replace("METHOD", method))
+    for each in (sim, optimized):
+        with pytest.raises(DivergedError) as raised:
+            each.step(20 * MOST_AT_ONCE)
+        messages.append(str(raised.value))
+        assert (state(each)[:3], each.steps) == (before, 0)
+    assert messages[0] == messages[1] and sim.error_estimate == optimized.error_estimate
     sim.step(3)
     assert sim.steps == 3
 
 
-def test_a_long_call_gives_way_to_the_optimized_code(asked, monkeypatch):
-    """Between two parts of the call."""
-    sim, parts = Simulation.from_file("double_rod"), []
-    memory, plain = sim._memory, type(sim._memory)._advance
+@pytest.mark.parametrize("recorded", [False, True])
+def test_an_interrupt_in_a_long_call_leaves_state_and_time_together(recorded, asked, tmp_path):
+    """Of code that is not optimized, and of a run that is recorded, which is divided too."""
 
-    def advance(self, n):
-        parts.append(n)
-        if len(parts) == 2:
-            adopt(asked)
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    sim = Simulation.from_file("double_rod")
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        with sim.recording(tmp_path / "run.mcap") if recorded else contextlib.nullcontext():
+            signal.setitimer(signal.ITIMER_REAL, 0.05)
+            with pytest.raises(KeyboardInterrupt):
+                sim.step(10**9)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    other = Simulation.from_file("double_rod")
+    other.step(sim.steps)
+    assert sim.steps > 0 and state(sim) == state(other)
+
+
+def test_a_long_call_gives_way_to_the_optimized_code(asked, monkeypatch):
+    """Between two parts of the call; from then on without gravity, which shows it."""
+    sim, sizes, energies = Simulation.from_file("rod_pendulum"), [], []
+    other = Simulation.from_file("rod_pendulum", set={"gravity": [0, 0, 0]}).model.kernel
+    plain = type(sim._memory)._counted
+
+    def counted(self, n):
+        sizes.append(n)
+        energies.append(sim.energies.kinetic)
+        if len(sizes) == 4:
+            sim.model.kernel.adopt(other)
         return plain(self, n)
 
-    monkeypatch.setattr(type(memory), "_advance", advance)
-    sim.step(10 * MOST_AT_ONCE)
-    assert parts == [MOST_AT_ONCE, MOST_AT_ONCE, 8 * MOST_AT_ONCE] and sim.steps == 10 * MOST_AT_ONCE
+    monkeypatch.setattr(type(sim._memory), "_counted", counted)
+    sim.step(7 * MOST_AT_ONCE + 5)
+    assert sizes == 7 * [MOST_AT_ONCE] + [5] and sim.steps == sum(sizes)
+    assert len(set(np.round(energies[:4], 3))) == 4
+    assert energies[4:] == pytest.approx([energies[3]] * 4, abs=1e-12)  # conserved
 
 
 @pytest.mark.parametrize("written", ["off", "0", "", "OFF"])
 def test_it_can_be_turned_off(written, asked, monkeypatch):
     monkeypatch.setenv("MBD_SIM_QUICK_START", written)
     assert Simulation.from_file("rod_pendulum").model.kernel.optimized and not asked
+
+
+@pytest.mark.parametrize(("name", "value"), [("executable", ""), ("frozen", True)])
+def test_programs_without_an_interpreter_wait_for_optimized_code(name, value, asked, monkeypatch):
+    monkeypatch.setattr(sys, name, value, raising=False)
+    assert Simulation.from_file("rod_pendulum").model.kernel.optimized and not asked
+
+
+def test_where_nothing_can_be_stored_a_program_waits_for_optimized_code(asked, monkeypatch):
+    monkeypatch.setenv("MBD_SIM_CACHE", "/dev/null/cache")
+    assert Simulation.from_file("rod_pendulum").model.kernel.optimized and not asked
+
+
+def test_a_model_starts_quickly_only_once(asked):
+    """If its process was ended, as those of a container are with the program, the next start waits."""
+    assert not Simulation.from_file("rod_pendulum").model.kernel.optimized
+    asked.clear()
+    assert Simulation.from_file("rod_pendulum").model.kernel.optimized and not asked
+
+
+def test_while_another_model_is_being_optimized_a_program_waits(asked):
+    with disk_cache.one_at_a_time(LOCK):
+        assert Simulation.from_file("rod_pendulum").model.kernel.optimized and not asked
 
 
 def test_what_is_not_stored_is_optimized_at_once(asked, monkeypatch):
@@ -216,7 +270,7 @@ def test_a_process_that_fails_is_reported_and_the_run_goes_on(fault, reason, tmp
     monkeypatch.setattr(quick_start, "PROGRAM", "failing")
     sim = Simulation.from_file("rod_pendulum")
     wait_until(lambda: caplog.messages, "a warning")
-    assert f"its process failed ({reason})" in caplog.text and "MBD_SIM_QUICK_START=off" in caplog.text
+    assert f"two to five times as long ({reason})" in caplog.text and "MBD_SIM_QUICK_START=off" in caplog.text
     sim.step(10)
     assert not sim.model.kernel.optimized
 
@@ -224,22 +278,40 @@ def test_a_process_that_fails_is_reported_and_the_run_goes_on(fault, reason, tmp
 def test_a_process_that_cannot_start_is_reported(monkeypatch, caplog):
     monkeypatch.setattr(sys, "executable", "/does/not/exist")
     Simulation.from_file("rod_pendulum").step()
-    assert "its process failed ([Errno 2] No such file or directory" in caplog.text
+    assert "two to five times as long ([Errno 2] No such file or directory" in caplog.text
+
+
+@pytest.mark.parametrize(("module", "name"), [("tempfile", "TemporaryFile"), ("threading", "Thread")])
+def test_what_cannot_be_had_is_reported(module, name, monkeypatch, caplog):
+    def fail(*_, **__):
+        raise RuntimeError("there is none")
+
+    monkeypatch.setattr(getattr(quick_start, module), name, fail)
+    Simulation.from_file("rod_pendulum").step()
+    assert "there is none" in caplog.text and not quick_start._unfinished
 
 
 def test_changed_modules_are_not_built_for_the_old_key(monkeypatch, caplog):
     monkeypatch.setattr(quick_start, "versions", lambda: "older modules")
     sim = Simulation.from_file("rod_pendulum")
     wait_until(lambda: caplog.messages, "a warning")
-    assert "modules have changed" in caplog.text
+    assert "modules of mbd_sim have changed" in caplog.text
     assert load_prepared(sim.model.key) is None
+
+
+@contextlib.contextmanager
+def waiting_processes():
+    """Let the processes wait, although the caller is not refused."""
+    with pytest.MonkeyPatch.context() as patch, disk_cache.one_at_a_time(LOCK):
+        patch.setattr(disk_cache, "is_locked", lambda name: False)
+        yield
 
 
 def test_a_model_that_is_not_used_any_more_is_not_kept(monkeypatch):
     """By the thread that waits for its process."""
     loaded = []
     monkeypatch.setattr(quick_start, "load_prepared", lambda key: loaded.append(key))
-    with disk_cache.one_at_a_time("optimizing"):  # so that the process waits
+    with waiting_processes():
         sim = Simulation.from_file("rod_pendulum")
         kernel = weakref.ref(sim.model.kernel)
         del sim
@@ -249,12 +321,45 @@ def test_a_model_that_is_not_used_any_more_is_not_kept(monkeypatch):
     assert not loaded
 
 
-def test_processes_wait_for_each_other(tmp_path):
-    """The second process finds what the first one has built."""
-    mechanism = load_mechanism("rod_pendulum")
-    with disk_cache.one_at_a_time("optimizing"):
-        first, second = (Simulation(mechanism, step=1e-4 * (index + 1)) for index in range(2))
-        names = [thread.name for thread in threading.enumerate()]
-        assert names.count("optimized code") == 2
-        assert not first.model.kernel.optimized and not second.model.kernel.optimized
-    wait_until(lambda: first.model.kernel.optimized and second.model.kernel.optimized, "both")
+def test_two_simulations_of_a_mechanism_share_its_code():
+    with waiting_processes():
+        first, second = (Simulation.from_file("rod_pendulum") for _ in range(2))
+        assert first.model.kernel is second.model.kernel and not first.model.kernel.optimized
+        assert second.model.coordinate_names == ("pin",)
+    wait_until(lambda: second.model.kernel.optimized, "optimized code")
+
+
+FORKING = """
+import os, time
+from mbd_sim import Simulation
+from mbd_sim.simulation import quick_start
+sim = Simulation.from_file("double_rod")
+kernel = sim.model.kernel
+assert not kernel.optimized
+child = os.fork()
+deadline = time.monotonic() + 100
+while not kernel.optimized and time.monotonic() < deadline:
+    sim.step()
+other = Simulation.from_file("double_rod", method="rk4")  # LLVM is not locked
+other.step()
+status = int(not kernel.optimized)
+if child:
+    status += os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+raise SystemExit(status)
+"""
+
+
+def test_a_forked_process_uses_the_optimized_code_as_well():
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKING]
+    subprocess.run(command, check=True, timeout=PATIENCE)
+
+
+def test_other_data_than_those_of_the_code_are_not_used(asked):
+    """A model that was built from other modules, for example."""
+    sim = Simulation.from_file("double_rod")
+    prepared, kernel, _, order = asked.pop()
+    order._replace(method="rk4").store("0123")
+    model = quick_start._QuickModel(prepared, weakref.ref(kernel))
+    assert not model.adopt("0123") and not sim.model.kernel.optimized
+    order.store("4567")
+    assert model.adopt("4567") and sim.model.kernel.optimized
