@@ -102,9 +102,10 @@ def optimize_later(prepared: PreparedModel, kernel: Kernel, key: str, order: Bui
             given.write(pickle.dumps((key, versions(), order)))
             given.seek(0)
             process = start_interpreter("-m", PROGRAM, stdin=given, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        _unfinished[key] = _QuickModel(prepared, weakref.ref(kernel))
+        model = _unfinished[key] = _QuickModel(prepared, weakref.ref(kernel))
+        arguments = process, model, key
         try:
-            threading.Thread(target=_adopt_when_built, args=(process, key), daemon=True, name="optimized code").start()
+            threading.Thread(target=_adopt_when_built, args=arguments, daemon=True, name="optimized code").start()
         except RuntimeError:
             del _unfinished[key]
             process.kill()
@@ -114,13 +115,13 @@ def optimize_later(prepared: PreparedModel, kernel: Kernel, key: str, order: Bui
         _warn(str(error))
 
 
-def _adopt_when_built(process: subprocess.Popen[bytes], key: str) -> None:
+def _adopt_when_built(process: subprocess.Popen[bytes], model: _QuickModel, key: str) -> None:
     began = time.monotonic()
     _, errors = process.communicate()
     with _loading:
         if _is_ending:
             return
-        model = _unfinished.pop(key)
+        _unfinished.pop(key, None)
         if process.returncode:
             last = errors.decode(errors="replace").strip().rpartition("\n")[2]
             _warn(last or f"exit status {process.returncode}")
