@@ -26,6 +26,7 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
@@ -259,8 +260,10 @@ def main() -> None:
     checkouts = [HERE, *([arguments.beside.resolve()] if arguments.beside else [])]
     with tempfile.TemporaryDirectory() as folder:
         found = [row for row in rows(Path(folder), arguments.robots) if arguments.only in row.name]
+        load = os.getloadavg()[0]
         medians = measure(found, checkouts, arguments.rounds)
     print(table(found, checkouts, medians))
+    print(f"\nMeasured on {date.today()}, with a load of {load:.1f} before.")
     if arguments.json:
         content = {f"{name}, {path}": times._asdict() for (name, path), times in medians.items()}
         arguments.json.write_text(json.dumps(content, indent=1), encoding="utf-8")

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.errors import DivergedError
@@ -69,12 +70,12 @@ class ContactStepper:
         self.observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
 
-    def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> bool:
-        """Take n steps; False, with nothing changed, where the state would not stay finite.
+    def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
+        """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
 
-        :raises EventError: contacts without a solution; nothing is changed then either.
+        :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes = y.copy(), inputs.copy()
+        before, modes, first = y.copy(), inputs.copy(), int(counter[0])
         self._new.clear()
         try:
             done = 0
@@ -87,11 +88,12 @@ class ContactStepper:
                 if done < n:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
                     done += 1
-        except (FloatingPointError, EventError) as error:
-            y[:], inputs[:] = before, modes
-            if isinstance(error, EventError):
-                raise
-            return False
+            counter[0] = first + n
+        except BaseException as error:  # Ctrl-C included, after which state and time must belong together
+            y[:], inputs[:], counter[0] = before, modes, first
+            if isinstance(error, FloatingPointError):
+                return False
+            raise
         self._keep_new()
         return True
 

@@ -51,7 +51,7 @@ def advance_through_events(contacts: Sequence[ContactStepper]) -> Advance:
             y, inputs, estimate, alive = (arrays[name][group, :, 0] for name in ("y", "inputs", "estimates", "alive"))
             if alive[0]:
                 try:
-                    alive[0] = float(contacts[group].advance(y, inputs, first, h, steps, estimate))
+                    alive[0] = float(contacts[group].advance(y, inputs, np.array([first]), h, steps, estimate))
                 except EventError:
                     alive[0] = 0.0
 

@@ -99,10 +99,7 @@ class KernelMemory:
         code, leaves state and step counter together, as this code counts its steps.
         """
         if self.contacts is not None:
-            if not self.contacts.advance(self.y, self.inputs, self.steps, self.step_size, n, self._error_estimate):
-                return False
-            self._counter[0] += n
-            return True
+            return self.contacts.advance(self.y, self.inputs, self._counter, self.step_size, n, self._error_estimate)
         if self._kernel.signature.optimized or n <= MOST_AT_ONCE:
             return self._counted(n)
         y, history, steps = self.y.copy(), self.history.copy(), self.steps

@@ -1,6 +1,7 @@
 """One-sided elements: twelve systems against values that were computed apart from this project, and what must hold."""
 
 import math
+import signal
 
 import numpy as np
 import pytest
@@ -208,6 +209,27 @@ def test_steps_together_and_one_by_one_are_the_same_bits():
         single.step()
     assert together.state.tobytes() == single.state.tobytes()
     assert together.inputs.tobytes() == single.inputs.tobytes()
+
+
+@pytest.mark.parametrize("name", ["stops", "newtons_cradle"])
+def test_an_interrupt_leaves_state_and_time_together(name):
+    """Wherever it arrives in a call: then the call has not begun."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    sim, other = Simulation.from_file(name), Simulation.from_file(name)
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for delay in (0.003, 0.01, 0.03):
+            signal.setitimer(signal.ITIMER_REAL, delay)
+            with pytest.raises(KeyboardInterrupt):
+                while True:
+                    sim.step(700)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    other.step(sim.steps)
+    assert sim.state.tobytes() == other.state.tobytes() and sim.inputs.tobytes() == other.inputs.tobytes()
 
 
 def test_a_snapshot_carries_the_contacts():
