@@ -176,7 +176,10 @@ class LiveValues:
             text = _written(written, location)
             if not isinstance(text, str):
                 return self.current[key] == self._of_file[key]
-            return self.current[key] == parse_value(text, parameters.values, None, parameters.functions.expanded)
+            try:
+                return self.current[key] == parse_value(text, parameters.values, None, parameters.functions.expanded)
+            except InputError:  # the formula is not defined with the others at their current values
+                return False
 
         given = {
             key: self.current[key]

@@ -71,6 +71,26 @@ def test_the_file_of_a_changed_run_can_be_verified(run, tmp_path, capsys):
     assert main(["rerun-with", str(run), "--step", "0.0005", "--out", str(run), "--quiet"]) == 1
 
 
+UNDEFINED = """
+mechanism: undefined
+parameters: {l: 1, d: 1/(l - 1.5) + 3}
+parts: {mass: {mass: 1}}
+joints:
+  rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], position: 0.6, stiffness: l, damping: d}
+"""
+
+
+def test_a_live_value_may_be_given_where_its_formula_is_not_defined(tmp_path):
+    sim = Simulation.from_text(UNDEFINED, live=["l", "d"])
+    with sim.recording(tmp_path / "run.mcap"):
+        sim.set_live({"d": 2.0})
+        sim.run(until=0.1)
+        sim.set_live({"l": 1.5})
+        sim.run(until=0.2)
+    found = changed_run(tmp_path / "run.mcap", changes={"joints.rail.position": 0.7})
+    assert found.recomputation.simulation.live == {"l": 1.5, "d": 2.0}
+
+
 def test_both_runs_are_plotted_and_the_deviations_printed(run, tmp_path, capsys):
     picture = tmp_path / "x.png"
     assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(picture), "--quiet"]) == 0

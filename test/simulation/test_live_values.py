@@ -260,6 +260,24 @@ def test_a_value_given_as_in_the_file_stays_after_a_restore_though_its_formula_h
     assert other.live == {"parameters.d": 0.6, "parameters.e": 0.2, DAMPING: 0.2}
 
 
+UNDEFINED = """
+mechanism: undefined
+parameters: {l: 1, d: 1/(l - 1.5) + 3}
+parts: {mass: {mass: 1}}
+joints: {rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], stiffness: l, damping: d}}
+"""
+
+
+def test_a_given_value_stays_after_a_restore_at_which_its_formula_is_not_defined():
+    sim = Simulation.from_text(UNDEFINED, live=["l", "d"])
+    sim.set_live({"d": 2.0})
+    sim.set_live({"l": 1.5})
+    other = Simulation.from_text(UNDEFINED, live=["l", "d"])
+    other.restore(sim.snapshot())
+    other.set_live({"l": 1.6})
+    assert other.live == {"l": 1.6, "d": 2.0}
+
+
 INERTIA = FOLLOWING.replace("[0, 0, -1]}", "[0, 0, 0], inertia: [1, 1, d + 0.9]}")
 
 
