@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize
-from mbd_sim.dynamics.assembly import close_loops
+from mbd_sim.dynamics.assembly import close_loops, is_short
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations, require_equations
@@ -89,7 +89,8 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
 def _balanced(equations: Equations, q: Array, inputs: Array, far: bool = False) -> Array | None:
     """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none.
 
-    If it may be `far` away, the longest step doubles after each one that it limits.
+    If it may be `far` away, the longest step doubles after each one that it limits, and the last one has to be short:
+    accelerations that only vanish at infinity, as 1/x² does, have no equilibrium.
     """
     nq, nv = equations.layout.nq, equations.layout.nv
     constraints, all_free = equations.constraints.with_values(inputs[equations.inputs.values]), np.ones(nv, dtype=bool)
@@ -101,7 +102,7 @@ def _balanced(equations: Equations, q: Array, inputs: Array, far: bool = False) 
         y = at_rest(q)
         return np.array(equations.rates.call([0.0, y, inputs])[0]).ravel()[nq : nq + nv]
 
-    best, least, scale, longest = None, math.inf, 1.0, LONGEST_STEP
+    best, least, scale, longest, converged = None, math.inf, 1.0, LONGEST_STEP, False
     for iteration in range(ITERATIONS):
         closing = close_loops(constraints, 0.0, q, all_free) if equations.rows else None
         if closing is not None:
@@ -118,7 +119,9 @@ def _balanced(equations: Equations, q: Array, inputs: Array, far: bool = False) 
         free = null_space(constraints.gradient(0.0, q))
         slope = evaluated(equations.derivatives, 0.0, at_rest(q), inputs)[:nv, :nv].T @ free
         step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
+        if best is q:
+            converged = not far or is_short(step, q)
         factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         longest *= 2.0 if far and factor < 1.0 else 1.0
         q = constraints.displaced(q, factor * step)
-    return best if least <= BALANCED * scale else None
+    return best if converged and least <= BALANCED * scale else None

@@ -16,6 +16,7 @@ CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
 ITERATIONS, ATTEMPTS = 60, 30
 FAR_ITERATIONS = 120
 LONGEST_STEP = 0.6  # m or rad
+CONVERGED = 1e-6  # step that may remain at a solution far away, relative to 1 + |q|
 STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
 
 
@@ -50,7 +51,8 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
     """Move the `free` (nv,) coordinates as little as possible so that the constraints are satisfied at time t.
 
     If Newton's method fails from q, it is tried from other guesses around q, the same ones in every run, and then
-    from q with steps that grow, for a mechanism that is many meters large.
+    from q with steps that grow, for a mechanism that is many meters large. Gaps that only vanish at infinity, as 1/x
+    does, stay open.
     """
     random = np.random.default_rng(0)
     best = _newton(constraints, t, q, free)
@@ -64,7 +66,28 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
     if best.closed or not free.any():
         return best
     far = _newton(constraints, t, q, free, far=True)
-    return far if far.closed else best
+    return far if far.closed and _converged(constraints, t, far, free) else best
+
+
+def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array) -> bool:
+    """Whether Newton's next step is short; towards a solution at infinity, each one is about as long as q."""
+    slope = constraints.gradient(t, found.q)[constraints.holonomic][:, free]
+    if not np.all(np.isfinite(slope)):
+        return False
+    return is_short(_least_step(slope, found.gaps[constraints.holonomic]), found.q)
+
+
+def _least_step(slope: Array, gaps: Array) -> Array:
+    """The displacement of least norm that closes linearized gaps."""
+    if not slope.size:
+        return np.zeros(slope.shape[1])
+    return np.asarray(-np.linalg.lstsq(slope, gaps, rcond=RANK)[0], dtype=float)
+
+
+def is_short(step: Array, q: Array) -> bool:
+    """Whether a step is short enough for Newton's method to have converged at q, however far away."""
+    size = float(np.max(np.abs(step), initial=0.0))
+    return size <= CONVERGED * (1.0 + float(np.max(np.abs(q), initial=0.0)))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -82,8 +105,7 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, f
         if not (np.isfinite(norm) and np.all(np.isfinite(slope))):
             break
         step = np.zeros(len(free))
-        if slope.size:
-            step[free] = -np.linalg.lstsq(slope, gaps[constraints.holonomic], rcond=RANK)[0]
+        step[free] = _least_step(slope, gaps[constraints.holonomic])
         factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         growing = far and factor < 1.0
         step *= factor

@@ -70,6 +70,18 @@ joints: {rail: {type: prismatic, between: [ground, weight], axis: [0, 0, 1], sti
     assert mode.frequency == pytest.approx(np.sqrt(0.1) / (2 * np.pi), rel=1e-12)
 
 
+@pytest.mark.parametrize("effort", ["1/x", "-1/x**2", "1/x**2", "-3.986e14/(6.4e6 + x)**2"])
+def test_an_acceleration_that_vanishes_at_infinity_has_no_equilibrium(effort):
+    simulation = Simulation.from_text(f"""
+mechanism: vanishing
+gravity: [0, 0, 0]
+parts: {{mass: {{mass: 1}}}}
+joints: {{x: {{type: prismatic, between: [ground, mass], axis: [1, 0, 0], position: 1}}}}
+forces: {{field: {{type: effort, coordinate: x, effort: "{effort}"}}}}
+""")
+    assert equilibrium(simulation.model.equations) is None
+
+
 def test_slow_modes_are_not_taken_for_zeros():
     """A flywheel slows down with d/I = 1e-5 1/s; a second one turns freely, and has two eigenvalues of zero."""
     simulation = Simulation.from_text("""

@@ -8,6 +8,7 @@ import pytest
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.dynamics.test_assembly_errors import FOUR_BAR, four_bar
 from test.generators.mechanisms import derived
@@ -173,3 +174,26 @@ def test_a_loop_of_hundreds_of_meters_is_closed():
     rod = -np.arcsin(100.0 * np.sin(1.0) / 300.0)
     exact = [1.0, rod - 1.0, 100.0 * np.cos(1.0) + 300.0 * np.cos(rod)]
     assert start == pytest.approx(exact, rel=1e-14)
+
+
+def test_a_flat_loop_of_hundreds_of_meters_is_closed():
+    """Newton's method converges slowly there, because the gaps change with the squares of the angles."""
+    guessed = LARGE_SLIDER_CRANK.replace("position: 1}", "position: 0.4, guess: true}").replace("-1.4", "0.3")
+    start = derived(guessed.replace("axis: [1, 0, 0]}", "axis: [1, 0, 0], position: 400}")).start.q
+    assert start == pytest.approx([0.0, 0.0, 400.0], abs=1e-6)
+
+
+VANISHING = """
+mechanism: vanishing
+parts: {slide: {mass: 0}, point: {mass: 1}}
+joints:
+  x: {type: prismatic, between: [ground, slide], axis: [1, 0, 0], position: 1, guess: true}
+  z: {type: prismatic, between: [slide, point], axis: [0, 0, 1], position: 1}
+constraints: {curve: {type: on_surface, point: point, equation: "EQUATION"}}
+"""
+
+
+@pytest.mark.parametrize("equation", ["1/x", "1/x**2", "z - 1 - 1/x"])
+def test_a_gap_that_vanishes_at_infinity_stays_open(equation):
+    with pytest.raises(MechanismError, match="curve: this constraint is violated"):
+        derived(VANISHING.replace("EQUATION", equation))
