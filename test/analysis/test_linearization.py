@@ -98,6 +98,22 @@ joints:
     assert slow.damping == 1.0
 
 
+@pytest.mark.parametrize("radius", [0.1, 0.01, 0.001])
+@pytest.mark.parametrize("angle", [0.3, 1.1, 2.0])
+def test_a_balanced_wheel_turns_freely_however_small(radius, angle):
+    """Two masses at opposite ends of a lever, m r = M R; round-off leaves a moment of their weights."""
+    wheel = Simulation.from_text(f"""
+mechanism: balanced
+parts:
+  wheel:
+    shapes:
+      - {{type: particle, radius: {radius / 50}, mass: 0.7, at: [{radius * 1.1}, 0, {radius * 0.7}]}}
+      - {{type: particle, radius: {radius / 50}, mass: 0.3, at: [{-radius * 7.7 / 3}, 0, {-radius * 4.9 / 3}]}}
+joints: {{hub: {{type: revolute, between: [ground, wheel], axis: [0, -1, 0], position: {angle}}}}}
+""")
+    assert {mode.eigenvalue for mode in modes(wheel.linearize())} == {0.0}
+
+
 @pytest.mark.parametrize("damping", [0.0, 3.0, 15.0])
 def test_damping_ratio(damping):
     _, (mode,) = small_motions(Simulation.from_text(DAMPED.replace("DAMPING", str(damping))))
