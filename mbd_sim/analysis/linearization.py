@@ -17,7 +17,7 @@ from mbd_sim.analysis.small_motion import small_motion
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.errors import quoted
 from mbd_sim.geometry.pose import Array
-from mbd_sim.geometry.shaped_arrays import finite_vector, vector
+from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.mechanism.actuators import channel_names
 
 ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:
@@ -91,7 +91,7 @@ def linearize(
     require_equations(equations)
     nq, nv = equations.layout.nq, equations.layout.nv
     own = equations.inputs_without_commands
-    given = own.copy() if inputs is None else vector(inputs, own.size, "inputs").copy()
+    given = own.copy() if inputs is None else finite_vector(inputs, own.size, "inputs")
     given[equations.inputs.efforts] = finite_vector(efforts, nv, "efforts")
     y = equations.start_state.copy()
     y[:nq], y[nq : nq + nv] = finite_vector(q, nq, "q"), finite_vector(u, nv, "u")

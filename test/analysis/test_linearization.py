@@ -268,3 +268,12 @@ def test_what_is_no_linearization_or_no_equations_is_refused_with_the_way_to_it(
         linearize(*given, inputs=[0.0] * 99)
     with pytest.raises(ValueError, match=r"states must be a list of"):
         linearize(*given, states=0.0)
+
+
+def test_inputs_that_are_not_finite_are_refused():
+    equations = Simulation.from_file("four_bar", live="gravity[2]").model.equations
+    given = equations.start.q, equations.start.u, np.zeros(equations.layout.nv)
+    inputs = equations.inputs_without_commands.copy()
+    inputs[equations.inputs.values] = np.nan
+    with pytest.raises(ValueError, match="inputs contains a value that is not finite"):
+        linearize(equations, *given, inputs=inputs)
