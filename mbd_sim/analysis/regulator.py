@@ -25,8 +25,7 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     """
     a = np.asarray(a, dtype=float)
     n = len(a) if a.ndim else 0
-    a, b = finite_matrix(a, (n, n), "a"), np.atleast_2d(np.asarray(b, dtype=float))
-    b = finite_matrix(b, (n, b.shape[1]), "b")
+    a, b = finite_matrix(a, (n, n), "a"), _columns(b, n)
     state_cost = _cost(state_cost, n, "state_cost")
     effort_cost = _cost(effort_cost, b.shape[1], "effort_cost", positive=True)
     weighted = np.linalg.solve(effort_cost, b.T)
@@ -40,6 +39,17 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
         )
     solution = np.real(stable[n:] @ np.linalg.inv(stable[:n]))
     return np.asarray(weighted @ solution)
+
+
+def _columns(given: Array, size: int) -> Array:
+    """A matrix (size, m) with a column for each effort."""
+    b = np.asarray(given, dtype=float)
+    if b.ndim != 2:
+        raise ValueError(
+            f"b must be a matrix ({size}, m) with a column for each of m efforts, not an array of shape {b.shape}. "
+            "Give the column of a single effort as b[:, :1], or as [[0], [1]]."
+        )
+    return finite_matrix(b, (size, b.shape[1]), "b")
 
 
 def _cost(given: Array, size: int, name: str, *, positive: bool = False) -> Array:

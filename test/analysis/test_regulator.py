@@ -36,6 +36,8 @@ def test_what_cannot_be_stabilized_is_refused():
     [
         ({"a": np.eye(3)}, r"b must have the shape \(3, 1\), not \(2, 1\)"),
         ({"a": np.ones((2, 3))}, r"a must have the shape \(2, 2\)"),
+        ({"b": [0, 1]}, r"b must be a matrix \(2, m\) .*, not an array of shape \(2,\)\. Give .* as b\[:, :1\], or"),
+        ({"b": 1.0}, r"b must be a matrix \(2, m\) .*, not an array of shape \(\)"),
         ({"b": [[0.0], [np.nan]]}, "b contains a value that is not finite"),
         ({"state_cost": np.eye(3)}, r"state_cost must have the shape \(2, 2\), not \(3, 3\)"),
         ({"state_cost": [[1.0, 1.0], [0.0, 1.0]]}, "state_cost must be symmetric"),
