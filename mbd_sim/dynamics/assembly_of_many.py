@@ -1,8 +1,8 @@
 """Assembly of many variants of a mechanism at once, each with the bits that it would get alone.
 
 The same operations as in `mbd_sim.dynamics.assembly` and `initial_conditions`, on arrays with a row for each variant.
-Variants for which Newton's method fails, whose speeds are not consistent, or which start with speeds in a singular
-configuration, are left to those.
+Variants for which Newton's method fails, whose constraints are undefined, whose speeds are not consistent, or which
+start with speeds in a singular configuration, are left to those.
 """
 
 from __future__ import annotations
@@ -45,10 +45,21 @@ def start_many(
     :param rank: of the constraint matrix almost everywhere.
     """
     q, closed = _closed(constraints, q, ~fixed_q)
-    u, consistent = _fitted(constraints, q, u, fixed_u)
-    ranks = np.linalg.matrix_rank(unit_rows(constraints.gradient(q, np.arange(len(q)))), tol=RANK)
-    regular = (ranks >= rank) | ~u.any(axis=1)
-    return ManyStarts(q, u, closed & consistent & regular)
+    going = np.flatnonzero(closed & _defined(constraints, q))
+    speeds, assembled = np.zeros_like(u), np.zeros(len(q), dtype=bool)
+    if going.size:
+        speeds[going], consistent = _fitted(constraints, q[going], u[going], fixed_u, going)
+        ranks = np.linalg.matrix_rank(unit_rows(constraints.gradient(q[going], going)), tol=RANK)
+        assembled[going] = consistent & ((ranks >= rank) | ~speeds[going].any(axis=1))
+    return ManyStarts(q, speeds, assembled)
+
+
+def _defined(constraints: ManyConstraints, q: Array) -> NDArray[np.bool_]:
+    """For which variants (k,) all that speeds and ranks are found from is finite."""
+    everyone = np.arange(len(q))
+    gradient, mass_matrix = constraints.gradient(q, everyone), constraints.mass_matrix(q, everyone)
+    values = [array.reshape(len(q), -1) for array in (gradient, constraints.drift(q, everyone), mass_matrix)]
+    return np.asarray(np.all(np.isfinite(np.concatenate(values, axis=1)), axis=1))
 
 
 def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
@@ -94,16 +105,15 @@ def _searched(
 
 
 def _fitted(
-    constraints: ManyConstraints, q: Array, u: Array, fixed: NDArray[np.bool_]
+    constraints: ManyConstraints, q: Array, u: Array, fixed: NDArray[np.bool_], which: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """The speeds of least kinetic energy, as for one mechanism."""
-    everyone = np.arange(len(q))
-    gradient, drift = constraints.gradient(q, everyone), constraints.drift(q, everyone)
+    """The speeds of least kinetic energy of some variants, as for one mechanism."""
+    gradient, drift = constraints.gradient(q, which), constraints.drift(q, which)
     selection = np.broadcast_to(np.eye(u.shape[1])[fixed], (len(q), int(fixed.sum()), u.shape[1]))
     rows, right = np.concatenate([gradient, selection], axis=1), np.concatenate([-drift, u[:, fixed]], axis=1)
     if not rows[0].size:
         return np.zeros_like(u), np.ones(len(q), dtype=bool)
-    weights, axes = np.linalg.eigh(constraints.mass_matrix(q, everyone))
+    weights, axes = np.linalg.eigh(constraints.mass_matrix(q, which))
     least = 1e-12 * np.maximum(weights.max(axis=1, initial=0.0), 1e-300)
     to_unit = axes / np.sqrt(np.maximum(weights, least[:, None]))[:, None, :]
     scaled = rows @ to_unit

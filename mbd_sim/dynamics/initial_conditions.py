@@ -146,8 +146,6 @@ def assembled_start(
     if not rows:
         return AssembledStart(q, u)
     q = _closed(mechanism, constraints, rows, q)
-    if (undefined := undefined_rows(constraints, 0.0, q)).any():
-        raise undefined_constraints(mechanism, rows, undefined)
     nearby = nearby_configurations(constraints, q, LATER if rheonomic(mechanism) else ())
     nearby += configurations_of_drives(constraints, q, [states.start for states in layout.drives.values()])
     gradients = [constraints.gradient(t, at) for t, at in nearby]
@@ -201,10 +199,10 @@ def _consistent_speeds(
 def _closed(mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array) -> Array:
     fixed = _flags([joint.fixed_in_assembly for joint in mechanism.joints.values()])
     closure = close_loops(constraints, 0.0, q, ~fixed)
-    if closure.closed:
-        return closure.q
     if (undefined := undefined_rows(constraints, 0.0, closure.q)).any():
         raise undefined_constraints(mechanism, rows, undefined)
+    if closure.closed:
+        return closure.q
     unfixed = close_loops(constraints, 0.0, q, np.ones(len(fixed), dtype=bool)) if fixed.any() else closure
     gaps = closure.gaps if unfixed.closed else unfixed.gaps
     raise open_loops(mechanism, rows, gaps, constraints.size, given_positions_at_fault=unfixed.closed)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mbd_sim import MechanismError
+from mbd_sim import Ensemble, MechanismError
 from mbd_sim.dynamics.initial_conditions import start_like
-from mbd_sim.load import load_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
 from mbd_sim.simulation import variant_batch
 from mbd_sim.simulation.compiled_model import build_model
@@ -87,6 +87,26 @@ def test_an_error_names_the_member_the_file_the_key_and_the_remedy(name, key, wr
         variants = Variants(mechanism, changes)
         variants.starts(build_model(variants.first, None, (), variants.values))
     assert raised.value.problems[0].remedy
+
+
+ROOT = """
+mechanism: root
+parts: {slide: {mass: 0}, point: {mass: 1}}
+joints:
+  x: {type: prismatic, between: [ground, slide], axis: [1, 0, 0], position: 0.6}
+  z: {type: prismatic, between: [slide, point], axis: [0, 0, 1], guess: true}
+constraints: {curve: {type: on_surface, point: point, equation: z - sqrt(x - 0.1)}}
+"""
+
+
+@pytest.mark.parametrize("undefined", [-0.5, 0.1])
+@pytest.mark.parametrize("others", [1, FEWEST])
+def test_a_member_whose_constraint_is_undefined_is_named_among_few_and_many(undefined, others):
+    """Where x < 0.1 there is no root, and at 0.1 it has no derivative, though the constraint is satisfied."""
+    positions = [*np.linspace(0.2, 0.9, others).tolist(), undefined]
+    words = rf"curve: member {others}: has no finite value, or no finite derivative, at the start"
+    with pytest.raises(MechanismError, match=words):
+        Ensemble(parse_mechanism(ROOT), [{"joints.x.position": position} for position in positions])
 
 
 def test_lists_among_the_changes_are_values_of_the_file():
