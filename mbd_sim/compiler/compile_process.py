@@ -110,9 +110,10 @@ class CompileProcesses:
             self._server = None
 
     def _kill(self) -> None:
-        """Kill the server with the processes that it has forked."""
-        if self._server is not None:
-            os.killpg(self._server.pid, signal.SIGKILL)
+        """Kill the server with the processes that it has forked, unless an interrupted `wait` has seen its end."""
+        if self._server is not None and self._server.returncode is None:
+            with suppress(ProcessLookupError):
+                os.killpg(self._server.pid, signal.SIGKILL)
             self._server.wait()
 
 

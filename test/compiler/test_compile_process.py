@@ -141,6 +141,21 @@ def test_a_server_that_does_not_end_is_killed(monkeypatch):
     assert server.returncode == -signal.SIGKILL
 
 
+def test_ctrl_c_while_the_server_ends_stays_an_interrupt(monkeypatch):
+    with CompileProcesses(*host(), 1) as processes:
+        processes.compile("").close()
+        server = processes._server
+
+        def interrupted(timeout):
+            type(server).wait(server, timeout)  # as Popen.wait does: it waits once more, and raises the interrupt
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(server, "wait", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            processes.end()
+    assert server.returncode == 0
+
+
 def test_code_is_awaited_also_with_many_open_files():
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (limits[1], limits[1]))
