@@ -65,9 +65,9 @@ class CompileProcesses:
         _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
         with ExitStack() as on_failure:
             try:
-                module = on_failure.enter_context(tempfile.TemporaryFile())
-                module.write(text.encode())
-                module.flush()
+                # Without a buffer: closing the file on a full disk would write it again, and fail again.
+                module = on_failure.enter_context(tempfile.TemporaryFile(buffering=0))
+                _write(module, text.encode())
                 reader, writer = os.pipe()
                 on_failure.callback(os.close, reader)
                 try:
@@ -142,6 +142,16 @@ class CodeInProgress:
         if not self._module.closed:
             self._module.close()
             os.close(self._done)
+
+
+def _write(file: IO[bytes], content: bytes) -> None:
+    """Write all to a file without a buffer, which may take a part at a time.
+
+    :raises OSError: the disk is full, or the file too long.
+    """
+    rest = memoryview(content)
+    while rest:
+        rest = rest[file.write(rest) :]
 
 
 def compile_apart(text: str, cpu: str, features: str, level: int) -> bytes | None:

@@ -115,7 +115,19 @@ def test_without_more_processes_or_files_nothing_is_compiled_apart(monkeypatch, 
     assert capfd.readouterr() == ("", "")
 
 
-def failing(*_):
+@pytest.mark.parametrize("length", [5000, 3_000_000])  # within and beyond the buffer of a file
+def test_without_room_on_the_disk_nothing_is_compiled_apart(length):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with CompileProcesses(*host(), 1) as processes:
+        processes.start()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+        try:
+            assert processes.compile("x" * length) is None
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def failing(*_, **__):
     raise OSError("too many open files")
 
 
