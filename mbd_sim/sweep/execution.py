@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -55,15 +54,14 @@ def _local_workers() -> Iterator[ProcessPoolExecutor]:
     from dask.multiprocessing import get_context
     from dask.system import CPU_COUNT
 
-    others = {child.pid for child in multiprocessing.active_children()}
     count = config.get("num_workers", None) or CPU_COUNT
     pool = ProcessPoolExecutor(count, mp_context=get_context(), initializer=_leave_interrupts_to_parent)
     try:
         yield pool
     except BaseException:
-        for child in multiprocessing.active_children():
-            if child.pid not in others:
-                child.terminate()
+        # Python 3.14 is the first with `terminate_workers`. Other threads may have started processes of their own.
+        for worker in list((pool._processes or {}).values()):
+            worker.terminate()
         raise
     finally:
         pool.shutdown(cancel_futures=True)

@@ -95,3 +95,16 @@ def test_an_interrupt_ends_the_workers_and_does_not_wait_for_their_chunks():
         (worker,) = [child for child in multiprocessing.active_children() if child.pid not in before]
         raise KeyboardInterrupt
     assert not worker.is_alive() and waiting.done()
+
+
+def test_an_interrupt_ends_no_processes_that_others_have_started_meanwhile():
+    with dask.config.set(num_workers=1), pytest.raises(KeyboardInterrupt), execution._local_workers() as pool:
+        assert pool.submit(abs, -1).result() == 1
+        other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(3600.0,))
+        other.start()
+        raise KeyboardInterrupt
+    try:
+        assert other.is_alive()
+    finally:
+        other.kill()
+        other.join()
