@@ -55,16 +55,15 @@ def spanning_tree(
     )
 
 
-def loop_of(tree: SpanningTree, joints: Mapping[str, Joint], closing: str) -> list[str]:
-    """The joints of the tree that form a loop with a closing joint."""
-    carrier = {part: joint for joint, part in tree.outboard.items()}
+def loop_through(carrier: Mapping[str, str], joints: Mapping[str, Joint], closing: str) -> list[str]:
+    """The joints of a tree that form a loop with a closing joint; `carrier` is the joint that leads to each part."""
 
-    def way(part: str) -> list[str]:
-        """The joints from a part to ground."""
-        found = []
+    def way(part: str) -> dict[str, None]:
+        """The joints from a part to ground, in this order."""
+        found: dict[str, None] = {}
         while part != GROUND:
             joint = joints[carrier[part]]
-            found.append(joint.name)
+            found[joint.name] = None
             part = joint.parent if part == joint.child else joint.child
         return found
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from mbd_sim.errors import Problem, listed
-from mbd_sim.mechanism.end_inertia import ends_without_inertia
 from mbd_sim.mechanism.records import Joint, Part
 from mbd_sim.mechanism.source import Location, Source
-from mbd_sim.mechanism.spanning_tree import SpanningTree, loop_of, spanning_tree
+from mbd_sim.mechanism.spanning_tree import SpanningTree, spanning_tree
+from mbd_sim.mechanism_file.builders.end_search import EndSearch
 
 
 def build_tree(
@@ -30,55 +29,11 @@ def build_tree(
     preferred, cut = _by_priority(joints.values(), needed), _to_cut(joints.values())
     tree = spanning_tree(parts, joints.values(), preferred, cut)
     stay = {name for name, joint in joints.items() if needed[name] or _has_given_start(joint) or joint.type == "free"}
-    tree = _EndSearch(parts, joints, stay, coupled, massive).improved(tree, preferred, cut)
+    tree = EndSearch(parts, joints, stay, coupled, massive).improved(tree, preferred, cut)
     problems = [problem for name in tree.closing for problem in _cannot_close(source, joints[name], needed[name])]
     problems += [_cannot_be_cut(source, joint) for joint in joints.values() if joint.cut and joint.name in tree.joints]
     problems += _unconnected(source, tree.unreached, joints.values())
     return tree, problems
-
-
-@dataclass(frozen=True, eq=False)
-class _EndSearch:
-    """Finds a tree whose parts at the ends of branches all have inertia in their joints, if cutting others does it.
-
-    Joints that `need_coordinates` are not cut. Those with actuators are not examined, nor the parts with `massive`
-    springs: what adds inertia there belongs to no part.
-    """
-
-    parts: Mapping[str, Part]
-    joints: Mapping[str, Joint]
-    need_coordinates: Collection[str]
-    coupled: Collection[str]
-    massive: Collection[str]
-
-    def improved(self, tree: SpanningTree, preferred: Sequence[str], cut: Collection[str]) -> SpanningTree:
-        """The given tree if all is well with it, or if there is no better one; joints in `cut` stay cut."""
-        found, ends = tree, self._ends(tree) if tree.closing and any(part.mass for part in self.parts.values()) else []
-        while ends:
-            for closing, name in self._exchanges(found, ends):
-                without = {*found.closing, name} - {closing}
-                others = [each for each in preferred if each not in without]
-                other = spanning_tree(self.parts, self.joints.values(), others, without)
-                remaining = self._ends(other)
-                if closing not in cut and without == {*other.closing} and len(remaining) < len(ends):
-                    found, ends = other, remaining
-                    break
-            else:
-                return tree
-        return found
-
-    def _exchanges(self, tree: SpanningTree, ends: Collection[str]) -> Iterator[tuple[str, str]]:
-        """The joints that close loops at these ends, each with those of its loop that can be cut in its place."""
-        at = {tree.outboard[name] for name in ends}
-        for closing in tree.closing:
-            if self.joints[closing].parent in at or self.joints[closing].child in at:
-                for name in loop_of(tree, self.joints, closing):
-                    if name not in self.need_coordinates:
-                        yield closing, name
-
-    def _ends(self, tree: SpanningTree) -> list[str]:
-        names = ends_without_inertia(self.parts, self.joints, tree)
-        return [name for name in names if name not in self.coupled and tree.outboard[name] not in self.massive]
 
 
 def _by_priority(joints: Collection[Joint], needed: Mapping[str, str]) -> list[str]:
