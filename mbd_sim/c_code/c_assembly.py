@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.c_code.c_assembly_texts import WITH_CONSTRAINTS, WITHOUT_CONSTRAINTS
+from mbd_sim.c_code.c_assembly_texts import START_OF_CONSTRAINED, WITH_CONSTRAINTS, WITHOUT_CONSTRAINTS
+from mbd_sim.c_code.c_branch_text import BRANCH_OF_SPEEDS
 from mbd_sim.c_code.c_functions import c_function, literal
 from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.start_functions import StartFunctions
 from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
 from mbd_sim.dynamics.constraint_rank import RANK
+from mbd_sim.dynamics.singular_start import ITERATIONS as BRANCH_ITERATIONS
+from mbd_sim.dynamics.singular_start import ROUND_OFF, SATISFIED, STARTS
 
 # The functions of (t, q, parameters) that closing loops and fitting speeds evaluate.
 CONSTRAINTS = ("position", "gradient", "drift", "mass_matrix", "branch_checks")
@@ -17,9 +20,10 @@ CONSTRAINTS = ("position", "gradient", "drift", "mass_matrix", "branch_checks")
 ASSEMBLY_DECLARATION = """
 /*
  * Set the start state for parameters that were changed after {name}_start: positions and speeds that formulas in the
- * file give, closed loops, and the states and commands of actuators before the first command. Returns 1; or, with
- * nothing changed, 0 if loops cannot be closed, -1 if the speeds that the file gives violate constraints, and -2 if a
- * value at the start depends on a changed parameter by no short formula ({name}_unknown_start names both).
+ * file give, closed loops, and the states and commands of actuators before the first command. In a singular
+ * configuration, speeds are those of one of the branches that meet there. Returns 1; or, with nothing changed, 0 if
+ * loops cannot be closed, -1 if the speeds that the file gives violate constraints, and -2 if a value at the start
+ * depends on a changed parameter by no short formula ({name}_unknown_start names both).
  */
 int {name}_assemble({name}_state *state, {name}_inputs *inputs, const {name}_parameters *parameters);
 
@@ -101,9 +105,16 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
             c_function(getattr(traced, name), name, ("t", "q", "v"), ("out",), ("t",)) for name in CONSTRAINTS
         ]
         functions.append(c_function(traced.displaced, "displaced", ("q", "move", "v"), ("out",)))
-        functions.append(
-            WITH_CONSTRAINTS.format(
+        functions.append(c_function(traced.bias, "bias", ("t", "q", "u", "v"), ("out",), ("t",)))
+        functions += [
+            text.format(
                 **sizes,
+                rank=literal(RANK),
+                usual_rank=equations.start.rank,
+                satisfied=literal(SATISFIED),
+                round_off=literal(ROUND_OFF),
+                branch_starts=STARTS,
+                branch_iterations=BRANCH_ITERATIONS,
                 rows=len(equations.rows),
                 branches=traced.branch_checks.nnz_out(0),
                 holonomic=_flags(traced.holonomic.tolist()),
@@ -111,7 +122,6 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 fixed_speeds=_flags(start.fixed_speeds),
                 first=", ".join(str(first) for first, _ in start.coordinates),
                 count=", ".join(str(count) for _, count in start.coordinates),
-                rank=literal(RANK),
                 closed=literal(CLOSED * traced.size),
                 iterations=ITERATIONS,
                 longest=literal(LONGEST_STEP),
@@ -120,7 +130,8 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 speed_size=literal(traced.size * 1e-3),
                 inputs=len(model.inputs),
             )
-        )
+            for text in (WITH_CONSTRAINTS, BRANCH_OF_SPEEDS, START_OF_CONSTRAINED)
+        ]
     normalizes = traced is None and equations.project is not None
     functions.append(
         _PUBLIC.format(

@@ -4,6 +4,8 @@ Loops are closed by Gauss–Newton steps of least norm, and speeds are those of 
 `mbd_sim.dynamics.assembly`, whose tolerances are the same. Instead of singular values, rows are made orthogonal by
 rotations (Hestenes 1958), which finds the same solutions of least norm: Golub & Van Loan, sec. 8.6.3.
 
+In singular configurations `mbd_sim.c_code.c_branch_text` chooses the branch.
+
 The texts are formatted by `mbd_sim.c_code.c_assembly`. Matrices that CasADi's functions return are stored by columns,
 all others by rows.
 """
@@ -219,8 +221,9 @@ static int fit_speeds(
     }}
     memcpy(u, found, sizeof found);
     return 1;
-}}
+}}"""
 
+START_OF_CONSTRAINED = """\
 /* As the file with these parameters starts, then with the given values at the time t. */
 static int assemble_given(double t, double *y, const double *in, const double *p, const unsigned char *given)
 {{
@@ -238,10 +241,10 @@ static int assemble_given(double t, double *y, const double *in, const double *p
     memset(old, 0, sizeof old);
     memcpy(q, start, sizeof q);
     closed = close_loops(0.0, q, v, fixed_in_assembly);
-    if (closed && !fit_speeds(0.0, q, u, old, v, fixed_speeds) && !has)
-        return -1;
-    if (!closed && !has)
-        return 0;
+    if (closed && fit_speeds(0.0, q, u, old, v, fixed_speeds))
+        choose_branch(0.0, q, u, v, fixed_speeds);
+    else if (!has)
+        return closed ? -1 : 0;
     if (!closed)
         memcpy(q, start, sizeof q);
     if (has) {{
@@ -263,6 +266,7 @@ static int assemble_given(double t, double *y, const double *in, const double *p
         }}
         if (!fit_speeds(t, q, u, old, v, fixed_u) && !fit_speeds(t, q, u, old, v, none))
             return -1;
+        choose_branch(t, q, u, v, fixed_u);
     }}
     memcpy(y, q, sizeof q);
     memcpy(y + NQ, u, sizeof u);

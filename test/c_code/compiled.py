@@ -47,8 +47,15 @@ class CompiledModule:
         self.history[:] = 0.0
         self._loaded[f"{self.name}_start"](*map(address, (self.y, self.inputs, self.p)))
 
-    def assemble(self):
-        return self._loaded[f"{self.name}_assemble"](*map(address, (self.y, self.inputs, self.p)))
+    def assemble(self, given=()):
+        """The result of `NAME_assemble`; with the names of `given` states, of `NAME_assemble_given` at the start."""
+        arrays = [*map(address, (self.y, self.inputs, self.p))]
+        if not given:
+            return self._loaded[f"{self.name}_assemble"](*arrays)
+        names = [variable.name for variable in (*self.model.states, *self.model.inputs)]
+        flags = np.array([name in given for name in names], dtype=np.uint8)
+        assert np.sum(flags) == len(given)
+        return self._loaded[f"{self.name}_assemble_given"](ctypes.c_double(0.0), *arrays, address(flags))
 
     def unknown_start(self):
         function = self._loaded[f"{self.name}_unknown_start"]

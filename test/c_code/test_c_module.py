@@ -1,5 +1,6 @@
 """Exported C code, compiled by gcc, takes the steps of the simulation to the bit."""
 
+import json
 import re
 
 import numpy as np
@@ -119,6 +120,50 @@ def test_loops_close_for_changed_parameters_as_in_the_file():
     before = code.y.copy()
     assert code.assemble() == 0  # too short
     assert np.array_equal(code.y, before)
+
+
+def flat_parallelograms(count):
+    """Parallelograms that lie flat, the first with the speed w of its crank, the next with 2 w, and so on."""
+    points, parts, joints = {}, {}, {}
+    for n in range(count):
+        points |= {f"a{n}": [0, n, 0], f"d{n}": [1, n, 0]}
+        for kind, length in (("crank", 0.4), ("bar", 1), ("rocker", 0.4)):
+            tip = [length, 0, 0]
+            parts[f"{kind}{n}"] = {"mass": 1 + n / 3, "shape": {"type": "rod", "to": tip}, "points": {"tip": tip}}
+        hinge = {"type": "revolute", "axis": [0, -1, 0]}
+        main = {"between": [f"ground.a{n}", f"crank{n}"], "position": 0, "velocity": f"{n + 1}*w"}
+        joints |= {
+            f"main{n}": hinge | main,
+            f"pin{n}": hinge | {"between": [f"crank{n}.tip", f"bar{n}"]},
+            f"other{n}": hinge | {"between": [f"ground.d{n}", f"rocker{n}"]},
+            f"eye{n}": hinge | {"between": [f"bar{n}.tip", f"rocker{n}.tip"]},
+        }
+    text = {"mechanism": "flat", "gravity": [0, 0, 0], "parameters": {"w": 3}, "ground": {"points": points}}
+    return parse_mechanism(json.dumps(text | {"parts": parts, "joints": joints}))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_speeds_in_a_singular_configuration_are_those_of_a_branch_as_in_the_simulation(count):
+    code = CompiledModule(flat_parallelograms(count), parameters=("w",))
+    for speed in (3.0, 13.0 / 7.0, 0.0):
+        code.p[:] = speed
+        assert code.assemble() == 1
+        expected = np.ravel([[n * speed, -n * speed, n * speed] for n in range(1, count + 1)])
+        simulation = Simulation(code.model.mechanism, parameters={"w": speed})
+        assert simulation.u == pytest.approx(expected, rel=1e-12)
+        assert code.y[simulation.model.u_range] == pytest.approx(expected, rel=1e-12)
+
+
+def test_given_speeds_in_a_singular_configuration_are_kept():
+    code = CompiledModule(flat_parallelograms(1), parameters=("w",))
+    simulation = Simulation(code.model.mechanism)
+    names = [f"{name}.velocity" for name in simulation.coordinate_names]
+    places = dict(zip(names, range(simulation.model.u_range.start, simulation.model.u_range.stop), strict=True))
+    code.y[places["main0.velocity"]], code.y[places["other0.velocity"]] = 3.0, -7.0  # (d + r)/(d - r) of the first
+    assert code.assemble(["main0.velocity", "other0.velocity"]) == 1
+    simulation.set_state(velocities={"main0": 3.0, "other0": -7.0})
+    assert code.y[simulation.model.u_range] == pytest.approx(simulation.u, rel=1e-12)
+    assert simulation.u[0] == 3.0
 
 
 STARTS = """
