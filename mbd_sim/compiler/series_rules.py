@@ -13,15 +13,22 @@ LARGEST_POWER = 16  # integer exponents up to this one become products, which ar
 
 
 def guarded_pivot(graph: Graph, node: Node) -> int | None:
-    """The pivot p of (c < p) / max(p, c), the inverse of a pivot that counts only if it is large enough."""
+    """The pivot p of (c < p) / max(p, c), the inverse of a pivot that counts only if it is large enough.
+
+    c is a constant, or a constant multiplied by a maximum.
+    """
     if node.operation != ca.OP_DIV:
         return None
     condition, bounded = (graph.nodes[operand] for operand in node.operands)
     if condition.operation != ca.OP_LT or bounded.operation != ca.OP_FMAX:
         return None
     floor, pivot = condition.operands
-    is_guard = graph.nodes[floor].operation == ca.OP_CONST and set(bounded.operands) == {floor, pivot}
-    return pivot if is_guard else None
+    return pivot if _is_floor(graph, graph.nodes[floor]) and set(bounded.operands) == {floor, pivot} else None
+
+
+def _is_floor(graph: Graph, node: Node) -> bool:
+    factors = {graph.nodes[operand].operation for operand in node.operands} if node.operation == ca.OP_MUL else set()
+    return node.operation == ca.OP_CONST or factors == {ca.OP_CONST, ca.OP_FMAX}
 
 
 class SeriesRules:

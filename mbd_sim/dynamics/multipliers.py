@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -27,6 +27,8 @@ REGULARIZATION, PROJECTION, CORRECTIONS = 1e-6, 1e-4, 4
 TINY = 1e-30
 LIGHT = 1e-4  # of its diagonal entry: a typical pivot below it is due to light parts, and not to a weak constraint
 
+Rows = dict[int, dict[int, ca.SX]]  # the entries of a sparse matrix by row and column
+
 
 @dataclass(frozen=True, eq=False)
 class TypicalMatrices:
@@ -39,7 +41,8 @@ class TypicalMatrices:
         """The typical sizes (m,) of the pivots, with a diagonal that is `added` (m,) for `dependent` rows.
 
         They are the scales, unless parts are far lighter than others: in all configurations, some row that is
-        eliminated last has a pivot far smaller than its diagonal entry. The sizes of such rows are these pivots.
+        eliminated last has a pivot far smaller than its diagonal entry. The sizes of such rows are the medians of these
+        pivots, of which a configuration that happens to be nearly singular changes little.
         """
         found = []
         for matrix in self.configurations:
@@ -53,7 +56,7 @@ class TypicalMatrices:
         if not light or not all(light):
             return self.scales
         least = np.min(found, axis=0)
-        return np.where(~dependent & (least < LIGHT * self.scales), least, self.scales)
+        return np.where(~dependent & (least < LIGHT * self.scales), np.median(found, axis=0), self.scales)
 
 
 class ConstraintSolver:
@@ -78,12 +81,13 @@ class ConstraintSolver:
         self._net_forces = mass_matrix.net_joint_forces(constraints.gradient.T)
         product = mass_matrix.product(self._net_forces, self._net_forces)
         scales, sizes = typical.scales, typical.sizes(dependent, REGULARIZATION * typical.scales * dependent)
+        light = sizes != scales
 
         def factorized(floor: float, regularization: float) -> GuardedFactors | RegularizedFactors:
             if not dependent.any():
-                return GuardedFactors(product, floor * sizes)
+                return GuardedFactors(product, floor * sizes, light)
             floors = np.where(dependent, TINY * scales, floor * sizes)
-            return RegularizedFactors(product, regularization * scales * dependent, floors)
+            return RegularizedFactors(product, regularization * scales * dependent, floors, light)
 
         self._factors = factorized(VANISHED, REGULARIZATION)
         self._cautious_factors = self._projection_factors = factorized(WEAK, REGULARIZATION)
@@ -140,27 +144,28 @@ class GuardedFactors:
 
     A row whose pivot is no larger than its `floors` (m,) is left out, and its unknown is zero: near a singular
     configuration the constraint of that row depends on those before it.
+
+    `light` (m,) rows are judged by the pivots that they would have as the last of the rows that are left. If a light
+    part is held at an end, its inverse mass K is in every row there, but only one pivot is of the order of K: which
+    one depends on the angle of the part. A pivot K sin²(angle) is small where the rows depend on each other, and also
+    where the next one is K. `pivots` are those by which the rows are judged.
     """
 
-    def __init__(self, matrix: ca.SX, floors: Array) -> None:
+    def __init__(self, matrix: ca.SX, floors: Array, light: NDArray[np.bool_] | None = None) -> None:
         size = matrix.shape[0]
-        rest = [{j: matrix[i, j] for j in range(size) if matrix.has_nz(i, j)} for i in range(size)]
-        self._order = minimum_degree([set(row) for row in rest])
+        rest = {i: {j: matrix[i, j] for j in range(size) if matrix.has_nz(i, j)} for i in range(size)}
+        self._order = minimum_degree(rest)
         self.pivots: dict[int, ca.SX] = {}
         self._inverse: dict[int, ca.SX] = {}
         self._lower: dict[int, dict[int, ca.SX]] = {}
         for pivot in self._order:
-            row = rest[pivot]
-            value = row.get(pivot, ca.SX(0))
-            inverse = (value > floors[pivot]) / ca.fmax(value, floors[pivot])  # 0 if the row is left out
-            others = [index for index in row if index != pivot]
-            factors = {index: row[index] * inverse for index in others}
-            for position, i in enumerate(others):
-                for j in others[position:]:
-                    updated = rest[i].get(j, 0) - factors[i] * row[j]
-                    rest[i][j] = rest[j][i] = updated
-                del rest[i][pivot]
-            self.pivots[pivot], self._inverse[pivot], self._lower[pivot] = value, inverse, factors
+            value, floor = rest[pivot].get(pivot, ca.SX(0)), floors[pivot]
+            self.pivots[pivot] = value
+            if light is not None and light[pivot]:
+                last = self.pivots[pivot] = _last_pivot(rest, pivot, floors)
+                floor *= ca.fmax(1.0, value / ca.fmax(last, 0.5 * floor))  # above the value where last < floor
+            self._inverse[pivot] = guarded_inverse(value, floor)
+            self._lower[pivot] = _eliminate(rest, pivot, self._inverse[pivot])
 
     def solve(self, right: ca.SX) -> ca.SX:
         """The solution (m,) for a right side (m,)."""
@@ -183,9 +188,9 @@ class RegularizedFactors:
     perturbed matrix (Golub & Van Loan, sec. 3.5.3).
     """
 
-    def __init__(self, matrix: ca.SX, added: Array, floors: Array) -> None:
+    def __init__(self, matrix: ca.SX, added: Array, floors: Array, light: NDArray[np.bool_]) -> None:
         self._matrix = matrix
-        self._factors = GuardedFactors(matrix + ca.diag(ca.sparsify(ca.SX(ca.DM(added)))), floors)
+        self._factors = GuardedFactors(matrix + ca.diag(ca.sparsify(ca.SX(ca.DM(added)))), floors, light)
 
     @property
     def pivots(self) -> Mapping[int, ca.SX]:
@@ -200,12 +205,38 @@ class RegularizedFactors:
         return x
 
 
-def minimum_degree(neighbors: Sequence[set[int]]) -> list[int]:
+def guarded_inverse(value: ca.SX, floor: float | ca.SX) -> ca.SX:
+    """1 / value, or 0 if the value is no larger than the floor."""
+    return (value > floor) / ca.fmax(value, floor)
+
+
+def _eliminate(rest: Rows, pivot: int, inverse: ca.SX) -> dict[int, ca.SX]:
+    """Take a row and its column out of the matrix `rest`, with the `inverse` of its pivot; its factors by row."""
+    row = rest.pop(pivot)
+    others = [index for index in row if index != pivot]
+    factors = {index: row[index] * inverse for index in others}
+    for position, i in enumerate(others):
+        for j in others[position:]:
+            updated = rest[i].get(j, 0) - factors[i] * row[j]
+            rest[i][j] = rest[j][i] = updated
+        del rest[i][pivot]
+    return factors
+
+
+def _last_pivot(rest: Rows, last: int, floors: Array) -> ca.SX:
+    """The pivot of a row if all others are eliminated before it."""
+    left = {index: dict(row) for index, row in rest.items()}
+    for pivot in minimum_degree({index: set(row) - {last} for index, row in rest.items() if index != last}):
+        _eliminate(left, pivot, guarded_inverse(left[pivot].get(pivot, ca.SX(0)), floors[pivot]))
+    return left[last].get(last, ca.SX(0))
+
+
+def minimum_degree(neighbors: Mapping[int, Iterable[int]]) -> list[int]:
     """An elimination order with little fill-in: always the row with the fewest entries left.
 
     :param neighbors: for each row, the columns of its entries.
     """
-    left = {index: set(row) - {index} for index, row in enumerate(neighbors)}
+    left = {index: set(row) - {index} for index, row in neighbors.items()}
     order = []
     while left:
         pivot = min(left, key=lambda index: (len(left[index]), index))

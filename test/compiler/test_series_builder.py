@@ -90,8 +90,15 @@ def test_what_has_no_series_is_refused(name, rule):
 
 def test_the_inverse_of_a_guarded_pivot_has_a_series():
     """As in `GuardedFactors`."""
-    guarded = system(lambda x, v: (v > 1e-3) / ca.fmax(v, 1e-3))
-    plain = system(lambda x, v: 1.0 / v)
-    assert np.array_equal(series_of(guarded).products(5), series_of(plain).products(5))
+    plain = series_of(system(lambda x, v: 1.0 / v))
+
+    def guarded(x, v, floor):
+        return (v > floor) / ca.fmax(v, floor)
+
+    for floor in (lambda x: 1e-3, lambda x: 1e-3 * ca.fmax(1.0, x)):
+        series = series_of(system(lambda x, v, floor=floor: guarded(x, v, floor(x))))
+        assert np.array_equal(series.products(5), plain.products(5))
     with pytest.raises(NotAnalyticError):
         series_of(system(lambda x, v: (v > 1e-3) / ca.fmax(x, 1e-3)))
+    with pytest.raises(NotAnalyticError):
+        series_of(system(lambda x, v: guarded(x, v, x)))

@@ -79,14 +79,16 @@ def test_the_cost_of_a_band_matrix_is_proportional_to_its_size():
 
 
 def test_minimum_degree_takes_the_row_with_the_fewest_neighbors():
-    star = [{0, 1, 2, 3}, {0, 1}, {0, 2}, {0, 3}]
+    star = {0: {0, 1, 2, 3}, 1: {0, 1}, 2: {0, 2}, 3: {0, 3}}
     assert minimum_degree(star)[:2] == [1, 2]
-    chain = [{1}, {0, 2}, {1, 3}, {2}]
+    chain = {0: {1}, 1: {0, 2}, 2: {1, 3}, 3: {2}}
     assert minimum_degree(chain)[0] in (0, 3)
     rng = np.random.default_rng(3)
     pattern = rng.random((12, 12)) < 0.3
     pattern |= pattern.T
-    assert sorted(minimum_degree([set(np.flatnonzero(row).tolist()) for row in pattern])) == list(range(12))
+    assert sorted(
+        minimum_degree({index: set(np.flatnonzero(row).tolist()) for index, row in enumerate(pattern)})
+    ) == list(range(12))
 
 
 def test_a_dependent_row_is_left_out():
@@ -104,6 +106,31 @@ def test_a_dependent_row_is_left_out():
 def test_an_empty_row_is_left_out():
     matrix = np.diag([2.0, 0.0, 4.0])
     assert solved(matrix, np.array([2.0, 5.0, 8.0]))[0].tolist() == [1.0, 0.0, 2.0]
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-5, 0.3, np.pi / 2.0])
+def test_rows_with_the_large_inverse_mass_of_a_light_part_are_judged_by_what_the_others_leave(angle):
+    """K a aᵀ + b bᵀ with a large K, here exactly: the unit vectors a and b do not depend on each other at any angle."""
+    along, across = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
+    matrix = 1e9 * np.outer(along, along) + np.outer(across, across)
+    symbols, names, values = symbolic(matrix)
+    factors = GuardedFactors(symbols, np.full(2, 1e-2), np.array([True, True]))
+    solve = ca.Function("solve", [names], [factors.solve(ca.SX([1.0, 1.0])), factors.pivots[0]])
+    found, pivot = solve(values)
+    assert np.array(found).ravel() == pytest.approx(np.linalg.solve(matrix, np.ones(2)), rel=1e-6, abs=1e-9)
+    assert float(pivot) == pytest.approx(1.0 / np.linalg.inv(matrix)[0, 0], rel=1e-6)
+
+
+def test_of_rows_with_the_large_inverse_mass_of_a_light_part_the_weak_one_is_left_out():
+    """K a aᵀ + b bᵀ with b nearly along a: the pivot K sin² of the first row is large, but the second one repeats it."""
+    angle = 1e-3
+    along, axis = np.array([np.sin(angle), np.cos(angle)]), np.array([0.0, 1.0])
+    symbols, names, values = symbolic(1e9 * np.outer(along, along) + np.outer(axis, axis))
+    for light, left_out in ((True, True), (False, False)):
+        factors = GuardedFactors(symbols, np.full(2, 1e-2), np.full(2, light))
+        found = ca.Function("solve", [names], [factors.solve(ca.SX([1.0, 1.0]))])(values)
+        assert (float(found[0]) == 0.0) == left_out
+        assert float(found[1]) != 0.0
 
 
 def in_mass_metric(mechanism, q):

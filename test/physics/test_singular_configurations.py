@@ -68,3 +68,31 @@ def test_it_passes_its_change_points_with_efforts_at_its_joints():
     assert [coupler, rocker] == pytest.approx([-crank, crank], abs=1e-9)
     assert sim.energies.work_applied == pytest.approx(-0.3 * (crank - np.pi / 2) + 0.5 * (crank - np.pi / 2), rel=1e-9)
     assert abs(sim.energies.residual) < 1e-7 * sim.energies.kinetic
+
+
+@pytest.mark.parametrize(
+    ("mass", "slope", "allowed"),
+    [(1e-4, 0, 3e-13), (1e-5, 0, 3e-13), (1e-6, 45, 3e-13), (1e-7, 0, 5e-13), (1e-8, 90, 5e-12), (1e-9, 0, 8e-11)],
+)
+def test_a_parallelogram_with_a_light_rocker_passes_its_change_points(mass, slope, allowed):
+    """Without gravity, a crank of 1 kg and a bar of 1 kg beside a rocker of `mass` turn at a constant speed."""
+    start, (x, z) = 0.5 + np.radians(slope), (np.cos(np.radians(slope)), np.sin(np.radians(slope)))
+    sim = Simulation.from_text(f"""
+mechanism: light_rocker
+gravity: [0, 0, 0]
+ground: {{points: {{d: [{x}, 0, {z}]}}}}
+parts:
+  crank: {{mass: 1, shape: {{type: rod, to: [0.4, 0, 0]}}, points: {{tip: [0.4, 0, 0]}}}}
+  bar: {{mass: 1, shape: {{type: rod, to: [1, 0, 0]}}, points: {{tip: [1, 0, 0]}}}}
+  rocker: {{mass: {mass}, shape: {{type: rod, to: [0.4, 0, 0]}}, points: {{tip: [0.4, 0, 0]}}}}
+joints:
+  main: {{type: revolute, between: [ground, crank], axis: [0, -1, 0], position: {start}, velocity: 3}}
+  pin: {{type: revolute, between: [crank.tip, bar], axis: [0, -1, 0], position: -0.5, guess: true}}
+  other: {{type: revolute, between: [ground.d, rocker], axis: [0, -1, 0], position: {start}, guess: true}}
+  eye: {{type: revolute, between: [bar.tip, rocker.tip], axis: [0, -1, 0]}}
+""")
+    sim.run(until=20.0)
+    assert sim.violation.position < 1e-14
+    assert sim.u == pytest.approx([3.0, -3.0, 3.0], rel=allowed)
+    assert sim.q == pytest.approx([start + 60.0, -60.5, start + 60.0], abs=20.0 * 3.0 * allowed)
+    assert abs(sim.energies.residual) < allowed * sim.energies.kinetic
