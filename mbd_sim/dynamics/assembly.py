@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rank import RANK, null_space
+from mbd_sim.dynamics.constraint_rank import RANK, null_space, row_sizes
 from mbd_sim.geometry.pose import Array
 
 CLOSED = 1e-10  # tolerated gap, relative to the size of the mechanism
@@ -192,7 +192,7 @@ def scaled_rows(mass_matrix: Array, rows: Array) -> tuple[Array, Array, Array]:
     to_unit = _unit_energy_speeds(mass_matrix)
     scaled = rows @ to_unit
     sizes = np.linalg.norm(scaled, axis=1)
-    sizes[np.linalg.norm(rows, axis=1) < 1e-12] = np.inf
+    sizes[row_sizes(rows) == np.inf] = np.inf
     return to_unit, scaled / sizes[:, None], sizes
 
 

@@ -11,6 +11,7 @@ from mbd_sim.geometry.pose import Array
 
 RANK = 1e-9  # singular values below this fraction of the largest count as zero
 ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
+ROUND_OFF = 1e-12  # the length up to which a single row counts as zero
 
 
 def null_space(matrix: Array) -> Array:
@@ -58,10 +59,16 @@ def rank_of(matrix: Array) -> int:
     return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
 
 
+def row_sizes(gradient: Array) -> Array:
+    """The lengths (…, m) of the rows (…, m, nv), infinite for those that are zero up to round-off."""
+    sizes: Array = np.linalg.norm(gradient, axis=-1)
+    return np.where(sizes > ROUND_OFF, sizes, np.inf)
+
+
 def unit_rows(gradient: Array) -> Array:
     """The rows (…, m, nv) with a length of 1, or 0."""
-    size = np.linalg.norm(gradient, axis=-1, keepdims=True)
-    unit: Array = np.divide(gradient, size, out=np.zeros_like(gradient), where=size > 1e-12)
+    sizes = row_sizes(gradient)[..., None]
+    unit: Array = np.divide(gradient, sizes, out=np.zeros_like(gradient), where=sizes < np.inf)
     return unit
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rank import null_space, unit_rows
+from mbd_sim.dynamics.constraint_rank import null_space, row_sizes, unit_rows
 from mbd_sim.geometry.pose import Array
 
 SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ,
@@ -27,8 +27,8 @@ def speeds_of_a_branch(
     """
     gradient = constraints.gradient(t, q)
     stresses = null_space(unit_rows(gradient).T)
-    sizes = np.linalg.norm(gradient, axis=1)
-    sizes[sizes == 0.0] = 1.0
+    sizes = row_sizes(gradient)
+    sizes[sizes == np.inf] = 1.0  # each of these rows is a stress by itself
     free = null_space(np.vstack([unit_rows(gradient), np.eye(len(u))[fixed]]))
     if not stresses.shape[1] or not free.shape[1]:
         return u
