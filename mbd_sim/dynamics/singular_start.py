@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rank import null_space, row_sizes, unit_rows
+from mbd_sim.dynamics.constraint_rank import RANK, null_space, row_sizes, unit_rows
 from mbd_sim.geometry.pose import Array
 
 SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ,
@@ -42,7 +42,9 @@ def speeds_of_a_branch(
         return np.asarray(stresses.T @ (constraints.bias(t, q, speeds) / sizes))
 
     # Not γ of the speeds that are judged: on a branch on which the linkage moves without it, all of it is round-off.
-    bias = float(np.linalg.norm(constraints.bias(t, q, u) / sizes))
+    # Nor γ of rows in no stress, such as those of other loops, which may be far faster.
+    stressed = np.any(np.abs(stresses) > RANK, axis=1)
+    bias = float(np.linalg.norm((constraints.bias(t, q, u) / sizes)[stressed]))
 
     def satisfied(speeds: Array) -> bool:
         tolerance = max(SATISFIED * bias, ROUND_OFF * float(speeds @ speeds))

@@ -102,6 +102,15 @@ def test_a_row_that_is_zero_up_to_round_off_does_not_hide_the_branches_of_anothe
     assert abs(simulation.energies.residual) < 1e-13 * simulation.energies.kinetic
 
 
+@pytest.mark.parametrize(("speed", "second"), [(0.01, 300), (0.1, 2000)])
+def test_a_fast_loop_does_not_hide_that_another_one_is_off_its_branches(speed, second):
+    """The second linkage is a four-bar in a regular configuration."""
+    simulation = with_a_second(END=1, LENGTH=0.2, ANGLE=1, LEAN=-0.7, SPEED=speed, SECOND=second)
+    assert simulation.u[:3] == pytest.approx([speed, -speed, speed], rel=1e-12)
+    alone = with_a_second(END=1, LENGTH=0.2, ANGLE=1, LEAN=-0.7, SPEED=0, SECOND=second)
+    assert simulation.u[3:] == pytest.approx(alone.u[3:], rel=1e-12)
+
+
 DOOR = """
 mechanism: door
 gravity: [0, 0, 0]
