@@ -60,7 +60,8 @@ def speeds_of_a_branch(
             at = u + free @ change
             # Differences of a quadratic function are exact.
             slopes = [(curvature(at + move) - curvature(at - move)) / (2.0 * size) for move in size * free.T]
-            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at), rcond=1e-9)[0]
+            # For a loop that rests beside others, the slopes vanish with its speeds, which end at rcond of the others.
+            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at), rcond=1e-12)[0]
             change = change + step
             if np.linalg.norm(step) <= 1e-15 * size:
                 break

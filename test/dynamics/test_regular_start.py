@@ -93,11 +93,11 @@ def with_a_second(**values):
     return Simulation.from_text(text)
 
 
-@pytest.mark.parametrize("second", [2, 3])
+@pytest.mark.parametrize("second", [0, 2, 3])
 def test_a_row_that_is_zero_up_to_round_off_does_not_hide_the_branches_of_another_loop(second):
     """At 180°, a row of the second linkage is of the size of sin(π) in floating-point numbers."""
     simulation = with_a_second(END=-1, LENGTH=0.4, ANGLE="180 deg", LEAN=0, SPEED=3, SECOND=second)
-    assert simulation.u == pytest.approx([3.0, -3.0, 3.0, second, second, second], rel=1e-13, abs=1e-13)
+    assert simulation.u == pytest.approx([3.0, -3.0, 3.0, second, second, second], rel=1e-13, abs=1e-11)
     simulation.run(until=0.05)
     assert abs(simulation.energies.residual) < 1e-13 * simulation.energies.kinetic
 
