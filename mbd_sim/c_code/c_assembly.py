@@ -11,8 +11,9 @@ from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.start_functions import StartFunctions
 from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
 from mbd_sim.dynamics.constraint_rank import RANK
+from mbd_sim.dynamics.constraint_rank import ROUND_OFF as ROW_ROUND_OFF
 from mbd_sim.dynamics.singular_start import ITERATIONS as BRANCH_ITERATIONS
-from mbd_sim.dynamics.singular_start import ROUND_OFF, SATISFIED, STARTS
+from mbd_sim.dynamics.singular_start import ROUND_OFF, SATISFIED, SLOPES, STARTS
 
 # The functions of (t, q, parameters) that closing loops and fitting speeds evaluate.
 CONSTRAINTS = ("position", "gradient", "drift", "mass_matrix", "branch_checks")
@@ -113,6 +114,8 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 usual_rank=equations.start.rank,
                 satisfied=literal(SATISFIED),
                 round_off=literal(ROUND_OFF),
+                slopes=literal(SLOPES),
+                row_round_off=literal(ROW_ROUND_OFF),
                 branch_starts=STARTS,
                 branch_iterations=BRANCH_ITERATIONS,
                 rows=len(equations.rows),

@@ -76,8 +76,11 @@ static double norm_of(const double *a, int size)
     return sqrt(sum);
 }}
 
-/* Add to x the least solution of a x = b in the sense of least squares; the rows are NV numbers of a and one of b. */
-static void add_least(double *a, int rows, double *x)
+/*
+ * Add to x the least solution of a x = b in the sense of least squares; the rows are NV numbers of a and one of b, and
+ * those up to `zero` of the largest count as zero.
+ */
+static void add_least(double *a, int rows, double *x, double zero)
 {{
     double largest = 0.0;
     int i, k;
@@ -88,7 +91,7 @@ static void add_least(double *a, int rows, double *x)
     for (i = 0; i < rows; i++) {{
         const double *row = a + i * (NV + 1);
         double size = norm_of(row, NV);
-        if (size > {rank} * largest)
+        if (size > zero * largest)
             for (k = 0; k < NV; k++)
                 x[k] += row[k] * (row[NV] / size / size);
     }}
@@ -127,7 +130,7 @@ static int close_loops(double t, double *q, const double *v, const unsigned char
             a[i * (NV + 1) + NV] = holonomic[i] ? -gaps[i] : 0.0;
         }}
         memset(move, 0, sizeof move);
-        add_least(a, ROWS, move);
+        add_least(a, ROWS, move, {rank});
         for (k = 0; k < NV; k++)
             most = fmax(most, fabs(move[k]));
         for (k = 0; k < NV; k++)
@@ -201,7 +204,7 @@ static int fit_speeds(
             row[NV] = rest / size;
         }}
         memset(along, 0, sizeof along);
-        add_least(a, count, along);
+        add_least(a, count, along, {rank});
         for (j = 0; j < NV; j++) {{
             const double *axis = axes + j * 2 * NV;
             size = fmax(norm_of(axis, NV), 1e-12 * fmax(largest, 1e-300));

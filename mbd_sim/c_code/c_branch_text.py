@@ -56,9 +56,10 @@ static int is_singular(
         for (size = 0.0, k = 0; k < NV; k++)
             size += g[k * ROWS + i] * g[k * ROWS + i];
         size = sqrt(size);
-        at->sizes[i] = size == 0.0 ? 1.0 : size;
+        at->sizes[i] = size > {row_round_off} ? size : 1.0;
         for (k = 0; k < NV; k++)
-            columns[k * (ROWS + 2 * NV) + i] = rows[i * (NV + ROWS) + k] = size > 1e-12 ? g[k * ROWS + i] / size : 0.0;
+            columns[k * (ROWS + 2 * NV) + i] = rows[i * (NV + ROWS) + k] =
+                size > {row_round_off} ? g[k * ROWS + i] / size : 0.0;
     }}
     at->stress_count = null_rows(rows, ROWS, NV, at->stresses, &rank);
     if (rank >= {usual_rank} || !at->stress_count)
@@ -101,7 +102,12 @@ static int is_branch(double t, const double *q, const double *v, struct singular
     for (i = 0; i < ROWS; i++)
         terms[i] /= at->sizes[i];
     if (at->bias < 0.0)
-        at->bias = norm_of(terms, ROWS);
+        for (at->bias = 0.0, k = 0; k < ROWS; k++)
+            for (i = 0; i < at->stress_count; i++)
+                if (fabs(at->stresses[i * ROWS + k]) > {rank}) {{
+                    at->bias = sqrt(at->bias * at->bias + terms[k] * terms[k]);
+                    break;
+                }}
     for (i = 0; i < at->stress_count; i++)
         for (curvature[i] = 0.0, k = 0; k < ROWS; k++)
             curvature[i] += at->stresses[i * ROWS + k] * terms[k];
@@ -131,7 +137,7 @@ static void solve_branch(
         for (i = 0; i < at->stress_count; i++)
             a[i * (NV + 1) + NV] = -here[i];
         memset(step, 0, sizeof step);
-        add_least(a, at->stress_count, step);
+        add_least(a, at->stress_count, step, {slopes});
         for (k = 0; k < at->direction_count; k++)
             change[k] += step[k];
         if (norm_of(step, NV) <= 1e-15 * at->size)

@@ -11,6 +11,9 @@ from mbd_sim.geometry.pose import Array
 
 SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ,
 ROUND_OFF = 1e-13  # or to the squared speeds, where γ itself is round-off, as on the axis of a turning part
+SLOPES = (
+    1e-12  # of the largest: slopes that vanish with the speeds of a loop at rest, which end at this share of others
+)
 STARTS, ITERATIONS = 12, 50
 
 
@@ -60,8 +63,7 @@ def speeds_of_a_branch(
             at = u + free @ change
             # Differences of a quadratic function are exact.
             slopes = [(curvature(at + move) - curvature(at - move)) / (2.0 * size) for move in size * free.T]
-            # For a loop that rests beside others, the slopes vanish with its speeds, which end at rcond of the others.
-            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at), rcond=1e-12)[0]
+            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at), rcond=SLOPES)[0]
             change = change + step
             if np.linalg.norm(step) <= 1e-15 * size:
                 break

@@ -12,6 +12,7 @@ from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.c_code.compiled import CompiledModule, compiled
 from test.generators.sampled_arm import INTEGRAL, sampled_arm, sampled_drive
+from test.generators.two_linkages import two_linkages
 
 STEPS = 400
 LIBRARY = {"sin", "cos", "sincos", "exp", "log", "tan", "asin", "acos", "atan", "atan2", "tanh", "pow", "fma",
@@ -152,6 +153,27 @@ def test_speeds_in_a_singular_configuration_are_those_of_a_branch_as_in_the_simu
         simulation = Simulation(code.model.mechanism, parameters={"w": speed})
         assert simulation.u == pytest.approx(expected, rel=1e-12)
         assert code.y[simulation.model.u_range] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        {"END": -1, "LENGTH": 0.4, "ANGLE": "180 deg", "LEAN": 0, "SECOND": "2"},
+        {"END": -1, "LENGTH": 0.4, "ANGLE": "180 deg", "LEAN": 0, "SECOND": "0"},
+        {"END": 1, "LENGTH": 0.2, "ANGLE": 1, "LEAN": -0.7, "SECOND": "30000*w"},
+    ],
+    ids=["at 180 degrees", "at rest", "far faster"],
+)
+def test_another_loop_does_not_change_the_branch(second):
+    """Rows of the size of round-off, and fast loops that are regular."""
+    text = two_linkages(**second, SPEED="w") + "parameters: {w: 0.001}\n"
+    code = CompiledModule(parse_mechanism(text), parameters=("w",))
+    for speed in (0.01, 0.002):
+        code.p[:] = speed
+        assert code.assemble() == 1
+        simulation = Simulation(code.model.mechanism, parameters={"w": speed})
+        assert simulation.u[:3] == pytest.approx([speed, -speed, speed], rel=1e-12)
+        assert code.y[simulation.model.u_range] == pytest.approx(simulation.u, rel=1e-11, abs=1e-11)
 
 
 def test_given_speeds_in_a_singular_configuration_are_kept():
