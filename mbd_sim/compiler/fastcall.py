@@ -11,7 +11,7 @@ from mbd_sim.compiler.external_symbols import NONE
 from mbd_sim.compiler.ir import POINTER, VOID, Block, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer
-from mbd_sim.compiler.python_callable import LARGEST, MOST_AT_ONCE, SUCCESSOR
+from mbd_sim.compiler.python_callable import LARGEST, STEPS_AT_ONCE, SUCCESSOR
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 
@@ -38,7 +38,7 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
 
     It is `step(n=1)` for the usual case: it advances and adds n to the step counter. In any other case it calls the
     second entry of `self` with the same arguments, which raises the error. In a module that is not `fast`, the function
-    at the address `SUCCESSOR` takes the place of `advance`, and more than `MOST_AT_ONCE` steps are another case.
+    at the address `SUCCESSOR` takes the place of `advance`, and more than `STEPS_AT_ONCE` steps are another case.
 
     :param roles: of each argument of `advance`: "first", "h", "steps", or anything else for a pointer. The first entry
         of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
@@ -94,7 +94,7 @@ def _emit_step_count(
 
     b.position_at_end(blocks["given"])
     number = b.call(python["PyLong_AsLongLong"], [b.load(arguments, typ=POINTER)])
-    most = LARGEST if b.module.fast else MOST_AT_ONCE
+    most = LARGEST if b.module.fast else STEPS_AT_ONCE
     in_range = b.icmp_unsigned("<=", number, integer(most))  # false for negative numbers, read as unsigned
     b.cbranch(in_range, blocks["known"], blocks["doubtful"])
 

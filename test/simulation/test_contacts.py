@@ -222,8 +222,8 @@ def test_an_interrupt_leaves_state_and_time_together(name):
     before = signal.signal(signal.SIGALRM, interrupt)
     try:
         for delay in (0.003, 0.01, 0.03):
-            signal.setitimer(signal.ITIMER_REAL, delay)
             with pytest.raises(KeyboardInterrupt):
+                signal.setitimer(signal.ITIMER_REAL, delay)
                 while True:
                     sim.step(700)
     finally:
