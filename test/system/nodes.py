@@ -169,10 +169,16 @@ class Listener:
         )
 
     def until_paused(self) -> int:
-        """Wait until no more states are on their way: a paused node repeats its last one. Returns its time in ns."""
-        self.until(
-            lambda: len(self.states) > 1 and self.states[-1].header.stamp == self.states[-2].header.stamp, "the pause"
-        )
+        """Wait until no more states are on their way: a paused node repeats its last one. Returns its time in ns.
+
+        Two states of one time are not enough: a reset publishes the start state at the time of the last state.
+        """
+
+        def repeats() -> bool:
+            stamps = [nanoseconds(state.header.stamp) for state in self.states[-3:]]
+            return len(stamps) == 3 and len(set(stamps)) == 1
+
+        self.until(repeats, "the pause")
         return nanoseconds(self.states[-1].header.stamp)
 
     def spin(self, seconds: float) -> None:

@@ -307,11 +307,10 @@ def test_simulated_time_continues_over_a_reset_and_stops_in_a_pause(tmp_path: Pa
         listener.until(lambda: clock.now().nanoseconds > before, "time going on")
         listener.pause(True)
         paused_ns = listener.until_paused()
-        # /clock is best effort, and a busy machine may lose its last message: every message is 2 ms later than the last.
-        listener.until(lambda: 0 <= paused_ns - clock.now().nanoseconds <= 4_000_000, "the time of the pause")
-        stopped = clock.now().nanoseconds
+        # /clock is best effort: where its last message is lost, the repeated one brings the time.
+        listener.until(lambda: clock.now().nanoseconds == paused_ns, "the time of the pause")
         listener.spin(0.8)
-        assert clock.now().nanoseconds in (stopped, paused_ns)
+        assert clock.now().nanoseconds == paused_ns
 
 
 def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:
