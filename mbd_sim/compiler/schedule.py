@@ -31,6 +31,8 @@ from mbd_sim.compiler.instruction_list import (
 ADD, MULTIPLY, FUSED, DIVIDE, SQUARE_ROOT, SINE, CALL = 3, 3, 4, 13, 20, 45, 100
 SATURATED = 5  # operations for each cycle of the critical path, beyond which a processor is always busy
 _LATENCY = {
+    ca.OP_INPUT: 0,
+    ca.OP_CONST: 0,
     ca.OP_ASSIGN: 0,
     ca.OP_NEG: 1,
     ca.OP_FABS: 1,
@@ -61,7 +63,7 @@ def arranged(function: Instructions, *, fused: bool = True) -> InstructionList:
 
 def latency(node: Node) -> int:
     """Cycles from the operands of a node to its value."""
-    return 0 if is_leaf(node) else _LATENCY.get(node.operation, ADD)
+    return _LATENCY.get(node.operation, ADD)
 
 
 def critical_path_order(graph: Graph) -> list[int]:
@@ -205,6 +207,8 @@ class _Rebuilding:
 
     def _reduced(self, factors: list[int]) -> tuple[int, ...]:
         """At most two factors with the same product: those that are ready first are multiplied first."""
+        if len(factors) <= 2:
+            return tuple(sorted(factors))
         waiting = [(self._ready[factor], factor) for factor in factors]
         heapq.heapify(waiting)
         while len(waiting) > 2:
@@ -215,8 +219,10 @@ class _Rebuilding:
     def _product(self, factors: tuple[int, ...]) -> int:
         if len(factors) == 1:
             return factors[0]
-        one, other = sorted(factors)
-        return self._add(Node(ca.OP_SQ, (one,)) if one == other else Node(ca.OP_MUL, (one, other)))
+        one, other = factors
+        if one == other:
+            return self._add(Node(ca.OP_SQ, (one,)))
+        return self._add(Node(ca.OP_MUL, factors if one < other else (other, one)))
 
     def _sum(self, terms: list[_Term]) -> int:
         """The sum of the terms: the two that are ready first are added first."""
@@ -254,9 +260,10 @@ class _Rebuilding:
         return _Term((number,), negative, self._ready[number])
 
     def _add(self, node: Node) -> int:
-        number = self._numbers.setdefault(node.key, len(self._nodes))
+        number = self._numbers.setdefault(node.key if node.operation == ca.OP_CONST else node, len(self._nodes))
         if number == len(self._nodes):
+            ready = self._ready
+            start = 0 if is_leaf(node) else max([ready[operand] for operand in node.operands])
             self._nodes.append(node)
-            start = 0 if is_leaf(node) else max([self._ready[operand] for operand in node.operands])
-            self._ready.append(start + latency(node))
+            ready.append(start + latency(node))
         return number

@@ -145,10 +145,7 @@ class FactorizedMassMatrix:
 
     def _bias_forces(self) -> list[ca.SX]:
         """The wrenches (6,) that the links need at their velocities without acceleration: ω × J ω and ω × (ω × m c)."""
-        return [
-            sparse(ca.vertcat(_gyroscopic_moment(inertia, square), square @ _mass_moment(inertia)))
-            for inertia, square in zip(self._inertias, self._squares, strict=True)
-        ]
+        return [_bias_force(inertia, square) for inertia, square in zip(self._inertias, self._squares, strict=True)]
 
     def _bias_accelerations(self) -> list[ca.SX]:
         """The accelerations [ω'; p''] (6,) of the links' origins across their joints at u' = 0.
@@ -157,13 +154,11 @@ class FactorizedMassMatrix:
         """
         found = []
         for link, motion in zip(self._links, self._motions, strict=True):
-            joint, omega, linear = motion.joint, ca.SX(3, 1), ca.SX(3, 1)
+            bias = ca.vertcat(motion.joint.bias[:3], motion.joint.origin_bias)
             if link.parent >= 0:
-                omega = sparse(motion.R_PL.T @ self._motions[link.parent].V_WL[:3])
-                linear = sparse(motion.R_PL.T @ (self._squares[link.parent] @ motion.p_PL))
-            angular = skew(omega) @ joint.V_FM[:3] + joint.bias[:3]
-            linear = linear + 2.0 * (skew(omega) @ joint.V_FM[3:]) + joint.origin_bias
-            found.append(sparse(ca.vertcat(angular, linear)))
+                omega, square = self._motions[link.parent].V_WL[:3], self._squares[link.parent]
+                bias = _carried_bias(motion.R_PL, motion.p_PL, omega, square, motion.joint.V_FM, bias)
+            found.append(sparse(bias))
         return found
 
     def _spatial(self, accelerations: Sequence[ca.SX]) -> list[ca.SX]:
@@ -221,21 +216,25 @@ def _square(omega: ca.SX) -> ca.SX:
     return products
 
 
-def _mass_moment(inertia: ca.SX) -> ca.SX:
-    """m c (3,) in kg·m of the inertia (6, 6) of a rigid body."""
-    return sparse(ca.vertcat(inertia[2, 4], inertia[0, 5], inertia[1, 3]))
+@inlined
+def _carried_bias(R_PL: ca.SX, p_PL: ca.SX, omega: ca.SX, square: ca.SX, V_FM: ca.SX, bias: ca.SX) -> ca.SX:
+    """The acceleration [ω'; p''] (6,) across a joint on a link that rotates, from that on a link that does not."""
+    turning = skew(R_PL.T @ omega)
+    angular = turning @ V_FM[:3] + bias[:3]
+    return ca.vertcat(angular, R_PL.T @ (square @ p_PL) + 2.0 * (turning @ V_FM[3:]) + bias[3:])
 
 
 @inlined
-def _gyroscopic_moment(inertia: ca.SX, square: ca.SX) -> ca.SX:
-    """ω × J ω (3,) in N·m, from the products of ω in `_square`."""
+def _bias_force(inertia: ca.SX, square: ca.SX) -> ca.SX:
+    """[ω × J ω; ω × (ω × m c)] (6,) in N·m and N, from the products of ω in `_square`."""
     rows = []
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         moment = (inertia[k, k] - inertia[j, j]) * square[j, k]
         moment += inertia[j, k] * (square[j, j] - square[k, k])
         rows.append(moment + inertia[i, k] * square[i, j] - inertia[i, j] * square[i, k])
-    return ca.vertcat(*rows)
+    mass_moment = ca.vertcat(inertia[2, 4], inertia[0, 5], inertia[1, 3])
+    return ca.vertcat(*rows, square @ mass_moment)
 
 
 def bias_acceleration(motion: LinkMotion) -> ca.SX:

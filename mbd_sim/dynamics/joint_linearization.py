@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.dynamics.accelerations import AppliedForces
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.common_subexpressions import merged_function
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.multipliers import ConstraintSolver, TypicalMatrices
 from mbd_sim.dynamics.separation import separated
@@ -85,9 +86,8 @@ def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX)
     full = ca.densify(ca.vertcat(before, solution, right_w[:-1], right_w[-1] + dissipated))
     given = [state.t, traced.y, traced.inputs, g]
     memory, values, reduced = separated(full, ca.vertcat(*given), right)
-    options = {"cse": True}
-    at = ca.Function("linearize_joints", given, [values], options)
-    return at, ca.Function("solve_joints", [memory, right], [ca.densify(reduced)], options)
+    at = merged_function("linearize_joints", given, values)
+    return at, merged_function("solve_joints", [memory, right], reduced)
 
 
 def _slopes(traced: TracedMechanism, forces: AppliedForces) -> tuple[ca.SX, ca.SX]:

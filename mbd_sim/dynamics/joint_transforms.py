@@ -14,7 +14,7 @@ from functools import partial
 import casadi as ca
 
 from mbd_sim.dynamics.inlining import inlined
-from mbd_sim.dynamics.kinematics import LinkMotion
+from mbd_sim.dynamics.kinematics import LinkMotion, carried_outward
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.spatial_algebra import constant, sparse, symmetric
 
@@ -26,24 +26,18 @@ def inboard_force(motion: LinkMotion, forces: ca.SX) -> ca.SX:
 
 def outboard_motion(motion: LinkMotion, vector: ca.SX) -> ca.SX:
     """A motion vector (6,) of the inboard link as one about the link's origin, in its axes."""
-    return _moved_and_rotated(motion.R_PL, motion.cross, vector)
+    return carried_outward(motion.R_PL, motion.cross, vector)
 
 
 def inboard_inertia(link: Link, motion: LinkMotion, inertia: ca.SX) -> ca.SX:
     """A symmetric inertia (6, 6) of a link as one about the inboard link's origin, in its axes."""
-    rotational, coupling, translational = inertia[:3, :3], inertia[:3, 3:], inertia[3:, 3:]
-    R = motion.R_PL
+    blocks, R = ca.horzcat(inertia[:3, :], inertia[3:, 3:]), motion.R_PL
     if (turn := motion.joint.turn) is not None:
-        about_axis = _TURNED[turn.axis]
-        rotational, coupling, translational = (
-            about_axis(turn.sine, turn.cosine, block) for block in (rotational, coupling, translational)
-        )
-        R = constant(link.X_PF.rotation)
-    turned = _rotated(R, rotational, coupling, translational)
-    rotational, coupling, translational = symmetric(turned[:, :3]), turned[:, 3:6], symmetric(turned[:, 6:])
-    shifted = _shifted(motion.cross, coupling, translational)
-    rotational = symmetric(_moved(motion.cross, rotational, coupling, shifted))
-    return _of_blocks(rotational, shifted, translational)
+        blocks, R = _TURNED[turn.axis](turn.sine, turn.cosine, blocks), constant(link.X_PF.rotation)
+    rotated = _rotated(R, blocks)
+    rotational, coupling, translational = symmetric(rotated[:, :3]), rotated[:, 3:6], symmetric(rotated[:, 6:])
+    moved = _moved(motion.cross, rotational, coupling, translational)
+    return _of_blocks(symmetric(moved[:, :3]), moved[:, 3:], translational)
 
 
 # In these functions p (3, 3) multiplies a vector by a displacement. It is an argument, rather than the displacement,
@@ -58,23 +52,14 @@ def _rotated_and_moved(R: ca.SX, p: ca.SX, forces: ca.SX) -> ca.SX:
 
 
 @inlined
-def _moved_and_rotated(R: ca.SX, p: ca.SX, vector: ca.SX) -> ca.SX:
-    return ca.vertcat(R.T @ vector[:3], R.T @ (vector[3:] - p @ vector[:3]))
+def _rotated(R: ca.SX, blocks: ca.SX) -> ca.SX:
+    return ca.horzcat(*(R @ block @ R.T for block in ca.horzsplit(blocks, 3)))
 
 
 @inlined
-def _rotated(R: ca.SX, rotational: ca.SX, coupling: ca.SX, translational: ca.SX) -> ca.SX:
-    return ca.horzcat(R @ rotational @ R.T, R @ coupling @ R.T, R @ translational @ R.T)
-
-
-@inlined
-def _shifted(p: ca.SX, coupling: ca.SX, translational: ca.SX) -> ca.SX:
-    return coupling + p @ translational
-
-
-@inlined
-def _moved(p: ca.SX, rotational: ca.SX, coupling: ca.SX, shifted: ca.SX) -> ca.SX:
-    return rotational + (p @ coupling.T + (p @ shifted.T).T)
+def _moved(p: ca.SX, rotational: ca.SX, coupling: ca.SX, translational: ca.SX) -> ca.SX:
+    shifted = coupling + p @ translational
+    return ca.horzcat(rotational + (p @ coupling.T + (p @ shifted.T).T), shifted)
 
 
 @inlined
@@ -82,8 +67,12 @@ def _of_blocks(rotational: ca.SX, shifted: ca.SX, translational: ca.SX) -> ca.SX
     return ca.vertcat(ca.horzcat(rotational, shifted), ca.horzcat(shifted.T, translational))
 
 
-def _turned(axis: int, s: ca.SX, c: ca.SX, block: ca.SX) -> ca.SX:
-    """R B Rᵀ of a block B (3, 3), for a rotation R about a coordinate axis by an angle with a sine and a cosine."""
+def _turned(axis: int, s: ca.SX, c: ca.SX, blocks: ca.SX) -> ca.SX:
+    """R B Rᵀ of blocks B (3, 3), for a rotation R about a coordinate axis by an angle with a sine and a cosine."""
+    return ca.horzcat(*(_turned_block(axis, s, c, block) for block in ca.horzsplit(blocks, 3)))
+
+
+def _turned_block(axis: int, s: ca.SX, c: ca.SX, block: ca.SX) -> ca.SX:
     k, i, j = axis, (axis + 1) % 3, (axis + 2) % 3
     result = ca.SX(3, 3)
     result[k, k] = block[k, k]

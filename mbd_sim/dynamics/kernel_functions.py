@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from mbd_sim.dynamics.accelerations import AppliedForces, ConstrainedMotion
+from mbd_sim.dynamics.common_subexpressions import merged_function
 from mbd_sim.dynamics.energy import gravitational_potential
 from mbd_sim.dynamics.initial_conditions import Assembly
 from mbd_sim.dynamics.multipliers import ConstraintSolver
@@ -68,21 +69,17 @@ def kernel_functions(
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
     return KernelFunctions(
-        rates=_function("rates", commanded, y_rates, *margin),
-        energies=_function("energies", plain, ca.vertcat(traced.kinetic_energy, potential)),
-        poses=_function("poses", plain, flat_poses(traced)),
-        drives=_function("drives", commanded, ca.vec(motion.drives)),
+        rates=merged_function("rates", commanded, y_rates, *margin),
+        energies=merged_function("energies", plain, ca.vertcat(traced.kinetic_energy, potential)),
+        poses=merged_function("poses", plain, flat_poses(traced)),
+        drives=merged_function("drives", commanded, ca.vec(motion.drives)),
         # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
-        project=None if projected is None else _function("settle", plain, projected),
-        violation=_function("violation", plain, violation),
+        project=None if projected is None else merged_function("settle", plain, projected),
+        violation=merged_function("violation", plain, violation),
         multipliers=multipliers,
-        trace_multipliers=partial(_function, "multipliers", commanded, multipliers),
+        trace_multipliers=partial(merged_function, "multipliers", commanded, multipliers),
         cushions=_cushions(commanded, forces),
     )
-
-
-def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
-    return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
 
 
 def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | None:

@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 
 from mbd_sim.dynamics.commanded_drives import driven_motion
+from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
-from mbd_sim.dynamics.spatial_algebra import constant, motion_transform, skew, sparse
+from mbd_sim.dynamics.spatial_algebra import constant, motion_transform, skew, sparse, zeros
 
 
 @dataclass(frozen=True, eq=False)
 class LinkMotion:
     """The motion of a link.
 
-    `joint` is that of its inboard joint. `transform` (6, 6) takes motion vectors from the inboard link's frame P to
-    the link's frame L, which is placed in P by `R_PL` (3, 3) and `p_PL` (3,) in m. `V_WL` (6,) = [ω; v] is the link's
-    velocity, expressed in L at its origin.
+    `joint` is that of its inboard joint. The link's frame L is placed in the inboard link's frame P by `R_PL` (3, 3)
+    and `p_PL` (3,) in m. `V_WL` (6,) = [ω; v] is the link's velocity, expressed in L at its origin.
     """
 
     joint: JointMotion
     R_PL: ca.SX
     p_PL: ca.SX
-    transform: ca.SX
     V_WL: ca.SX
+
+    @cached_property
+    def transform(self) -> ca.SX:
+        """The matrix (6, 6) that takes motion vectors from the inboard link's frame P to the link's frame L."""
+        return motion_transform(self.R_PL, self.p_PL)
 
     @cached_property
     def cross(self) -> ca.SX:
@@ -42,6 +46,12 @@ class SymbolicPose:
 
     position: ca.SX
     rotation: ca.SX
+
+
+@inlined
+def carried_outward(R_PL: ca.SX, cross: ca.SX, vector: ca.SX) -> ca.SX:
+    """A motion vector (6,) of the inboard link as one about the link's origin, in its axes; cross @ r = p_PL × r."""
+    return ca.vertcat(R_PL.T @ vector[:3], R_PL.T @ (vector[3:] - cross @ vector[:3]))
 
 
 def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> JointMotion:
@@ -63,19 +73,16 @@ def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[Li
         joint = joint_motion(link, t, q, u)
         R_PL = constant(link.X_PF.rotation) @ joint.R_FM
         p_PL = constant(link.X_PF.position) + constant(link.X_PF.rotation) @ joint.p_FM
-        transform = motion_transform(R_PL, p_PL)
-        inboard = transform @ motions[link.parent].V_WL if link.parent >= 0 else ca.SX(6, 1)
-        motions.append(LinkMotion(joint, R_PL, p_PL, transform, sparse(inboard + joint.V_FM)))
+        inboard = carried_outward(R_PL, skew(p_PL), motions[link.parent].V_WL) if link.parent >= 0 else zeros(6)
+        motions.append(LinkMotion(joint, R_PL, p_PL, sparse(inboard + joint.V_FM)))
     return motions
 
 
-def part_poses(links: Sequence[Link], t: ca.SX, q: ca.SX) -> list[SymbolicPose]:
-    """The pose X_WB of every link's part in ground's frame."""
-    at_rest = ca.SX(max((link.u.stop for link in links), default=0), 1)
+def part_poses(links: Sequence[Link], joints: Iterable[JointMotion]) -> list[SymbolicPose]:
+    """The pose X_WB of every link's part in ground's frame, from the motions of the inboard joints."""
     X_WL: list[SymbolicPose] = []
     X_WB: list[SymbolicPose] = []
-    for link in links:
-        joint = joint_motion(link, t, q, at_rest)
+    for link, joint in zip(links, joints, strict=True):
         p_WF, R_WF = constant(link.X_PF.position), constant(link.X_PF.rotation)
         if link.parent >= 0:
             X_WP = X_WL[link.parent]

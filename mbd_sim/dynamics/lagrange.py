@@ -129,7 +129,8 @@ def lagrange_equations(
         given = [parameters.symbols]
     t, q, q_rates = ca.SX.sym("t"), ca.SX.sym("q", layout.nq), ca.SX.sym("q'", layout.nq)
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
-    poses = dict(zip((link.joint.outboard for link in links), part_poses(links, t, q), strict=True))
+    motions = [joint_motion(link, t, q, u) for link in links]
+    poses = dict(zip((link.joint.outboard for link in links), part_poses(links, motions), strict=True))
     kinematics = _Kinematics(t, q, q_rates, poses)
     state = StateVariables(links, t, q, u)
     energies = _energies(mechanism, kinematics, state, moments)
@@ -137,8 +138,8 @@ def lagrange_equations(
     joints, of_joints = joint_forces(links, q, u, efforts, state), joint_dissipation(links, u)
 
     rates = ca.SX(layout.nq, 1)
-    for link in links:
-        rates[link.q] = joint_motion(link, t, q, u).q_rates
+    for link, motion in zip(links, motions, strict=True):
+        rates[link.q] = motion.q_rates
     to_rates = ca.jacobian(rates, u)
     momentum = ca.gradient(energies.kinetic, q_rates)
     mass = ca.jacobian(momentum, q_rates)

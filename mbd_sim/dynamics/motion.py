@@ -74,17 +74,18 @@ def revolute(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
     """Right-handed rotation by q in rad about a unit `axis`."""
     k = constant(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
     projection = constant(np.outer(axis, axis))
-    R_FM = sparse(projection + ca.sin(q) * k + ca.cos(q) * (constant(np.eye(3)) - projection))
+    sine, cosine = ca.sin(q), ca.cos(q)
+    R_FM = sparse(projection + sine * k + cosine * (constant(np.eye(3)) - projection))
     s = constant(np.concatenate([axis, np.zeros(3)]))
-    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u, turn=_axis_rotation(axis, q))
+    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u, turn=_axis_rotation(axis, sine, cosine))
 
 
-def _axis_rotation(axis: Array, q: ca.SX) -> AxisRotation | None:
-    """The rotation by q about a unit vector, if that is a coordinate axis or its opposite."""
+def _axis_rotation(axis: Array, sine: ca.SX, cosine: ca.SX) -> AxisRotation | None:
+    """The rotation about a unit vector, if that is a coordinate axis or its opposite."""
     if np.count_nonzero(axis) != 1:
         return None
     index = int(np.argmax(np.abs(axis)))
-    return AxisRotation(index, float(axis[index]) * ca.sin(q), ca.cos(q))
+    return AxisRotation(index, float(axis[index]) * sine, cosine)
 
 
 def prismatic(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:

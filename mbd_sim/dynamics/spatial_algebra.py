@@ -89,8 +89,22 @@ def inertia_matrix(mass: float, center: Array, inertia: Array) -> Array:
 
 def symmetric(matrix: ca.SX) -> ca.SX:
     """The matrix with its lower triangle copied from the upper one, so that each entry is computed once."""
-    upper = ca.triu(matrix)
-    return ca.triu2symm(upper)
+    if matrix.numel() <= 1:
+        return matrix
+    given = matrix.sparsity()
+    pattern, entries = _mirrored(matrix.size1(), tuple(given.colind()), tuple(given.row()))
+    return ca.SX(pattern, matrix.nz[entries])
+
+
+@functools.lru_cache(maxsize=1024)
+def _mirrored(size: int, colind: tuple[int, ...], row: tuple[int, ...]) -> tuple[ca.Sparsity, list[int]]:
+    """The pattern of a symmetric matrix, and its nonzeros as indices of those of a matrix with another pattern.
+
+    `ca.triu2symm` is not used: it computes an entry x of the diagonal as x + x - x.
+    """
+    upper = ca.triu(ca.DM(ca.Sparsity(size, size, colind, row), range(1, len(row) + 1)))
+    numbers = ca.sparsify(upper + ca.triu(upper, False).T)
+    return numbers.sparsity(), [int(number) - 1 for number in numbers.nonzeros()]
 
 
 class SpdFactors:
@@ -102,8 +116,10 @@ class SpdFactors:
 
     def __init__(self, matrix: ca.SX) -> None:
         self._matrix = matrix
-        if matrix.shape[0] <= 1:
-            self.pivots = matrix.reshape((-1, 1))
+        if matrix.is_scalar():
+            self.pivots = matrix
+        elif matrix.is_empty():
+            self.pivots = ca.SX(0, 1)
         elif matrix.is_constant():
             inverse, numbers = inverse_spd(np.array(ca.DM(matrix)))
             self._inverse, self.pivots = constant(inverse), ca.SX(ca.DM(numbers))

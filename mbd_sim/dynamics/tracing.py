@@ -142,7 +142,7 @@ def trace(
         inputs=inputs,
         efforts=efforts,
         motions=motions,
-        poses=part_poses(links, t, q),
+        poses=part_poses(links, [motion.joint for motion in motions]),
         kinetic_energy=kinetic,
         actuators=actuators,
         actuator_states=states,

@@ -9,13 +9,13 @@ import pytest
 from mbd_sim.compiler.instruction_list import instructions_of
 from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.joint_transforms import _TURNED, _turned
-from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.spatial_algebra import constant, symmetric
 
 X = ca.SX.sym("x", 3, 3)
 Q = ca.SX.sym("q")
 BLOCKS = {
     "dense": X,
-    "symmetric": ca.triu2symm(ca.triu(X)),
+    "symmetric": symmetric(X),
     "sparse": ca.sparsify(X * constant(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 2.0], [0.0, -1.0, 1.0]]))),
     "numbers": constant(np.diag([0.1, 0.0, 3.0])),
 }

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.dynamics.spatial_algebra import constant, sparse
+from mbd_sim.dynamics.spatial_algebra import constant, sparse, symmetric
 
 
 @pytest.mark.parametrize("array", [np.array([1.0, 0.0, -2.5]), np.arange(6.0).reshape(2, 3).T, np.zeros((0, 2))])
@@ -30,3 +30,34 @@ def test_zeros_of_expressions_become_structural():
     assert sparse(with_zero).nnz() == 2
     assert sparse(with_zero).sparsity() == ca.sparsify(with_zero).sparsity()
     assert sparse(x) is x
+
+
+UPPER = {
+    "dense": np.ones((3, 3)),
+    "zeros above": np.array([[1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [1.0, 1.0, 1.0]]),
+    "zeros below": np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]),
+    "nothing": np.zeros((2, 2)),
+    "one": np.ones((1, 1)),
+    "empty": np.zeros((0, 0)),
+}
+
+
+@pytest.mark.parametrize("pattern", UPPER.values(), ids=UPPER)
+def test_a_symmetric_matrix_consists_of_the_upper_triangle(pattern):
+    size = len(pattern)
+    given = ca.sparsify(ca.SX.sym("x", size, size) * ca.SX(pattern))
+    found = symmetric(given)
+    assert found.shape == given.shape
+    assert found.nnz() == np.count_nonzero(np.triu(pattern) + np.triu(pattern, 1).T)
+    for row, column in np.ndindex(size, size):
+        assert ca.is_equal(found[row, column], given[min(row, column), max(row, column)])
+
+
+def test_an_entry_of_its_diagonal_is_not_computed_again():
+    x = ca.SX.sym("x", 2, 2)
+    found = symmetric(0.09 * x)
+    assert (
+        ca.Function("f", [x], [found]).n_instructions()
+        == ca.Function("f", [x], [ca.triu(0.09 * x)]).n_instructions() + 1
+    )
+    assert float(ca.Function("f", [x], [found])(0.7)[0, 0]) == 0.09 * 0.7
