@@ -18,7 +18,7 @@ from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.errors import quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.shaped_arrays import finite_vector
-from mbd_sim.mechanism.actuators import channel_names
+from mbd_sim.mechanism.channels import channel_names
 
 ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:
 LEAST_EIGENVALUE, SPLIT = 1e-6, 1e-5  # the same in 1/s, √(ε g/r) of a balanced r = 1 mm, and relative to the largest

@@ -21,13 +21,13 @@ from mbd_sim.dynamics.spatial_algebra import is_finite, is_symbolic
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.actuators import (
     Actuator,
-    Channel,
     CoordinatePort,
     DcMotor,
     EffortMotor,
     LinePort,
     Servo,
 )
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 
 

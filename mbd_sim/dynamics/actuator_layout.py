@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 from mbd_sim.dynamics.spatial_algebra import is_absent, is_finite, is_symbolic
 from mbd_sim.errors import MechanismError, Problem, listed
-from mbd_sim.mechanism.actuators import Actuator, Channel, DcMotor, Machine
+from mbd_sim.mechanism.actuators import Actuator, DcMotor, Machine
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location

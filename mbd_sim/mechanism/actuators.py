@@ -7,18 +7,17 @@ and its rate. Its effort in N or N·m is positive where it increases x. SI units
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar, assert_never
 
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
-from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Attachment
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
 
-Channel = Literal["position", "velocity", "effort", "voltage", "current", "opening"]
 Control = Literal["effort", "voltage", "current", "opening"]
 Number = TypeVar("Number")  # or a symbol
 
@@ -171,11 +170,6 @@ class Actuator:
 def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
     """The lines along which actuators act, by the name of the actuator."""
     return {actuator.name: actuator.port for actuator in mechanism.actuators if isinstance(actuator.port, LinePort)}
-
-
-def channel_names(takers: Sequence[Actuator | CommandedDrive]) -> tuple[str, ...]:
-    """All commands in their order, as `actuator.channel`; a drive has the name of its joint."""
-    return tuple(f"{taker.name}.{channel}" for taker in takers for channel in taker.channels)
 
 
 def has_actuator_states(mechanism: Mechanism) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from mbd_sim.errors import CommandError, listed
-from mbd_sim.mechanism.actuators import Channel
+from mbd_sim.mechanism.channels import Channel
 
 BaseType = Literal["differential", "mecanum", "car"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from mbd_sim.errors import MechanismError, Problem, listed
 
 if TYPE_CHECKING:
-    from mbd_sim.mechanism.actuators import Channel
+    from mbd_sim.mechanism.channels import Channel
     from mbd_sim.mechanism.records import Mechanism
 
 STATES = 3  # position, velocity and acceleration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from mbd_sim.mechanism.actuators import channel_names
+from mbd_sim.mechanism.channels import channel_names
 from mbd_sim.messages.new_state import new_state_message
 from mbd_sim.messages.serialized_message import string_message
 from mbd_sim.messages.state_messages import labeled_array

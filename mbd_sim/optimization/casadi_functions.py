@@ -17,7 +17,7 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
-from mbd_sim.mechanism.actuators import channel_names
+from mbd_sim.mechanism.channels import channel_names
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs

@@ -11,7 +11,7 @@ import numpy as np
 
 from mbd_sim.errors import CommandError, listed
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Channel
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.trajectory_player import TrajectoryPlayer
 from mbd_sim.simulation.actuator_commands import CommandMap

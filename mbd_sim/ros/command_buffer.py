@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Channel
 from mbd_sim.mechanism.bases import Base, Velocity
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.ros.actuator_buffer import ActuatorBuffer
 from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.joint_commands import JointCommandRouter

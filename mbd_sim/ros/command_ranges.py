@@ -8,7 +8,8 @@ import numpy as np
 
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.ros.joint_curve import JointCurve

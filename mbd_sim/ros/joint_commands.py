@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, cast
 
 from mbd_sim.errors import CommandError, listed, require_each_once
-from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.simulation.efforts import EffortMap
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from mbd_sim.errors import CommandError, listed, nearest, quoted
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, Channel, channel_names
-from mbd_sim.mechanism.drives import CommandedDrive
+from mbd_sim.mechanism.channels import Channel, channel_names
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.input_layout import InputLayout
+    from mbd_sim.mechanism.actuators import Actuator
+    from mbd_sim.mechanism.drives import CommandedDrive
 
 Command = float | Mapping[Channel, float]
 

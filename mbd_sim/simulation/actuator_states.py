@@ -10,7 +10,8 @@ import numpy as np
 from mbd_sim.dynamics.actuator_functions import CYLINDER_READINGS, MOTOR_READINGS
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort, DcMotor
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 
 

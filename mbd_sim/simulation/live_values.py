@@ -18,13 +18,13 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.override import location_of, require_unit, value_of, values_of, with_values
-from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.live_search import live_numbers
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
+    from mbd_sim.mechanism_file.parameters import Parameters
 
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
 
@@ -194,6 +194,9 @@ class LiveValues:
 
     def _parameters(self) -> Parameters:
         """The file's parameters with the current values, and its functions."""
+        # Imported here because its modules take a twentieth of the time of a start.
+        from mbd_sim.mechanism_file.parameters import resolve_parameters
+
         source = self._mechanism.source
         locations = {location_of(self._mechanism, key): value for key, value in self.current.items()}
         live = {location[1]: value for location, value in locations.items() if location[0] == "parameters"}

@@ -15,7 +15,8 @@ from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import MbdSimError
 from mbd_sim.integrators.between_steps import Sampler
-from mbd_sim.mechanism.actuators import Actuator, Channel
+from mbd_sim.mechanism.actuators import Actuator
+from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.symbolic.latex_printer import escaped
 
