@@ -65,14 +65,19 @@ def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams
     corrector = [p + (-1) ** (j + 1) * comb(length, j + 1) * newest for j, p in enumerate(predictor)]
     p, c = (tuple(float(value) for value in values) for values in (predictor, corrector))
     differences = tuple(tuple(float(-((-1) ** j) * comb(k, j)) for j in range(1, k + 1)) for k in LOWER)
-    midpoints = tuple(_interpolation(length, Fraction(-1, 2) - back) for back in range(length // 2))
+    midpoints = tuple(_interpolation(length, -1 - 2 * back) for back in range(length // 2))
     return Adams(name, length + 1, p, c, float(newest), differences, midpoints, tolerance, otherwise)
 
 
-def _interpolation(length: int, at: Fraction) -> Coefficients:
-    """The weights of the values at 1, 0, −1 … 1 − `length` of a polynomial in its value at another place (Lagrange)."""
+def _interpolation(length: int, twice: int) -> Coefficients:
+    """The weights of the values at 1, 0, −1 … 1 − `length` of a polynomial in its value at half of `twice` (Lagrange)."""
     nodes = [1 - index for index in range(length + 1)]
-    return tuple(float(prod((at - other) / (node - other) for other in nodes if other != node)) for node in nodes)
+
+    def weight(node: int) -> Fraction:
+        others = [other for other in nodes if other != node]
+        return Fraction(prod(twice - 2 * other for other in others), prod(2 * (node - other) for other in others))
+
+    return tuple(float(weight(node)) for node in nodes)
 
 
 ADAMS: dict[str, Adams] = {"adams11": adams("adams11", 10, 2e-14, EXPLICIT["tsitouras8"])}
