@@ -70,7 +70,7 @@ def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams
 
 
 def _interpolation(length: int, twice: int) -> Coefficients:
-    """The weights of the values at 1, 0, −1 … 1 − `length` of a polynomial in its value at half of `twice` (Lagrange)."""
+    """The weights of the values at 1, 0, −1 … 1 − `length` of a polynomial in its value at `twice` / 2 (Lagrange)."""
     nodes = [1 - index for index in range(length + 1)]
 
     def weight(node: int) -> Fraction:
