@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, core_schema
@@ -109,3 +109,7 @@ class EffortField(ExpressionField):
     def _in_unit_of(self, info: ValidationInfo, parameters: Parameters) -> ExpressionField:
         named = info.data.get("coordinate") if info.data else None
         return replace(self, unit=parameters.coordinates.effort_units.get(str(named), self.unit))
+
+
+AngleOfTime = Annotated[TimeExpression, ExpressionField("rad")]
+LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import copy
 import functools
+from collections.abc import Sequence
 from typing import Any
 
+from pydantic import create_model
 from pydantic.json_schema import GenerateJsonSchema
 
 from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.schema.base_schema import SUFFIX
+from mbd_sim.mechanism_file.schema.base_schema import SUFFIX, Spec
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
+from mbd_sim.mechanism_file.schema.later import whole_schema
+from mbd_sim.mechanism_file.schema.validators import validator_of
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS
 
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
@@ -50,18 +54,19 @@ def json_schema() -> SchemaNode:
 
 def known_keys(location: PydanticLocation) -> list[str]:
     """The keys that a mapping at this location may have."""
-    nodes = [form for node in _nodes_at(location) for form in (_variants(node) if "discriminator" in node else [node])]
+    schema, nodes = _nodes_at(location)
+    nodes = [form for node in nodes for form in (_variants(node, schema) if "discriminator" in node else [node])]
     return list(dict.fromkeys(key for node in nodes for key in node.get("properties", {})))
 
 
 def list_length(location: PydanticLocation) -> int:
     """The number of entries that a list at this location has; 0 if it may have any number."""
-    return max((int(node.get("minItems", 0)) for node in _nodes_at(location)), default=0)
+    return max((int(node.get("minItems", 0)) for node in _nodes_at(location)[1]), default=0)
 
 
 def known_types(location: PydanticLocation) -> list[str]:
     """The values that `type` may have in a mapping at this location."""
-    return [tag for node in _nodes_at(location) for tag in node.get("discriminator", {}).get("mapping", {})]
+    return [tag for node in _nodes_at(location)[1] for tag in node.get("discriminator", {}).get("mapping", {})]
 
 
 def takes_expression(data: Any, location: Location) -> bool:
@@ -78,29 +83,52 @@ def unit_at(data: Any, location: Location) -> str:
 
 def _nodes_of(data: Any, location: Location) -> list[SchemaNode]:
     """The parts of the schema that describe the value at a location of a file's data."""
-    nodes = _forms(_json_schema())
+    schema = _schema_around(location)
+    nodes = _forms(schema, schema)
     for step in location:
         kind = data.get("type") if isinstance(data, dict) else None
         tagged = [inner for node in nodes if "discriminator" in node and kind for inner in _below(node, str(kind))]
-        nodes = [form for node in tagged or nodes for form in _forms(node)]
-        nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner)]
+        nodes = [form for node in tagged or nodes for form in _forms(node, schema)]
+        nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner, schema)]
         data = data[step]
     return nodes
 
 
-class _NamesWithoutSuffix(GenerateJsonSchema):
-    """Names the definitions like the Python classes, without their suffix."""
+class _Generator(GenerateJsonSchema):
+    """Names the definitions like the Python classes, without their suffix, and sees types that are built later."""
 
     def normalize_name(self, name: str) -> str:
         """The name of a definition."""
         return super().normalize_name(name.removesuffix(SUFFIX))
 
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        """Whether a field is entitled by its name: its type has no title of its own."""
+        return super().field_title_should_be_set(whole_schema(schema))
+
 
 @functools.cache
 def _json_schema() -> SchemaNode:
-    schema = MechanismFile.model_json_schema(by_alias=True, schema_generator=_NamesWithoutSuffix)
+    schema = validator_of(MechanismFile).json_schema(by_alias=True, schema_generator=_Generator)
     _forbid_other_names(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "mbd_sim mechanism"}
+
+
+def _schema_around(location: Sequence[object]) -> SchemaNode:
+    """The JSON Schema of mechanism files without sections other than the one of a location; only their keys are there.
+
+    The whole one takes longer than reading most files.
+    """
+    section = location[0] if location else None
+    schema = _section_schema(section) if isinstance(section, str) and section in MechanismFile.model_fields else {}
+    return {**schema, "properties": {key: {} for key in MechanismFile.model_fields} | schema.get("properties", {})}
+
+
+@functools.cache
+def _section_schema(section: str) -> SchemaNode:
+    field = MechanismFile.model_fields[section]
+    fields: dict[str, Any] = {section: (field.annotation, field)}
+    model = create_model(MechanismFile.__name__, __base__=Spec, **fields)
+    return validator_of(model).json_schema(by_alias=True, schema_generator=_Generator)
 
 
 def _admit_former_keys(schema: SchemaNode) -> None:
@@ -140,22 +168,23 @@ def _forbid_other_names(node: object) -> None:
         node["additionalProperties"] = False
 
 
-def _nodes_at(location: PydanticLocation) -> list[SchemaNode]:
-    """The parts of the schema that describe a location; several where a value may have several forms."""
-    nodes = _forms(_json_schema())
+def _nodes_at(location: PydanticLocation) -> tuple[SchemaNode, list[SchemaNode]]:
+    """A schema, and its parts that describe a location; several where a value may have several forms."""
+    schema = _schema_around(location)
+    nodes = _forms(schema, schema)
     for step in location:
-        nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner)] or nodes
-    return nodes
+        nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner, schema)] or nodes
+    return schema, nodes
 
 
-def _forms(node: SchemaNode) -> list[SchemaNode]:
-    """A node with its reference resolved, or all its alternatives."""
+def _forms(node: SchemaNode, schema: SchemaNode) -> list[SchemaNode]:
+    """A node of a schema with its reference resolved, or all its alternatives."""
     if "$ref" in node:
-        node = _json_schema()["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+        node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
     alternatives = node.get("anyOf", []) + node.get("oneOf", [])
     if "discriminator" in node or not alternatives:
         return [node]
-    return [form for alternative in alternatives for form in _forms(alternative)]
+    return [form for alternative in alternatives for form in _forms(alternative, schema)]
 
 
 def _below(node: SchemaNode, step: int | str) -> list[SchemaNode]:
@@ -173,5 +202,6 @@ def _below(node: SchemaNode, step: int | str) -> list[SchemaNode]:
     return [*node.get("patternProperties", {}).values(), *([others] if isinstance(others, dict) else [])]
 
 
-def _variants(node: SchemaNode) -> list[SchemaNode]:
-    return [form for reference in node["discriminator"]["mapping"].values() for form in _forms({"$ref": reference})]
+def _variants(node: SchemaNode, schema: SchemaNode) -> list[SchemaNode]:
+    references = node["discriminator"]["mapping"].values()
+    return [form for reference in references for form in _forms({"$ref": reference}, schema)]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.mechanism.source import Source
@@ -13,14 +12,17 @@ from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in
 from mbd_sim.mechanism_file.coordinate_names import coordinate_names
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
-from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
-from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
-from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
+from mbd_sim.mechanism_file.schema.deferred_types import (
+    AnyActuatorSpec,
+    AnyConstraintSpec,
+    AnyForceSpec,
+    AnySensorSpec,
+    ContactSpec,
+    TableSpec,
+)
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
-from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
-from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
-from mbd_sim.mechanism_file.schema.table_schema import TableSpec
+from mbd_sim.mechanism_file.schema.validators import validator_of
 from mbd_sim.mechanism_file.validation_problems import problem_of
 
 MANY = 1000  # problems beyond which no further ones are searched for
@@ -43,7 +45,7 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     problems = source.problems + parameters.problems
     file = None
     try:
-        file = MechanismFile.model_validate(source.data, context=parameters)
+        file = validator_of(MechanismFile).validate_python(source.data, context=parameters)
     except ValidationError as error:
         problems += [problem_of(source, details) for details in error.errors(include_url=False)]
     if len(problems) > MANY:
@@ -58,7 +60,7 @@ def _all_names(source: Source) -> Parameters:
     parameters = resolve_parameters(source)
     parameters.coordinates = coordinate_names(source.data.get("joints"))
     written = source.data.get("tables")
-    valid = _accepted(written, _adapter(TableSpec), parameters)
+    valid = _accepted(written, TableSpec, parameters)
     parameters.tables = {name: spec.table for name, spec in valid.items()}
     parameters.unreadable_tables = set(written or ()) - valid.keys() if isinstance(written, dict) else set()
     return parameters
@@ -71,8 +73,8 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
     """
     keys = ("parts", "joints", "forces", "ground")
     written_parts, written_joints, written_forces, ground = map(source.data.get, keys)
-    grounds = _accepted({"ground": {} if ground is None else ground}, _adapter(GroundSpec), parameters)
-    parts = _accepted(written_parts, _adapter(PartSpec), parameters)
+    grounds = _accepted({"ground": {} if ground is None else ground}, GroundSpec, parameters)
+    parts = _accepted(written_parts, PartSpec, parameters)
     joints: dict[str, Any] = {}
     forces: dict[str, Any] = {}
     unreadable, refused = [] if grounds else ["ground"], [""]
@@ -80,18 +82,18 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
         unreadable += [name for name in written_parts if name not in parts]
         ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
         welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
-        as_written = _accepted(written_joints, _adapter(AnyJointSpec), parameters)
-        joints = _accepted(welds, _adapter(AnyJointSpec), parameters) | as_written
+        as_written = _accepted(written_joints, AnyJointSpec, parameters)
+        joints = _accepted(welds, AnyJointSpec, parameters) | as_written
         refused = [name for name in written_joints if name not in as_written]
         refused += [""] if refused else []
     if isinstance(written_forces, dict):
         ends_only = {name: _ends_only(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (ends_only, written_forces):
-            forces |= _accepted(records, _adapter(AnyForceSpec), parameters)
-    constraints = _accepted(source.data.get("constraints"), _adapter(AnyConstraintSpec), parameters)
-    contacts = _accepted(source.data.get("contacts"), _adapter(ContactSpec), parameters)
-    actuators = _accepted(source.data.get("actuators"), _adapter(AnyActuatorSpec), parameters)
-    sensors = _accepted(source.data.get("sensors"), _adapter(AnySensorSpec), parameters)
+            forces |= _accepted(records, AnyForceSpec, parameters)
+    constraints = _accepted(source.data.get("constraints"), AnyConstraintSpec, parameters)
+    contacts = _accepted(source.data.get("contacts"), ContactSpec, parameters)
+    actuators = _accepted(source.data.get("actuators"), AnyActuatorSpec, parameters)
+    sensors = _accepted(source.data.get("sensors"), AnySensorSpec, parameters)
     frame = grounds.get("ground") or GroundSpec()
     built = build_elements(
         parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, refused, sensors=sensors
@@ -111,16 +113,12 @@ def _ends_only(written: dict[str, Any]) -> dict[str, Any]:
     return {"type": kind, key: written.get(key), "vector": [0, 0, 0]}
 
 
-@cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
-
-
-def _accepted(records: object, adapter: TypeAdapter[Any], parameters: Parameters) -> dict[str, Any]:
+def _accepted(records: object, kind: Any, parameters: Parameters) -> dict[str, Any]:
+    """Those of the records that the schema of a kind accepts."""
     accepted = {}
     for name, record in records.items() if isinstance(records, dict) else ():
         try:
-            accepted[name] = adapter.validate_python(record, context=parameters)
+            accepted[name] = validator_of(kind).validate_python(record, context=parameters)
         except ValidationError:
             continue  # reported already
     return accepted

@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from mbd_sim.load import parse_mechanism
-from mbd_sim.mechanism_file.json_schema import json_schema
+from mbd_sim.mechanism_file.json_schema import json_schema, known_keys, known_types
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.mechanism_file.yaml_reader import parse_source
 from test.generators.mechanism_texts import PENDULUM, changed, problems_of
@@ -152,3 +152,9 @@ def test_what_it_refuses_the_program_refuses(old, new):
     broken = changed((old, new))
     assert not accepts(broken)
     assert problems_of(broken)
+
+
+def test_the_keys_of_a_place_are_known_from_its_section():
+    assert set(known_keys(())) == set(json_schema()["properties"])
+    assert "friction" in known_keys(("contacts", "any")) and "radii" in known_keys(("constraints", "any", "gear"))
+    assert "dc_motor" in known_types(("actuators", "any"))

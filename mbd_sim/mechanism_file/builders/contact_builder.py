@@ -15,7 +15,8 @@ from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.contact_shapes import edges, round_body
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
-from mbd_sim.mechanism_file.schema.file_schema import AnyShapeSpec, PartSpec
+from mbd_sim.mechanism_file.schema.file_schema import PartSpec
+from mbd_sim.mechanism_file.schema.shape_schema import AnyShapeSpec
 
 
 def build_contacts(

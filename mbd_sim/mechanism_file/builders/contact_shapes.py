@@ -10,12 +10,12 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.contacts import FIRST_RIM, LAST_RIM, Ball, Barrel, Rim
 from mbd_sim.mechanism.records import Attachment
 from mbd_sim.mechanism_file.builders.shape_builder import pose_of
-from mbd_sim.mechanism_file.schema import file_schema
+from mbd_sim.mechanism_file.schema import shape_schema as schema
 
 SIDES = {-1: "-", 1: "+"}
 
 
-def edges(part: str, shape: file_schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
     """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims and corners."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
@@ -37,39 +37,39 @@ def edges(part: str, shape: file_schema.AnyShapeSpec | Pose) -> list[tuple[str, 
 
     axis: Array = pose.rotation[:, 2]
     match shape:
-        case file_schema.ParticleSpec():
+        case schema.ParticleSpec():
             return [("", Ball(at(0.0, 0.0, 0.0), 0.0))]
-        case file_schema.SphereSpec(radius=r):
+        case schema.SphereSpec(radius=r):
             return [("", Ball(at(0.0, 0.0, 0.0), r))]
-        case file_schema.RodSpec(start=start, end=end, radius=r):
+        case schema.RodSpec(start=start, end=end, radius=r):
             ends = (("from", start), ("to", end))
             return [(f"end {name}", Ball(Attachment(part, np.array(point)), r or 0.0)) for name, point in ends]
-        case file_schema.DiscSpec(radius=r) | file_schema.RingSpec(radius=r):
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
             return [("", Rim(at(0.0, 0.0, 0.0), axis, r))]
-        case file_schema.CylinderSpec(radius=r, length=length):
+        case schema.CylinderSpec(radius=r, length=length):
             first, last = (at(0.0, 0.0, 0.5 * side * length) for side in (-1, 1))
             return [
                 (FIRST_RIM.strip(), Rim(first, axis, r, length)),
                 (LAST_RIM.strip(), Rim(last, axis, r, length, first=False)),
             ]
-        case file_schema.PlateSpec(size=(x, y)):
+        case schema.PlateSpec(size=(x, y)):
             return corners(x, y, 0.0)
-        case file_schema.BlockSpec(size=(x, y, z)):
+        case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
 
 
-def round_body(part: str, shape: file_schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
+def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
     """A shape, or a point, as a ball or an endless cylinder; None for shapes with corners."""
     if isinstance(shape, Pose):
         return Ball(Attachment(part, np.array(shape.position)), 0.0)
     pose = pose_of(shape)
     center = Attachment(part, pose.position)
     match shape:
-        case file_schema.ParticleSpec():
+        case schema.ParticleSpec():
             return Ball(center, 0.0)
-        case file_schema.SphereSpec(radius=r):
+        case schema.SphereSpec(radius=r):
             return Ball(center, r)
-        case file_schema.DiscSpec(radius=r) | file_schema.RingSpec(radius=r) | file_schema.CylinderSpec(radius=r):
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r) | schema.CylinderSpec(radius=r):
             return Barrel(center, pose.rotation[:, 2], r)
-        case file_schema.RodSpec() | file_schema.PlateSpec() | file_schema.BlockSpec():
+        case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec():
             return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TypeVar, assert_never
 
 import numpy as np
@@ -24,22 +23,11 @@ from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, Varying
 from mbd_sim.mechanism.records import GROUND, Attachment, Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
+from mbd_sim.mechanism_file.builders.elements import ForceElements
 from mbd_sim.mechanism_file.builders.law_builder import LARGEST_ELONGATION, build_curve, build_power_law
 from mbd_sim.mechanism_file.schema import force_schema as schema
 
 Element = TypeVar("Element")
-
-
-@dataclass(frozen=True)
-class ForceElements:
-    """The force elements of a mechanism by kind, without gravity and the springs and dampers in joints."""
-
-    springs: tuple[Spring, ...]
-    dampers: tuple[Damper, ...]
-    applied: tuple[AppliedForce, ...]
-    efforts: tuple[AppliedEffort, ...]
-    potentials: tuple[AppliedPotential, ...]
-    bushings: tuple[Bushing, ...]
 
 
 def build_force_elements(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, assert_never
+from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.records import Joint, Limits
 from mbd_sim.mechanism.source import Location
@@ -21,7 +20,9 @@ from mbd_sim.mechanism_file.builders.law_builder import build_elastic_law, build
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import joint_schema as schema
 from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
-from mbd_sim.mechanism_file.schema.drive_schema import AngleDriveSpec, LengthDriveSpec
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.force_elements import Bushing
 
 PARALLEL = 1e-6  # sine of the angle below which two axes count as parallel
 
@@ -96,6 +97,8 @@ def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
             return None
     if not stiffness.any():
         return None
+    from mbd_sim.mechanism.force_elements import Bushing  # which few joints need
+
     frames = joint.parent_pose @ rest, joint.child_pose
     ends = [attachment((part, frame)) for part, frame in zip((joint.parent, joint.child), frames, strict=True)]
     axes = frames[0].rotation, frames[1].rotation
@@ -181,15 +184,17 @@ def _listed(value: Any) -> Array:
 def _drive(name: str, drive: Any) -> tuple[TimeExpression, ...] | CommandedDrive:
     if drive is None:
         return ()
-    if isinstance(drive, AngleDriveSpec | LengthDriveSpec):
-        return CommandedDrive(
-            name=name,
-            controls=drive.command,
-            bandwidth=drive.bandwidth,
-            velocity_limit=math.inf if drive.velocity_limit is None else drive.velocity_limit,
-            acceleration_limit=math.inf if drive.acceleration_limit is None else drive.acceleration_limit,
-            lower=-math.inf if drive.lower is None else drive.lower,
-            upper=math.inf if drive.upper is None else drive.upper,
-            start=drive.position,
-        )
-    return tuple(drive) if isinstance(drive, tuple) else (drive,)
+    if isinstance(drive, TimeExpression):
+        return (drive,)
+    if isinstance(drive, tuple):
+        return drive
+    return CommandedDrive(
+        name=name,
+        controls=drive.command,
+        bandwidth=drive.bandwidth,
+        velocity_limit=math.inf if drive.velocity_limit is None else drive.velocity_limit,
+        acceleration_limit=math.inf if drive.acceleration_limit is None else drive.acceleration_limit,
+        lower=-math.inf if drive.lower is None else drive.lower,
+        upper=math.inf if drive.upper is None else drive.upper,
+        start=drive.position,
+    )

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.laws import ELONGATION, ElasticLaw, Expressed, Friction, PowerLaw, Varying, tabulated
-from mbd_sim.mechanism_file.schema import law_schema as schema
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism_file.schema import law_schema as schema
 
 LARGEST_ELONGATION = 20.0  # m or rad, up to which the potential of an expression is exact
 REGULARIZATION_BELOW_ONE = 1e-2  # m/s or rad/s, of powers below 1, whose slope at rest is infinite

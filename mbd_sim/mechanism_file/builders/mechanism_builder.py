@@ -5,38 +5,40 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.batch import array
-from mbd_sim.geometry.pose import Pose
-from mbd_sim.mechanism.actuators import Actuator
 from mbd_sim.mechanism.attachments import PointsByPart
-from mbd_sim.mechanism.bases import Base
-from mbd_sim.mechanism.constraints import Constraint
-from mbd_sim.mechanism.contacts import Contact
-from mbd_sim.mechanism.force_elements import Bushing, ForceElement
-from mbd_sim.mechanism.force_expressions import force_expressions
-from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
-from mbd_sim.mechanism.sensors import AnySensor
+from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.mechanism.source import Source
-from mbd_sim.mechanism_file.builders.actuator_builder import actuated_joints, build_actuators
-from mbd_sim.mechanism_file.builders.base_builder import build_bases
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
-from mbd_sim.mechanism_file.builders.constraint_builder import build_constraints, coupled_joints
-from mbd_sim.mechanism_file.builders.contact_builder import build_contacts
-from mbd_sim.mechanism_file.builders.force_builder import ForceElements, build_force_elements
+from mbd_sim.mechanism_file.builders.elements import ForceElements, MechanismElements
 from mbd_sim.mechanism_file.builders.joint_builder import build_joint, joint_bushing
+from mbd_sim.mechanism_file.builders.optional_sections import (
+    actuated_joints,
+    build_actuators,
+    build_bases,
+    build_constraints,
+    build_contacts,
+    build_force_elements,
+    build_sensors,
+    coupled_joints,
+    cut_coordinates,
+)
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
-from mbd_sim.mechanism_file.builders.sensor_builder import build_sensors, cut_coordinates
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
-from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
-from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
-from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
-from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
-from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
-from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
-from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
-from mbd_sim.mechanism_file.schema.wheeled_base_schema import AnyBaseSpec
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.force_elements import ForceElement
+    from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
+    from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+    from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
+    from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
+    from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
+    from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
+    from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
+    from mbd_sim.mechanism_file.schema.wheeled_base_schema import AnyBaseSpec
 
 
 def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
@@ -104,6 +106,10 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
 def _named_joints(elements: MechanismElements) -> set[str]:
     """The joints on whose motion a force depends, or along whose coordinates one acts."""
     forces = elements.forces
+    if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
+        return set()
+    from mbd_sim.mechanism.force_expressions import force_expressions
+
     with_expressions: tuple[ForceElement, ...] = (*forces.springs, *forces.applied, *forces.efforts, *forces.potentials)
     found = force_expressions(elements.joints.values(), with_expressions)
     names = {state.coordinate for one in found for state in one.expression.state}
@@ -125,23 +131,6 @@ def _merged(group: Sequence[Problem]) -> Problem:
     if len(group) == 1:
         return first
     return dataclasses.replace(first, repetition=f"{first.repetition}, and {len(group) - 1} more")
-
-
-@dataclasses.dataclass(frozen=True)
-class MechanismElements:
-    """Everything in a file, before the tree is found, and the problems of all of it."""
-
-    parts: dict[str, Part]
-    joints: dict[str, Joint]
-    forces: ForceElements
-    constraints: tuple[Constraint, ...]
-    contacts: tuple[Contact, ...]
-    actuators: tuple[Actuator, ...]
-    sensors: tuple[AnySensor, ...]
-    bases: tuple[Base, ...]
-    joint_bushings: tuple[Bushing, ...]
-    ground_points: dict[str, Pose]
-    problems: list[Problem]
 
 
 def build_elements(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,11 +11,13 @@ from mbd_sim.errors import InputError, Problem
 from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
-from mbd_sim.mechanism.records import Mesh, Part
+from mbd_sim.mechanism.records import Mesh, Part, Shape
 from mbd_sim.mechanism.source import Location, Source
-from mbd_sim.mechanism_file.builders import shape_builder
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import base_schema, file_schema
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism_file.schema.shape_schema import AnyShapeSpec
 
 
 def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: list[Problem]) -> Part:
@@ -34,7 +36,7 @@ def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: 
         center=body.center,
         inertia=body.inertia,
         points=point_poses(spec.points),
-        shapes=tuple(shape_builder.build_shape(shape) for shape in shapes),
+        shapes=_drawn_shapes(shapes),
         meshes=tuple(
             Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
             for mesh in spec.meshes
@@ -52,11 +54,19 @@ def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     }
 
 
-def _shapes(spec: file_schema.PartSpec) -> list[file_schema.AnyShapeSpec]:
+def _shapes(spec: file_schema.PartSpec) -> list[AnyShapeSpec]:
     return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
 
 
-def _is_drawn_only(shape: file_schema.AnyShapeSpec) -> bool:
+def _drawn_shapes(specs: list[AnyShapeSpec]) -> tuple[Shape, ...]:
+    if not specs:
+        return ()
+    from mbd_sim.mechanism_file.builders.shape_builder import build_shape  # with the schema of shapes
+
+    return tuple(build_shape(spec) for spec in specs)
+
+
+def _is_drawn_only(shape: AnyShapeSpec) -> bool:
     return shape.mass == 0.0
 
 
@@ -81,8 +91,10 @@ def _computed_properties(
     if spec.center is not None:
         remedy = "Remove 'center', or give 'inertia' as well."
         problems.append(source.problem((*location, "center"), "is computed from the shapes", remedy))
+    from mbd_sim.mechanism_file.builders.shape_builder import of_shapes
+
     try:
-        return shape_builder.of_shapes(_shapes(spec), spec.mass)
+        return of_shapes(_shapes(spec), spec.mass)
     except InputError as error:
         problems.append(source.problem_of(location, error))
         return MassProperties(spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)))

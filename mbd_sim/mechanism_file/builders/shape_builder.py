@@ -16,7 +16,7 @@ from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.mass_properties import MassProperties, composite
 from mbd_sim.mechanism.records import Shape
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
-from mbd_sim.mechanism_file.schema import file_schema
+from mbd_sim.mechanism_file.schema import shape_schema as schema
 
 ROD_RADIUS = 0.02  # of rods drawn without a radius, relative to their length
 PARTICLE_RADIUS = 0.05  # m, of particles drawn without a radius
@@ -41,62 +41,62 @@ def _axial_moments(radius: float, length: float, factor: float) -> tuple[float, 
     return (across, across, factor * (radius * radius))
 
 
-def _solid(shape: file_schema.AnyShapeSpec) -> _Solid:
+def _solid(shape: schema.AnyShapeSpec) -> _Solid:
     match shape:
-        case file_schema.RodSpec(start=a, end=b):
+        case schema.RodSpec(start=a, end=b):
             length = distance(a, b)
             return _Solid(1, length, _box_moments(0.0, 0.0, length))
-        case file_schema.DiscSpec(radius=r):
+        case schema.DiscSpec(radius=r):
             return _Solid(2, math.pi * r * r, _axial_moments(r, 0.0, 0.5))
-        case file_schema.RingSpec(radius=r):
+        case schema.RingSpec(radius=r):
             return _Solid(1, 2.0 * math.pi * r, _axial_moments(r, 0.0, 1.0))
-        case file_schema.PlateSpec(size=(x, y)):
+        case schema.PlateSpec(size=(x, y)):
             return _Solid(2, x * y, _box_moments(x, y, 0.0))
-        case file_schema.BlockSpec(size=(x, y, z)):
+        case schema.BlockSpec(size=(x, y, z)):
             return _Solid(3, x * y * z, _box_moments(x, y, z))
-        case file_schema.CylinderSpec(radius=r, length=length):
+        case schema.CylinderSpec(radius=r, length=length):
             return _Solid(3, math.pi * r * r * length, _axial_moments(r, length, 0.5))
-        case file_schema.SphereSpec(radius=r):
+        case schema.SphereSpec(radius=r):
             moment = 0.4 * r * r
             return _Solid(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
-        case file_schema.ParticleSpec():
+        case schema.ParticleSpec():
             return _Solid(0, 1.0, (0.0, 0.0, 0.0))
         case _:
             assert_never(shape)
 
 
-def pose_of(shape: file_schema.AnyShapeSpec) -> Pose:
+def pose_of(shape: schema.AnyShapeSpec) -> Pose:
     """The center and the axes of a shape in the part's frame; z is the axis of rods and axial shapes."""
-    if isinstance(shape, file_schema.RodSpec):
+    if isinstance(shape, schema.RodSpec):
         start, end = array(shape.start), array(shape.end)
         return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
     rotation = rotation_matrix(shape.rotate)
-    if isinstance(shape, file_schema.AxialShapeSpec):
+    if isinstance(shape, schema.AxialShapeSpec):
         rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
     return Pose(array(shape.at), rotation)
 
 
-def build_shape(shape: file_schema.AnyShapeSpec) -> Shape:
+def build_shape(shape: schema.AnyShapeSpec) -> Shape:
     """The shape to draw."""
     size: tuple[float, ...]
     match shape:
-        case file_schema.RodSpec(start=a, end=b, radius=r):
+        case schema.RodSpec(start=a, end=b, radius=r):
             length = distance(a, b)
             size = (length, ROD_RADIUS * length if r is None else r)
-        case file_schema.ParticleSpec(radius=r):
+        case schema.ParticleSpec(radius=r):
             size = (PARTICLE_RADIUS if r is None else r,)
-        case file_schema.DiscSpec(radius=r) | file_schema.RingSpec(radius=r) | file_schema.SphereSpec(radius=r):
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r) | schema.SphereSpec(radius=r):
             size = (r,)
-        case file_schema.CylinderSpec(length=length, radius=r):
+        case schema.CylinderSpec(length=length, radius=r):
             size = (length, r)
-        case file_schema.PlateSpec() | file_schema.BlockSpec():
+        case schema.PlateSpec() | schema.BlockSpec():
             size = shape.size
         case _:
             assert_never(shape)
     return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole)
 
 
-def of_shapes(shapes: Sequence[file_schema.AnyShapeSpec], mass: float | None) -> MassProperties:
+def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> MassProperties:
     """Mass properties of a part made of shapes.
 
     :param mass: of the whole part in kg; the shapes without mass and density share it in proportion to their size.
@@ -114,7 +114,7 @@ def of_shapes(shapes: Sequence[file_schema.AnyShapeSpec], mass: float | None) ->
 
 
 def _mass_per_measure(
-    shapes: Sequence[file_schema.AnyShapeSpec],
+    shapes: Sequence[schema.AnyShapeSpec],
     solids: Sequence[_Solid],
     given: Sequence[float | None],
     mass: float | None,
@@ -141,6 +141,6 @@ def _mass_per_measure(
     return per_measure
 
 
-def _given_mass(shape: file_schema.AnyShapeSpec, solid: _Solid) -> float | None:
+def _given_mass(shape: schema.AnyShapeSpec, solid: _Solid) -> float | None:
     density = getattr(shape, "density", None)
     return density * solid.measure if density is not None else shape.mass

@@ -9,9 +9,17 @@ from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.measured import AmountFromZero, AnyAmount, PositiveAmount
-from mbd_sim.mechanism_file.quantity import Length, PositiveLength, PositiveTime, Quantity, TorsionDamping
+from mbd_sim.mechanism_file.quantity import (
+    Length,
+    PositiveAngularVelocity,
+    PositiveLength,
+    PositiveTime,
+    Quantity,
+    TorsionDamping,
+)
 from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.mechanism_file.schema.law_schema import FrictionTorque, PositiveAngularVelocity
+from mbd_sim.mechanism_file.schema.later import ByType
+from mbd_sim.mechanism_file.schema.law_schema import FrictionTorque
 
 PositiveRatio = Annotated[float, Quantity("", above=0)]
 Efficiency = Annotated[float, Quantity("", above=0, at_most=1)]
@@ -228,6 +236,4 @@ class PneumaticCylinderSpec(CylinderSpec):
         return self
 
 
-AnyActuatorSpec = Annotated[
-    EffortActuatorSpec | DcMotorSpec | HydraulicCylinderSpec | PneumaticCylinderSpec, Field(discriminator="type")
-]
+AnyActuatorSpec = Annotated[EffortActuatorSpec | DcMotorSpec | HydraulicCylinderSpec | PneumaticCylinderSpec, ByType()]

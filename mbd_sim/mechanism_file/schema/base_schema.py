@@ -29,6 +29,7 @@ from mbd_sim.mechanism_file.spelling import FORMER_KEYS, NAME_PATTERN
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
+Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
 def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:

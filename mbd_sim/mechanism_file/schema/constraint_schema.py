@@ -8,12 +8,12 @@ from pydantic import Field, StringConstraints, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism_file.expression_field import ExpressionField
+from mbd_sim.mechanism_file.expression_field import ExpressionField, LengthOfTime
 from mbd_sim.mechanism_file.quantity import Number, PositiveLength, Quantity, Restitution
 from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec
+from mbd_sim.mechanism_file.schema.later import ByType
 
 Coordinate = Annotated[str, StringConstraints(min_length=1)]
-LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
 SurfaceExpression = Annotated[TimeExpression, ExpressionField("", ("x", "y", "z", "t"))]
 FrictionCoefficient = Annotated[float, Quantity("", at_least=0)]
 Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -271,5 +271,5 @@ AnyConstraintSpec = Annotated[
     | KnifeEdgeSpec
     | CableSpec
     | ClutchSpec,
-    Field(discriminator="type"),
+    ByType(),
 ]

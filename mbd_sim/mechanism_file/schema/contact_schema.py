@@ -10,10 +10,9 @@ from mbd_sim.errors import InputError
 from mbd_sim.mechanism.contacts import CAM_ANGLE
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism_file.expression_field import ExpressionField
-from mbd_sim.mechanism_file.quantity import Quantity, Restitution
+from mbd_sim.mechanism_file.quantity import PositiveVelocity, Quantity, Restitution
 from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec
 from mbd_sim.mechanism_file.schema.constraint_schema import FrictionCoefficient, require_ordered_friction
-from mbd_sim.mechanism_file.schema.law_schema import PositiveVelocity
 
 CamProfile = Annotated[TimeExpression, ExpressionField("m", (CAM_ANGLE,))]
 PositiveStiffness = Annotated[float, Quantity(None, above=0)]

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism_file.expression_field import ExpressionField
-from mbd_sim.mechanism_file.quantity import Angle, Length, Quantity
+from mbd_sim.mechanism_file.expression_field import AngleOfTime, LengthOfTime
+from mbd_sim.mechanism_file.quantity import Angle, Length, PositiveAngularVelocity, PositiveVelocity, Quantity
 from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.mechanism_file.schema.law_schema import PositiveAngularVelocity, PositiveVelocity
-
-AngleOfTime = Annotated[TimeExpression, ExpressionField("rad")]
-LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
 
 
 class CommandedDriveSpec(Spec):
@@ -55,23 +50,6 @@ class LengthDriveSpec(CommandedDriveSpec):
     acceleration_limit: Annotated[float, Quantity("m/s**2", above=0)] | None = None
     lower: Length | None = Field(None, description="which the position does not fall below, whatever is commanded")
     upper: Length | None = Field(None, description="which the position does not exceed, whatever is commanded")
-
-
-def _require_expressions(value: Any) -> Any:
-    """Refuse drives of several coordinates that follow commands.
-
-    :raises InputError: with the joints to use instead.
-    """
-    if any(isinstance(one, dict) for one in (value if isinstance(value, list | tuple) else [value])):
-        raise InputError(
-            "only drives of joints with one coordinate follow commands",
-            "Use prismatic and revolute joints in a row, with parts of mass 0 between them and a drive each; or write "
-            "expressions of the time t.",
-        )
-    return value
-
-
-NOT_COMMANDED = BeforeValidator(_require_expressions)
 
 
 def _form(value: Any) -> str:

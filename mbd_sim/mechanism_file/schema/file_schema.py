@@ -15,14 +15,11 @@ from mbd_sim.mechanism_file.quantity import (
     Mass,
     MomentOfInertia,
     Number,
-    PositiveDensity,
-    PositiveLength,
     PositiveTime,
     Quantity,
 )
-from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.base_schema import (
-    Direction,
+    Color,
     Name,
     PointOrVector,
     RotationSpec,
@@ -31,124 +28,26 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     Vector,
     written_as,
 )
-from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
-from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
-from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
+from mbd_sim.mechanism_file.schema.deferred_types import (
+    AnyActuatorSpec,
+    AnyBaseSpec,
+    AnyConstraintSpec,
+    AnyForceSpec,
+    AnySensorSpec,
+    AnyShapeSpec,
+    ContactSpec,
+    Seed,
+    TableSpec,
+)
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
-from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec, Seed
-from mbd_sim.mechanism_file.schema.table_schema import TableSpec
-from mbd_sim.mechanism_file.schema.wheeled_base_schema import AnyBaseSpec
 
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
-Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
 class GroundSpec(Spec):
     """The part that does not move."""
 
     points: dict[Name, PointOrVector] = Field(default={})
-
-
-class ShapeSpec(Spec):
-    """The keys of all shapes. Shapes without `mass` and `density` share the part's mass in proportion to their size."""
-
-    mass: Mass | None = Field(None, description="mass of the shape; 0 if it is only drawn")
-    hole: bool = Field(False, description="removes material")
-    color: Color | None = None
-    name: Name | None = Field(None, description="name by which contacts refer to this shape, as part.name")
-
-    @model_validator(mode="after")
-    def _one_mass(self) -> ShapeSpec:
-        if self.mass is not None and getattr(self, "density", None) is not None:
-            raise InputError("has both mass and density", "Give one of them.")
-        return self
-
-
-class PlacedShapeSpec(ShapeSpec):
-    """A shape centered at `at` and rotated by `rotate`."""
-
-    at: Vector = (0.0, 0.0, 0.0)
-    rotate: RotationSpec | None = None
-
-
-class AxialShapeSpec(PlacedShapeSpec):
-    """A shape about `axis` (default z)."""
-
-    axis: Direction = (0.0, 0.0, 1.0)
-
-
-class RodSpec(ShapeSpec):
-    """A thin uniform rod between two points; `radius` is only for drawing."""
-
-    type: Literal["rod"]
-    start: Vector = Field((0.0, 0.0, 0.0), alias="from")
-    end: Vector = Field(alias="to")
-    radius: PositiveLength | None = None
-
-    @model_validator(mode="after")
-    def _length(self) -> RodSpec:
-        if self.start == self.end:
-            raise InputError("a rod needs two different ends", "Change 'from' or 'to'.")
-        return self
-
-
-class ParticleSpec(PlacedShapeSpec):
-    """A point mass; `radius` is only for drawing."""
-
-    type: Literal["particle"]
-    radius: PositiveLength | None = None
-
-
-class DiscSpec(AxialShapeSpec):
-    """A thin uniform disc."""
-
-    type: Literal["disc"]
-    radius: PositiveLength
-
-
-class RingSpec(AxialShapeSpec):
-    """A thin uniform ring (hoop)."""
-
-    type: Literal["ring"]
-    radius: PositiveLength
-
-
-class PlateSpec(AxialShapeSpec):
-    """A thin uniform rectangular plate, `size` along its own x and y, normal to `axis`."""
-
-    type: Literal["plate"]
-    size: tuple[PositiveLength, PositiveLength]
-
-
-class BlockSpec(PlacedShapeSpec):
-    """A uniform rectangular block, `size` along x, y, z."""
-
-    type: Literal["block"]
-    size: tuple[PositiveLength, PositiveLength, PositiveLength]
-    density: PositiveDensity | None = None
-
-
-class CylinderSpec(AxialShapeSpec):
-    """A uniform solid cylinder."""
-
-    type: Literal["cylinder"]
-    radius: PositiveLength
-    length: PositiveLength
-    density: PositiveDensity | None = None
-
-
-class SphereSpec(PlacedShapeSpec):
-    """A uniform solid sphere."""
-
-    type: Literal["sphere"]
-    radius: PositiveLength
-    density: PositiveDensity | None = None
-
-
-AnyShapeSpec = Annotated[
-    RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec,
-    Field(discriminator="type"),
-]
 
 
 class MeshSpec(Spec):
@@ -226,8 +125,9 @@ class MechanismFile(Spec):
     )
     tables: dict[Name, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
-    integrator: IntegrationSpec = IntegrationSpec()
-    ground: GroundSpec = GroundSpec()
+    # Made without validation, which would build both records at every start.
+    integrator: IntegrationSpec = IntegrationSpec.model_construct()
+    ground: GroundSpec = GroundSpec.model_construct()
     parts: dict[Name, PartSpec] = Field(min_length=1)
     joints: dict[Name, AnyJointSpec] = Field(min_length=1)
     constraints: dict[Name, AnyConstraintSpec] = Field(

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from mbd_sim.errors import InputError
+from mbd_sim.mechanism_file.expression_field import AngleOfTime, LengthOfTime
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     AngularVelocity,
     Length,
     LinearDamping,
     LinearStiffness,
+    PositiveAngularVelocity,
     PositiveForce,
     PositiveTorque,
+    PositiveVelocity,
     Quantity,
     TorsionDamping,
     TorsionStiffness,
@@ -29,23 +32,40 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     TorsionStiffness3,
     Vector,
 )
-from mbd_sim.mechanism_file.schema.drive_schema import NOT_COMMANDED, AngleDrive, AngleOfTime, LengthDrive, LengthOfTime
-from mbd_sim.mechanism_file.schema.law_schema import (
+from mbd_sim.mechanism_file.schema.deferred_types import (
+    AngleDrive,
     ForceCurveSpec,
+    LengthDrive,
     LinearFrictionSpec,
     LinearPowerSpec,
-    PositiveAngularVelocity,
-    PositiveVelocity,
     TorqueCurveSpec,
     TorsionFrictionSpec,
     TorsionPowerSpec,
 )
+from mbd_sim.mechanism_file.schema.later import ByType
 from mbd_sim.mechanism_file.schema.limits_schema import AngleLimitsSpec, LengthLimitsSpec
 
 Stiffness6 = tuple[
     LinearStiffness, LinearStiffness, LinearStiffness, TorsionStiffness, TorsionStiffness, TorsionStiffness
 ]
 Damping6 = tuple[LinearDamping, LinearDamping, LinearDamping, TorsionDamping, TorsionDamping, TorsionDamping]
+
+
+def _require_expressions(value: Any) -> Any:
+    """Refuse drives of several coordinates that follow commands.
+
+    :raises InputError: with the joints to use instead.
+    """
+    if any(isinstance(one, dict) for one in (value if isinstance(value, list | tuple) else [value])):
+        raise InputError(
+            "only drives of joints with one coordinate follow commands",
+            "Use prismatic and revolute joints in a row, with parts of mass 0 between them and a drive each; or write "
+            "expressions of the time t.",
+        )
+    return value
+
+
+NOT_COMMANDED = BeforeValidator(_require_expressions)
 
 
 class JointSpec(Spec):
@@ -251,5 +271,5 @@ AnyJointSpec = Annotated[
     | SphericalJointSpec
     | FixedJointSpec
     | FreeJointSpec,
-    Field(discriminator="type"),
+    ByType(),
 ]

@@ -13,13 +13,13 @@ from mbd_sim.mechanism.laws import ELONGATION, ELONGATION_RATE
 from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     Angle,
-    AngularVelocity,
     Length,
     LinearDamping,
+    PositiveAngularVelocity,
     PositiveLength,
+    PositiveVelocity,
     Quantity,
     TorsionDamping,
-    Velocity,
 )
 from mbd_sim.mechanism_file.schema.base_schema import Spec
 
@@ -27,8 +27,6 @@ ForceValue = Annotated[float, Quantity("N")]
 TorqueValue = Annotated[float, Quantity("N*m")]
 FrictionForce = Annotated[float, Quantity("N", at_least=0)]
 FrictionTorque = Annotated[float, Quantity("N*m", at_least=0)]
-PositiveVelocity = Annotated[Velocity, Quantity("m/s", above=0)]
-PositiveAngularVelocity = Annotated[AngularVelocity, Quantity("rad/s", above=0)]
 Coefficient = Annotated[float, Quantity("", at_least=0)]
 
 
