@@ -70,13 +70,14 @@ def _source(text: str, file: str, base: Base | None) -> Source:
 
 def _xml_source(text: str, file: str, base: Base | None) -> Source:
     """The data of a URDF, an MJCF or an SDF, by the root element."""
-    from mbd_sim.urdf.xml_elements import parse_xml
+    from mbd_sim.urdf.xml_elements import parse_xml, root_tag
 
-    tag = parse_xml(text, file).tag
+    tag = root_tag(text)
     if tag in ("mujoco", "mujocoinclude"):
         from mbd_sim.mjcf.mjcf_reader import mjcf_source
 
         if base is not None:
+            parse_xml(text, file)  # which may raise the first of the two errors
             message = "an MJCF says itself how its bodies are attached to the world"
             raise MechanismError([Problem(message, "Leave out the base.", key="base", value=quoted(base), file=file)])
         return mjcf_source(text, file)

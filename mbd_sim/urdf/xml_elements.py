@@ -52,6 +52,31 @@ def is_xml(text: str) -> bool:
     return _BEGINS_AS_XML.match(text) is not None
 
 
+def root_tag(text: str) -> str:
+    """The tag of the root element, without reading what is in it; empty if there is none, or it is not XML."""
+    parser = expat.ParserCreate()
+
+    def stop(tag: str, attributes: object) -> None:
+        raise _RootError(tag)
+
+    parser.StartElementHandler = stop
+    try:
+        parser.Parse(text.removeprefix("\ufeff"), True)
+    except _RootError as root:
+        return root.tag
+    except (expat.ExpatError, UnicodeError):
+        pass
+    return ""
+
+
+class _RootError(Exception):
+    """Stops a parser at the root element."""
+
+    def __init__(self, tag: str) -> None:
+        super().__init__(tag)
+        self.tag = tag
+
+
 def parse_xml(text: str, file: str) -> Element:
     """The root element.
 
