@@ -61,13 +61,29 @@ psi = pound_force / inch ** 2
 # longer than reading such a file.
 USUAL = {
     **{unit: (unit, 1.0) for unit in ("m", "kg", "s", "rad", "N", "N*m", "m/s", "rad/s", "N/m", "N*s/m")},
-    **{unit: (unit, 1.0) for unit in ("N*m/rad", "N*m*s/rad", "kg*m**2", "kg/m**3", "m/s**2")},
+    **{unit: (unit, 1.0) for unit in ("N*m/rad", "N*m*s/rad", "kg*m**2", "kg/m**3", "m/s**2", "rad/s**2")},
+    **{unit: (unit, 1.0) for unit in ("N*m*s", "N/m**3", "N*m/A", "V/rad", "V*s/rad")},
+    **{unit: (unit, 1.0) for unit in ("Hz", "Pa", "J", "W", "A", "V", "ohm", "H")},
     "mm": ("m", 1e-3),
     "cm": ("m", 1e-2),
     "g": ("kg", 1e-3),
     "ms": ("s", 1e-3),
     "deg": ("rad", math.pi / 180.0),
     "deg/s": ("rad/s", math.pi / 180.0),
+    "rpm": ("rad/s", math.pi / 30.0),
+    "kHz": ("Hz", 1e3),
+    "kN": ("N", 1e3),
+    "mN*m": ("N*m", 1e-3),
+    "kPa": ("Pa", 1e3),
+    "MPa": ("Pa", 1e6),
+    "bar": ("Pa", 1e5),
+    "mm**2": ("m**2", 1e-6),
+    "cm**2": ("m**2", 1e-4),
+    "cm**3": ("m**3", 1.0000000000000002e-06),
+    "L": ("m**3", 1e-3),
+    "L/min": ("m**3/s", 1e-3 / 60.0),
+    "mH": ("H", 1e-3),
+    "g0": ("m/s**2", 9.80665),
 }
 UNIT_WORDS = (
     "m, mm, in, ft, kg, g, lb, s, ms, rad, deg, rpm, N, lbf, Pa, bar, J, W, A, V, ohm, H and products such as N*m/rad"
@@ -104,7 +120,7 @@ def factor(unit: str, si_unit: str) -> float:
 
     :raises InputError: an unknown unit, or one of another dimension.
     """
-    usual_unit, usual = USUAL.get(unit, (None, 0.0))
+    usual_unit, usual = USUAL.get(_power(unit), (None, 0.0))
     if usual_unit == si_unit:
         return usual
     given, wanted = _unit(unit), _unit(si_unit) if si_unit else _registry().parse_units("")
@@ -121,12 +137,16 @@ def si_factor(unit: str) -> float:
 
     :raises InputError: an unknown unit.
     """
-    if unit in USUAL:
-        return USUAL[unit][1]
+    if (usual := USUAL.get(_power(unit))) is not None:
+        return usual[1]
     given = _unit(unit)
     grams = given.dimensionality.get("[mass]", 0)  # pint's base unit of mass is the gram
     base = _registry().Quantity
     return _finite(lambda: float(base(1.0, given).to_base_units().magnitude) * 1e-3 ** float(grams), unit)
+
+
+def _power(unit: str) -> str:
+    return unit.replace("^", "**")
 
 
 def _finite(value: Callable[[], float], unit: str) -> float:

@@ -1,6 +1,9 @@
 """Values with units: conversion factors from their definitions, and what is refused."""
 
 import math
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -204,6 +207,15 @@ def test_usual_units_have_the_factors_that_pint_computes(monkeypatch):
     monkeypatch.setattr(units, "USUAL", {})
     for unit, (si_unit, factor) in usual.items():
         assert units.factor.__wrapped__(unit, si_unit) == units.si_factor.__wrapped__(unit) == factor, unit
+
+
+def test_shipped_files_have_usual_units_only():
+    """Pint is not imported to read them: it takes longer than all the rest."""
+    program = (
+        "import sys; from mbd_sim.load import load_mechanism; from mbd_sim.mechanism_file.library import shipped\n"
+    )
+    program += "for name in shipped(): load_mechanism(name); assert 'pint' not in sys.modules, name"
+    subprocess.run([sys.executable, "-c", program], check=True, env={**os.environ, "MBD_SIM_CACHE": ""})
 
 
 def test_a_usual_unit_of_another_dimension_is_refused():
