@@ -101,6 +101,12 @@ class Server:
         os.write(done, DONE)
 
 
+def _compiled(text: str, cpu: str, features: str, level: int) -> bytes:
+    """The object code of a module, in a process that compiles nothing else."""
+    object_code.select_in_blocks(text, level)
+    return object_code.object_code(text, cpu, features, level, is_long=True)
+
+
 def main() -> None:
     """The program; its arguments are the processor, its features, and the level of the code generator."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller
@@ -109,7 +115,7 @@ def main() -> None:
     object_code.target_machine(cpu, features, level)  # LLVM is ready before the first fork, and so are the passes
     importlib.import_module("mbd_sim.compiler.near_addresses")
     with socket.socket(fileno=0) as connection:
-        Server(connection, lambda text: object_code.object_code(text, cpu, features, level, is_long=True)).run()
+        Server(connection, lambda text: _compiled(text, cpu, features, level)).run()
     os._exit(0)  # without unloading LLVM
 
 

@@ -82,9 +82,6 @@ def compile_kernel(
         if is_long:
             _emit_readers(module, readers)
             build.compile_finished()
-        partial = _emit_partial_system(module, trace_partial_system())
-        if is_long:
-            build.compile_finished()
         program = arranged(rates)
         system = emit_system(
             module,
@@ -96,6 +93,10 @@ def compile_kernel(
             between_steps=between_steps,
             packing=packed(program, like_branches) if module.fast else None,
         )
+        if is_long:
+            build.compile_finished()
+        # After the rates, which take longest to compile.
+        partial = _emit_partial_system(module, trace_partial_system())
         if is_long:
             build.compile_finished()
         advance = _emit_advance(module, system, method, rates, program, core, partial, one_sided)
