@@ -190,6 +190,11 @@ def test_what_few_runs_need_is_loaded_by_them_alone():
             "mbd_sim.compiler.compile_process", "mbd_sim.urdf.robot_reader", "mbd_sim.dynamics.potentials",
             "mbd_sim.simulation.undefined_expressions", "mbd_sim.analysis.load_sharing",
         ],
+        # The first build of a mechanism with joints alone.
+        "import mbd_sim; from mbd_sim.dynamics.equations import derive; derive(mbd_sim.load_mechanism('double_rod'))": [
+            "mbd_sim.mechanism.actuators", "mbd_sim.mechanism.contacts", "mbd_sim.mechanism.sensors",
+            "mbd_sim.dynamics.actuator_forces", "mbd_sim.dynamics.symbolic_fields",
+        ],
         "import mbd_sim.ros.sim_node": [
             "mbd_sim.viewer", "mbd_sim.urdf.robot_reader", "mbd_sim.recording.mcap_check", "numpy.polynomial",
             "casadi", "mbd_sim.dynamics.equations", "mbd_sim.compiler.kernel", "pydantic",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbd_sim.dynamics.actuator_forces import ActuatorForces, actuator_forces, with_actuators
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
@@ -21,6 +21,9 @@ from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism
 
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.actuator_forces import ActuatorForces
+
 
 @dataclass(frozen=True, eq=False)
 class AppliedForces:
@@ -28,7 +31,12 @@ class AppliedForces:
 
     joints: JointForces
     elements: ElementForces
-    actuators: ActuatorForces
+    actuators: ActuatorForces | None
+
+    @property
+    def actuator_rates(self) -> ca.SX:
+        """The derivatives of the states of the actuators."""
+        return ca.SX(0, 1) if self.actuators is None else self.actuators.rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +72,11 @@ def applied_forces(traced: TracedMechanism) -> AppliedForces:
     along = coordinate_forces(mechanism, variables, state.q, state.q_rates, state.u)
     joints = joint_forces(links, state.q, state.u, traced.efforts, variables, along)
     elements = element_forces(mechanism, links, traced.motions, traced.poses, variables, external)
+    if not mechanism.actuators:
+        return AppliedForces(joints, elements, None)
+    # What few mechanisms need is imported only for these.
+    from mbd_sim.dynamics.actuator_forces import actuator_forces, with_actuators
+
     actuators = actuator_forces(traced)
     return AppliedForces(*with_actuators(traced, joints, elements, actuators), actuators)
 

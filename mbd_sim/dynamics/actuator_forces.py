@@ -75,8 +75,6 @@ def with_actuators(
     traced: TracedMechanism, joints: JointForces, elements: ElementForces, actuators: ActuatorForces
 ) -> tuple[JointForces, ElementForces]:
     """The forces of joints and elements with those of the actuators, whose power is that of applied forces."""
-    if not actuators.motors:
-        return joints, elements
     own, power = ca.SX(joints.own), joints.applied_power
     applied = AppliedWrenches(traced.links, traced.motions, traced.poses)
     rows = speed_rows(traced.links)

@@ -25,7 +25,8 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
-from mbd_sim.mechanism.actuators import Actuator, Servo, default_command
+from mbd_sim.mechanism.actuators import Actuator, Servo
+from mbd_sim.mechanism.channels import default_command
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
 
@@ -123,10 +124,8 @@ def _read(readings: ca.Function, time: float, y: Array | ca.SX, inputs: Array | 
     return found if isinstance(found, ca.SX) else np.array(found)
 
 
-def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> ActuatorFunctions | None:
-    """All functions of the actuators; None if there are none."""
-    if not forces.motors:
-        return None
+def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> ActuatorFunctions:
+    """All functions of the actuators."""
     columns = [
         _column(actuator, port, motor)
         for actuator, port, motor in zip(traced.mechanism.actuators, forces.ports, forces.motors, strict=True)

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from mbd_sim.dynamics.spatial_algebra import is_absent, is_finite, is_symbolic
 from mbd_sim.errors import MechanismError, Problem, listed
-from mbd_sim.mechanism.actuators import Actuator, DcMotor, Machine
 from mbd_sim.mechanism.channels import Channel
-from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.actuators import Actuator, DcMotor, Machine
 
 ENERGIES = ("electrical_work", "mechanical_work", "copper_loss", "friction_loss")  # J, of a DC motor
 MECHANICAL = ("mechanical_work",)  # J, of an effort motor
@@ -125,6 +127,9 @@ def actuator_layout(mechanism: Mechanism, first_state: int, first_command: int, 
 
 
 def _core_states(actuator: Actuator) -> Iterator[str]:
+    from mbd_sim.mechanism.actuators import DcMotor
+    from mbd_sim.mechanism.cylinders import Cylinder
+
     if isinstance(actuator.motor, DcMotor) and not is_absent(actuator.motor.inductance):
         yield "current"
     if isinstance(actuator.motor, Cylinder):
@@ -138,6 +143,9 @@ def _energy_states(actuator: Actuator) -> Sequence[str]:
 
 
 def _energies(motor: Machine) -> Sequence[str]:
+    from mbd_sim.mechanism.actuators import DcMotor
+    from mbd_sim.mechanism.cylinders import Cylinder
+
     if isinstance(motor, Cylinder):
         return FLUID
     if not isinstance(motor, DcMotor):

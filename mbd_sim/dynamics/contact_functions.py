@@ -222,7 +222,7 @@ class ContactDynamics:
         audit = audit_rates(self._all_rows, self._forces, motion)
         friction = contacts.friction_power(forces)
         audit[2] += friction
-        rates = self._forces.actuators.rates
+        rates = self._forces.actuator_rates
         y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, rates, ca.SX(1, 1), friction, audit)
         margin = [] if self._solver is None or self._solver.margin is None else [ca.densify(self._solver.margin)]
         loads = [

@@ -9,7 +9,7 @@ from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import default_command
+from mbd_sim.mechanism.channels import default_command
 from mbd_sim.mechanism.drives import CommandedDrive, commanded_drives
 from mbd_sim.mechanism.records import Mechanism
 

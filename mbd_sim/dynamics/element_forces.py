@@ -20,7 +20,6 @@ from mbd_sim.dynamics.power import PowerSplit
 from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.contacts import Cushion
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
 from mbd_sim.mechanism.laws import Expressed, GreenStrain, Linear, Piecewise, Varying
 from mbd_sim.mechanism.records import Attachment, Mechanism
@@ -91,6 +90,7 @@ def _apply_cushions(
         return []
     from mbd_sim.dynamics.compliant_contacts import apply_cushion
     from mbd_sim.dynamics.contact_equations import still_axis
+    from mbd_sim.mechanism.contacts import Cushion
 
     return [
         apply_cushion(applied, contact, contact.law, still_axis(poses))

@@ -22,11 +22,9 @@ from mbd_sim.dynamics.accelerations import (
     audit_rates,
     solve_accelerations,
 )
-from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.audit_states import AUDIT_STATES
-from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
@@ -52,6 +50,7 @@ from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 
 if TYPE_CHECKING:
+    from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
     from mbd_sim.dynamics.compliant_contacts import CushionFunctions
     from mbd_sim.dynamics.contact_functions import ContactFunctions
 
@@ -217,7 +216,10 @@ def derive(
         servo or a delay, or a cam cannot be followed; joints, springs, constraints, actuators and cams are named.
     """
     require_smooth(mechanism)
-    require_followable_cams(mechanism)
+    if mechanism.contacts:
+        from mbd_sim.dynamics.cam_check import require_followable_cams
+
+        require_followable_cams(mechanism)
     traced = trace(mechanism, loaded, parameters, step, disturb=disturb)
     contacts = None
     if has_one_sided(mechanism):
@@ -238,7 +240,7 @@ def derive(
     motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
     open_losses = ca.SX(traced.audit.shape[0] - len(AUDIT_STATES), 1)
     audit = ca.vertcat(open_losses, audit_rates(constraints, forces, motion))
-    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuators.rates, audit)
+    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuator_rates, audit)
     contact = None
     if contacts is not None:
         from mbd_sim.dynamics.contact_functions import ContactDynamics

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion
-from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS, ActuatorFunctions
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.dynamics_terms import DynamicsTerm, term_function
 from mbd_sim.dynamics.frame_functions import FrameQuantity, center_function, frame_function, momentum_function
 from mbd_sim.dynamics.frame_motion import coordinate_accelerations, part_motions
-from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.tracing import TracedMechanism
-from mbd_sim.mechanism.sensors import ForceTorque
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,10 @@ class Measurements:
 
     def sensors(self, actuators: ActuatorFunctions | None) -> dict[str, ca.Function]:
         """The exact values of each sensor by name, see `exact_values`, with the functions of the actuators."""
+        from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
+        from mbd_sim.dynamics.sensor_expressions import exact_values
+        from mbd_sim.mechanism.sensors import ForceTorque
+
         sensors = self.traced.mechanism.sensors
         with_load = any(isinstance(sensor, ForceTorque) for sensor in sensors)
         reactions = self.trace_reactions() if with_load else ca.SX(6, 0)

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from mbd_sim.dynamics.spatial_algebra import is_absent, is_finite, is_symbolic
-from mbd_sim.mechanism.actuators import DcMotor, EffortMotor
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.actuators import DcMotor, EffortMotor
 
 
 @dataclass(frozen=True, eq=False)

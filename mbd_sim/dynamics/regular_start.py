@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.accelerations import AppliedForces
-from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions, require_within_strokes
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
@@ -17,6 +18,9 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_forces
 from mbd_sim.geometry.pose import Array
 
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
+
 
 def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
     return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
@@ -26,10 +30,14 @@ def start_with_actuators(
     traced: TracedMechanism, start: AssembledStart, forces: AppliedForces
 ) -> tuple[Array, ActuatorFunctions | None]:
     """The start state, with the states of the actuators, and their functions."""
-    y, functions = _start_state(traced, start), actuator_functions(traced, forces.actuators)
-    if functions is not None:
-        functions.hold(traced.numeric.actuators, y)
-        require_within_strokes(traced.numeric, functions, y)
+    y = _start_state(traced, start)
+    if forces.actuators is None:
+        return y, None
+    from mbd_sim.dynamics.actuator_functions import actuator_functions, require_within_strokes
+
+    functions = actuator_functions(traced, forces.actuators)
+    functions.hold(traced.numeric.actuators, y)
+    require_within_strokes(traced.numeric, functions, y)
     return y, functions
 
 

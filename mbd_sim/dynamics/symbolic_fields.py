@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from functools import cache
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from mbd_sim.mechanism.one_sided import ContactLaw, Play
 from mbd_sim.mechanism.records import Attachment, Joint, Limits, Mechanism, Part
 from mbd_sim.mechanism.sensors import AnySensor, RangeFinder
 from mbd_sim.mechanism.tables import Curve, Surface
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.symbolic_parameters import Path
 
 # The fields of each record whose numbers can be symbols; records not listed have none.
 _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
@@ -112,3 +115,22 @@ def read_fields(kind: type) -> tuple[tuple[str, bool], ...]:
     """The fields of a record on which the equations depend, and whether their numbers can be symbols."""
     names = [field.name for field in dataclasses.fields(kind) if field.name not in _UNREAD.get(kind, ())]
     return tuple((name, name in _SYMBOLIC.get(kind, ())) for name in names)
+
+
+def add_leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
+    """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
+    kind: type = type(record)
+    match structure_of(kind):
+        case "record":
+            for name, can_be_symbolic in read_fields(kind):
+                add_leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
+        case "mapping":
+            for key, value in record.items():
+                add_leaves(value, (*path, key), symbolic, found)
+        case "sequence":
+            for index, value in enumerate(record):
+                add_leaves(value, (*path, index), symbolic, found)
+        case "number":
+            found.append((path, record, symbolic))
+        case "constant":
+            found.append((path, record, False))

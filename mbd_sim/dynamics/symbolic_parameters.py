@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.links import Link, build_links
-from mbd_sim.dynamics.symbolic_fields import read_fields, structure_of
 from mbd_sim.geometry.batch import Batch, of_all
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
@@ -125,8 +124,11 @@ def _read(mechanism: Mechanism) -> tuple[tuple[Path, ...], list[Any], dict[Path,
     paths: list[Path] = []
     free: list[Any] = []
     fixed: dict[Path, Any] = {}
+    # Imported here because it knows the records of everything that few mechanisms have.
+    from mbd_sim.dynamics.symbolic_fields import add_leaves
+
     leaves: list[tuple[Path, Any, bool]] = []
-    _leaves((mechanism, tuple(build_links(mechanism))), (), False, leaves)
+    add_leaves((mechanism, tuple(build_links(mechanism))), (), False, leaves)
     for path, leaf, symbolic in leaves:
         if not symbolic:
             fixed[path] = leaf
@@ -181,25 +183,6 @@ def _require_same_structure(base: EquationData, other: EquationData) -> None:
     for path, leaf in other.fixed.items():
         if not _same(leaf, base.fixed.get(path)):
             raise StructureError(f"{_dotted(path)} differs, which is built into the equations")
-
-
-def _leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
-    """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
-    kind: type = type(record)
-    match structure_of(kind):
-        case "record":
-            for name, can_be_symbolic in read_fields(kind):
-                _leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
-        case "mapping":
-            for key, value in record.items():
-                _leaves(value, (*path, key), symbolic, found)
-        case "sequence":
-            for index, value in enumerate(record):
-                _leaves(value, (*path, index), symbolic, found)
-        case "number":
-            found.append((path, record, symbolic))
-        case "constant":
-            found.append((path, record, False))
 
 
 def _replaced(record: Any, path: Path, symbols: Mapping[Path, ca.SX], prefixes: set[Path]) -> Any:

@@ -23,7 +23,6 @@ from mbd_sim.dynamics.kinematics import (
     part_poses,
 )
 from mbd_sim.dynamics.links import Link, build_links
-from mbd_sim.dynamics.rotors import rotor_inertias
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters, no_parameters, with_symbols
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Mechanism
@@ -124,7 +123,7 @@ def trace(
     y = ca.SX.sym("y", nq + nv + actuators.size + len(audit_states(mechanism)))
     q, u, states, audit = ca.vertsplit(y, [0, nq, nq + nv, nq + nv + actuators.size, y.shape[0]])
     motions = link_motions(links, t, q, u)
-    kinetic, rotors = kinetic_energy(links, motions), rotor_inertias(symbolic.actuators, links, nv)
+    kinetic, rotors = kinetic_energy(links, motions), _rotor_inertias(symbolic, links, nv)
     if rotors is not None:
         kinetic += 0.5 * ca.dot(rotors, u**2)
     inputs = ca.vertcat(efforts, commands, parameters.symbols)
@@ -158,3 +157,12 @@ def _rates_of_drives(links: Sequence[Link], q: ca.SX, inputs: ca.SX, commands: M
         if isinstance(link.joint.drive, CommandedDrive):
             rates[link.drive] = drive_rates(link.joint.drive, q[link.drive], inputs[commands[link.joint.name]])
     return rates
+
+
+def _rotor_inertias(mechanism: Mechanism, links: Sequence[Link], nv: int) -> ca.SX | None:
+    """See `rotor_inertias`."""
+    if not mechanism.actuators:
+        return None
+    from mbd_sim.dynamics.rotors import rotor_inertias
+
+    return rotor_inertias(mechanism.actuators, links, nv)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar, assert_never
+from typing import TYPE_CHECKING, Literal, assert_never
 
 from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
 
 Control = Literal["effort", "voltage", "current", "opening"]
-Number = TypeVar("Number")  # or a symbol
 
 
 @dataclass(frozen=True)
@@ -175,8 +174,3 @@ def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
 def has_actuator_states(mechanism: Mechanism) -> bool:
     """Whether the motion depends on states of actuators: currents, pressures, integrals, or what a servo holds."""
     return any(actuator.has_states for actuator in mechanism.actuators)
-
-
-def default_command(channel: Channel, position: Number) -> Number | float:
-    """The command before the first one: the position at the start is held, everything else is zero."""
-    return position if channel == "position" else 0.0

@@ -11,7 +11,6 @@ import numpy as np
 
 from mbd_sim.compiler.lowering import instruction_count
 from mbd_sim.compiler.schedule import arranged
-from mbd_sim.dynamics.cylinders import fastest_rate
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
@@ -19,8 +18,6 @@ from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.taylor import Taylor
-from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
-from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.one_sided import one_sided_names
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.method_name import AUTO
@@ -173,6 +170,10 @@ def _drive_modes(equations: Equations, inputs: Array) -> Iterator[FastestMode]:
     """The rates of drives that do not show at the start: of current limits, and of open valves."""
     if equations.actuators is None:
         return
+    from mbd_sim.dynamics.cylinders import fastest_rate
+    from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
+    from mbd_sim.mechanism.cylinders import Cylinder
+
     names = equations.mechanism.coordinate_names
     positions = np.array(equations.actuators.readings(0.0, equations.start_state, inputs))[0]
     for actuator, position in zip(equations.mechanism.actuators, positions.tolist(), strict=True):

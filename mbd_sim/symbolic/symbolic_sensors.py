@@ -290,8 +290,8 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
 
 def _currents(traced: TracedMechanism) -> ca.SX:
     """The currents (n,) of the actuators."""
-    functions = actuator_functions(traced, actuator_forces(traced))
-    if functions is None:
+    if not traced.mechanism.actuators:
         return ca.SX(0, 1)
+    functions = actuator_functions(traced, actuator_forces(traced))
     (readings,) = functions.readings.call([traced.state.t, traced.y, traced.inputs])
     return ca.sparsify(readings[MOTOR_READINGS.index("current"), :].T)
