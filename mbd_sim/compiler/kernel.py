@@ -95,7 +95,7 @@ def compile_kernel(
         )
         if is_long:
             build.compile_finished()
-        partial = _emit_partial_system(module, trace_partial_system())  # after the rates, whose compilation takes longest
+        partial = _emit_partial_system(module, trace_partial_system())  # after the rates, which take longer to compile
         if is_long:
             build.compile_finished()
         advance = _emit_advance(module, system, method, rates, program, core, partial, one_sided)
