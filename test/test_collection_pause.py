@@ -69,3 +69,18 @@ def test_cycles_made_in_pauses_do_not_accumulate(monkeypatch):
         (gc.enable if before else gc.disable)()
         if frozen_before:
             gc.freeze()
+
+
+def test_objects_that_stay_are_not_counted_for_the_next_search(monkeypatch):
+    before, aged = gc.isenabled(), collection_pause._AgedObjects()
+    monkeypatch.setattr(collection_pause, "_aged", aged)
+    try:
+        gc.enable()
+        with paused_collection(lasting=True):
+            made = [[] for _ in range(2000)]
+        assert aged._count == 0
+        with paused_collection():
+            made += [[] for _ in range(2000)]
+        assert aged._count >= 2000 and len(made) == 4000
+    finally:
+        (gc.enable if before else gc.disable)()
