@@ -72,7 +72,9 @@ def test_cycles_made_in_pauses_do_not_accumulate(monkeypatch):
 
 
 def test_objects_that_stay_are_not_counted_for_the_next_search(monkeypatch):
-    before, aged = gc.isenabled(), collection_pause._AgedObjects()
+    before, frozen_before = gc.isenabled(), gc.get_freeze_count()
+    gc.unfreeze()
+    aged = collection_pause._AgedObjects()
     monkeypatch.setattr(collection_pause, "_aged", aged)
     try:
         gc.enable()
@@ -84,3 +86,5 @@ def test_objects_that_stay_are_not_counted_for_the_next_search(monkeypatch):
         assert aged._count >= 2000 and len(made) == 4000
     finally:
         (gc.enable if before else gc.disable)()
+        if frozen_before:
+            gc.freeze()
