@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.inlining import inlined
@@ -14,6 +15,7 @@ from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
 from mbd_sim.dynamics.spatial_algebra import constant, motion_transform, skew, sparse, zeros
+from mbd_sim.geometry.pose import Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,24 +82,31 @@ def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[Li
 
 def part_poses(links: Sequence[Link], joints: Iterable[JointMotion]) -> list[SymbolicPose]:
     """The pose X_WB of every link's part in ground's frame, from the motions of the inboard joints."""
-    X_WL: list[SymbolicPose] = []
+    X_WL: list[ca.SX] = []
     X_WB: list[SymbolicPose] = []
     for link, joint in zip(links, joints, strict=True):
-        p_WF, R_WF = constant(link.X_PF.position), constant(link.X_PF.rotation)
-        if link.parent >= 0:
-            X_WP = X_WL[link.parent]
-            p_WF = X_WP.position + X_WP.rotation @ p_WF
-            R_WF = X_WP.rotation @ R_WF
-        p_WL = sparse(p_WF + R_WF @ joint.p_FM)
-        R_WL = sparse(R_WF @ joint.R_FM)
-        X_WL.append(SymbolicPose(p_WL, R_WL))
-        X_WB.append(
-            SymbolicPose(
-                sparse(p_WL + R_WL @ constant(link.X_LB.position)),
-                sparse(R_WL @ constant(link.X_LB.rotation)),
-            )
-        )
+        X_WP = X_WL[link.parent] if link.parent >= 0 else constant(np.eye(3, 4, 1))
+        both = _link_and_part(X_WP, _pose(link.X_PF), ca.horzcat(joint.p_FM, joint.R_FM), _pose(link.X_LB))
+        X_WL.append(both[:, :4])
+        X_WB.append(SymbolicPose(both[:, 4], both[:, 5:]))
     return X_WB
+
+
+@inlined
+def _link_and_part(X_WP: ca.SX, X_PF: ca.SX, X_FL: ca.SX, X_LB: ca.SX) -> ca.SX:
+    """X_WL and X_WB (3, 8), from poses (3, 4) as [position, rotation]."""
+    X_WL = _placed(_placed(X_WP, X_PF), X_FL)
+    return ca.horzcat(X_WL, _placed(X_WL, X_LB))
+
+
+def _placed(X_AB: ca.SX, X_BC: ca.SX) -> ca.SX:
+    """X_AC (3, 4)."""
+    return ca.horzcat(X_AB[:, 0] + X_AB[:, 1:] @ X_BC[:, 0], X_AB[:, 1:] @ X_BC[:, 1:])
+
+
+def _pose(pose: Pose) -> ca.SX:
+    """A pose of numbers, or of numbers and symbols, as (3, 4)."""
+    return ca.horzcat(constant(pose.position), constant(pose.rotation))
 
 
 def coordinate_rates(links: Sequence[Link], motions: Sequence[LinkMotion], nq: int) -> ca.SX:
