@@ -21,6 +21,7 @@ from mbd_sim.compiler.host_module import new_module
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.object_code import object_code
 from mbd_sim.compiler.readers import export
+from mbd_sim.compiler.schedule import arranged
 
 
 def swapping_module():
@@ -47,6 +48,26 @@ def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
         results.append(out)
     assert results[0].tobytes() == results[1].tobytes()
     np.testing.assert_allclose(results[1][4:8], np.sin(given), rtol=0.0, atol=1e-16)
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_blocks_with_many_multiply_adds_are_selected_together_with_the_same_bits(fused):
+    x, value = ca.SX.sym("x", 200), ca.SX(1.0)
+    for index in range(0, 200, 2):  # Horner's scheme
+        value = value * x[index] + x[index + 1]
+    function = arranged(ca.Function("f", [x], [value]), fused=fused)
+    module = new_module(level=0)
+    export(module, "read", lower(module, function, inline=True))
+    text, given, results = str(module), np.linspace(-0.3, 0.4, 200), []
+    codes = [object_code(text, *host(), 0, is_long=True), compile_apart(text, *host(), 0)]
+    assert (codes[0] == codes[1]) is not fused
+    for key, code in zip(("one by one", "in blocks"), codes, strict=True):
+        loaded, out = machine_code.linked({key: code}), np.empty(1)
+        ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(loaded.address("read"))(
+            given.ctypes.data, out.ctypes.data
+        )
+        results.append(out)
+    assert results[0].tobytes() == results[1].tobytes() and np.all(np.isfinite(results[0]))
 
 
 def test_the_server_ends_with_its_caller_and_before_it_has_a_module():
