@@ -32,7 +32,7 @@ LONG_CODE_OPTIONS = (
 # functions, such as those of a Jacobian, that takes as long but saves nothing.
 NEAR_ADDRESSES = 1000
 _RATES = re.compile(r'^define [a-z ]*void @"(rates(?:\.\d+)?)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
-# Characters of IR for each fused multiply-add up to which `select_in_blocks` saves time: up to half of it.
+# If there is a fused multiply-add in every so many characters of IR, `select_in_blocks` saves time, up to half of it.
 SELECTED_IN_BLOCKS = 800
 _FUSED = re.compile(r'call double @"llvm\.fma\.f64"')
 _COMPILING = threading.Lock()  # these options are variables of the whole process

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
-import numpy as np
 
 from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.inlining import inlined
@@ -15,7 +14,7 @@ from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
 from mbd_sim.dynamics.spatial_algebra import constant, motion_transform, skew, sparse, zeros
-from mbd_sim.geometry.pose import Pose
+from mbd_sim.geometry.pose import Pose, identity_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +84,7 @@ def part_poses(links: Sequence[Link], joints: Iterable[JointMotion]) -> list[Sym
     X_WL: list[ca.SX] = []
     X_WB: list[SymbolicPose] = []
     for link, joint in zip(links, joints, strict=True):
-        X_WP = X_WL[link.parent] if link.parent >= 0 else constant(np.eye(3, 4, 1))
+        X_WP = X_WL[link.parent] if link.parent >= 0 else _pose(identity_pose())
         both = _link_and_part(X_WP, _pose(link.X_PF), ca.horzcat(joint.p_FM, joint.R_FM), _pose(link.X_LB))
         X_WL.append(both[:, :4])
         X_WB.append(SymbolicPose(both[:, 4], both[:, 5:]))

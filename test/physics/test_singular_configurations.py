@@ -70,6 +70,8 @@ def test_it_passes_its_change_points_with_efforts_at_its_joints():
     assert abs(sim.energies.residual) < 1e-7 * sim.energies.kinetic
 
 
+# Of 20 slopes from 0° to 95°, that of 45° has the largest error for 1e-6 kg: 3.6e-13 of the speeds, and twice that of the
+# energy. It is round-off: in other orders of operations, other slopes have up to 7e-13.
 @pytest.mark.parametrize(
     ("mass", "slope", "allowed"),
     [(1e-4, 0, 3e-13), (1e-5, 0, 3e-13), (1e-6, 45, 8e-13), (1e-7, 0, 5e-13), (1e-8, 90, 5e-12), (1e-9, 0, 8e-11)],
