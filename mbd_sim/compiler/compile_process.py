@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import pickle
 import selectors
 import signal
 import socket
@@ -13,10 +14,13 @@ import time
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
-from mbd_sim.compiler.compile_server import COMPILE, DONE, WAITING
+from mbd_sim.compiler.compile_server import COMPILE, DONE, EMIT, WAITING
 from mbd_sim.own_interpreter import start_interpreter
+
+if TYPE_CHECKING:
+    from mbd_sim.compiler.module_order import ModuleOrder
 
 REPORT_PERIOD = 5.0  # s
 PROGRAM = Path(__file__).with_name("compile_server.py")
@@ -57,21 +61,34 @@ class CompileProcesses:
         except OSError:
             self._cannot_start = True
 
+    @property
+    def has_started(self) -> bool:
+        """Whether the server has been started."""
+        return self._server is not None
+
     def compile(self, text: str) -> CodeInProgress | None:
         """Begin to compile a module, after those before; None if no process, file or pipe can be had."""
+        _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
+        return self._send(COMPILE, text.encode())
+
+    def emit(self, order: ModuleOrder) -> CodeInProgress | None:
+        """Begin to emit a module and to compile it, as `compile` does."""
+        _log.info("compiling functions")
+        return self._send(EMIT, pickle.dumps(order))
+
+    def _send(self, message: bytes, content: bytes) -> CodeInProgress | None:
         self.start()
         if self._connection is None or self._cannot_start:
             return None
-        _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
         with ExitStack() as on_failure:
             try:
                 # Without a buffer: closing the file on a full disk would write it again, and fail again.
                 module = on_failure.enter_context(tempfile.TemporaryFile(buffering=0))
-                _write(module, text.encode())
+                _write(module, content)
                 reader, writer = os.pipe()
                 on_failure.callback(os.close, reader)
                 try:
-                    socket.send_fds(self._connection, [COMPILE], [module.fileno(), writer])
+                    socket.send_fds(self._connection, [message], [module.fileno(), writer])
                 finally:
                     os.close(writer)
             except OSError:

@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import casadi as ca
@@ -16,6 +17,7 @@ from mbd_sim.compiler.adams_history import history_size
 from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.kernel import PartialSystem, emit_system, step_of
+from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.machine_code import MachineCode
 from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
 from mbd_sim.compiler.schedule import arranged
@@ -56,8 +58,10 @@ def compile_members(
     """Compile y' = rates(t, y, inputs) for groups of members: see `compile_kernel` and `System`."""
     module = new_module()
     system = emit_system(module, rates, arranged(rates), projection, method, core.stop, lanes, between_steps)
-    partial = None if partial_system is None else emit_partial_system(module, *partial_system, lanes)
-    step = step_of(method, rates, core, partial)
+    partial_functions = None
+    if partial_system is not None:
+        partial_functions = emit_partial_system(*partial_system, partial(lower, module, inline=False, lanes=lanes))
+    step = step_of(method, rates, core, partial_functions)
     size = rates.nnz_in(2)
     emit_advance_members(module, system, step, lanes, size + history_size(method, system.size, size))
     code = compile_module(module)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
@@ -15,7 +16,8 @@ from mbd_sim.compiler.host_module import new_module
 from mbd_sim.compiler.instruction_list import Instructions, passed_on
 from mbd_sim.compiler.ir import Function, Module
 from mbd_sim.compiler.like_operations import Branch
-from mbd_sim.compiler.lowering import export, instruction_count, lower
+from mbd_sim.compiler.lowering import declare, export, instruction_count, lower
+from mbd_sim.compiler.module_parts import EXPORTED
 from mbd_sim.compiler.packed_lowering import lower_packed
 from mbd_sim.compiler.packing import Packing, packed
 from mbd_sim.compiler.runge_kutta_step import explicit_step
@@ -79,9 +81,14 @@ def compile_kernel(
     module = new_module(level)
     is_long = sum(function.n_instructions() for function in (rates, *readers.values())) >= LONG
     with ConcurrentBuild(module, processes) as build:
-        if is_long:
-            _emit_readers(module, readers)
+        apart = is_long and build.has_started
+        if apart:
+            build.emit_apart(partial(emit_readers, readers=readers))
+        elif is_long:
+            emit_readers(module, readers)
             build.compile_finished()
+        emit = partial(_declare, module, build) if apart else partial(lower, module, inline=False)
+        partial_functions = _emit_partial_system(trace_partial_system(), emit)
         program = arranged(rates)
         system = emit_system(
             module,
@@ -95,13 +102,10 @@ def compile_kernel(
         )
         if is_long:
             build.compile_finished()
-        partial = _emit_partial_system(module, trace_partial_system())  # after the rates, which take longer to compile
-        if is_long:
-            build.compile_finished()
-        advance = _emit_advance(module, system, method, rates, program, core, partial, one_sided)
+        advance = _emit_advance(module, system, method, rates, program, core, partial_functions, one_sided)
         emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
         if not is_long:
-            _emit_readers(module, readers)
+            emit_readers(module, readers)
         code = build.machine_code()
     signature = KernelSignature(
         readers={name: function.n_in() for name, function in readers.items()},
@@ -137,15 +141,29 @@ def _emit_advance(
     return emit_guarded(module, system, program, step, one_sided)
 
 
-def _emit_partial_system(module: Module, system: PartialSystem | None) -> PartialFunctions | None:
+def _emit_partial_system(
+    system: PartialSystem | None, emit: Callable[[ca.Function], Function]
+) -> PartialFunctions | None:
     if system is None:
         return None
     from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
 
-    return emit_partial_system(module, *system)
+    return emit_partial_system(*system, emit)
 
 
-def _emit_readers(module: Module, readers: Mapping[str, ca.Function]) -> None:
+def _declare(module: Module, build: ConcurrentBuild, function: ca.Function) -> Function:
+    """Declare a function in a module, and let a process emit it."""
+    build.emit_apart(partial(emit_exported, function=function))
+    return declare(module, function.name(), function.n_in() + function.n_out())
+
+
+def emit_exported(module: Module, function: ca.Function) -> None:
+    """Emit a function that other modules may call."""
+    lower(module, function, inline=False).linkage = EXPORTED
+
+
+def emit_readers(module: Module, readers: Mapping[str, ca.Function]) -> None:
+    """Emit and export functions of the state, as `read_` and their names."""
     for name, function in readers.items():
         export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
 
-from mbd_sim.compiler.ir import Function, Module, Value
+from mbd_sim.compiler.ir import Function, Value
 from mbd_sim.compiler.ir_types import local_array, number
 from mbd_sim.compiler.ir_vectors import combine, weighted
-from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.rosenbrock_step import right_side, stage_slopes
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter
 from mbd_sim.integrators.rosenbrock import Rosenbrock
@@ -23,14 +23,16 @@ class PartialFunctions(NamedTuple):
     memory_size: int
 
 
-def emit_partial_system(module: Module, at: ca.Function, solve: ca.Function, lanes: int = 1) -> PartialFunctions:
+def emit_partial_system(
+    at: ca.Function, solve: ca.Function, emit: Callable[[ca.Function], Function]
+) -> PartialFunctions:
     """Emit the functions of a partial system.
 
     :param at: `at(t, y, inputs, g)` gives the memory (m,) of `solve`.
     :param solve: `solve(memory, r)` gives U with (I - g A) U = r.
+    :param emit: emits or declares a function that is not inlined.
     """
-    emitted = [lower(module, function, inline=False, lanes=lanes) for function in (at, solve)]
-    return PartialFunctions(emitted[0], emitted[1], max(1, at.nnz_out(0)))
+    return PartialFunctions(emit(at), emit(solve), max(1, at.nnz_out(0)))
 
 
 def rosenbrock_w_step(method: Rosenbrock, system: PartialFunctions) -> Prepare:

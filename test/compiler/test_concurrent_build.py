@@ -6,6 +6,7 @@ import math
 import os
 import re
 import time
+from functools import partial
 from pathlib import Path
 
 import casadi as ca
@@ -17,7 +18,8 @@ from mbd_sim.compiler import compile_process, machine_code, split_functions
 from mbd_sim.compiler.compile_process import CodeInProgress, CompileProcesses
 from mbd_sim.compiler.concurrent_build import ConcurrentBuild, is_likely_long
 from mbd_sim.compiler.host_module import compile_module, new_module
-from mbd_sim.compiler.lowering import export, lower
+from mbd_sim.compiler.kernel import emit_exported, emit_readers
+from mbd_sim.compiler.lowering import declare, export, lower
 from mbd_sim.compiler.module_parts import ModuleParts, shares
 
 LENGTH = 4
@@ -69,6 +71,39 @@ def test_parts_have_the_bits_of_the_whole(functions, monkeypatch, tmp_path, fail
     assert {name: values(again, name) for name in functions} == expected
     (tmp_path / code.keys[-1]).unlink()
     assert machine_code.load_code(code.keys) is None
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_functions_that_a_process_emits_have_the_bits_of_the_whole(functions, monkeypatch, tmp_path, fails):
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
+    whole, module = new_module(), new_module()
+    emit_readers(whole, functions)
+    expected = {name: values(compile_module(whole), name) for name in functions}
+    monkeypatch.setattr(machine_code, "LONG", 40_000)
+    with ConcurrentBuild(module) as build:
+        assert not build.has_started
+        build._processes.start()
+        assert build.has_started
+        if fails:
+            build._processes._server.kill()
+        build.emit_apart(partial(emit_exported, function=functions["long"]))
+        build.emit_apart(partial(emit_readers, readers={"short": functions["short"]}))
+        export(module, "read_long", declare(module, "long", 2))
+        code = build.machine_code()
+    assert len(code.keys) == 3
+    assert {name: values(code, name) for name in functions} == expected
+    again = machine_code.load_code(code.keys)
+    assert {name: values(again, name) for name in functions} == expected
+
+
+def test_a_function_that_no_process_can_emit_raises_the_error_of_the_caller(monkeypatch, capfd):
+    monkeypatch.setattr(machine_code, "LONG", 40_000)
+    x = ca.SX.sym("x")
+    unknown = ca.Function("unknown", [x], [ca.erf(x)])
+    with ConcurrentBuild(new_module()) as build, pytest.raises(NotImplementedError, match="no kernel instruction"):
+        build.emit_apart(partial(emit_exported, function=unknown))
+        build.machine_code()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_parts_are_loaded_from_the_cache_without_a_process(functions, monkeypatch, tmp_path):
