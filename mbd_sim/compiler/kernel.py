@@ -81,13 +81,7 @@ def compile_kernel(
     module = new_module(level)
     is_long = sum(function.n_instructions() for function in (rates, *readers.values())) >= LONG
     with ConcurrentBuild(module, processes) as build:
-        apart = is_long and build.has_started
-        if apart:
-            build.emit_apart(partial(emit_readers, readers=readers))
-        elif is_long:
-            emit_readers(module, readers)
-            build.compile_finished()
-        emit = partial(_declare, module, build) if apart else partial(lower, module, inline=False)
+        emit = _emit_readers_early(module, build, readers) if is_long else partial(lower, module, inline=False)
         partial_functions = _emit_partial_system(trace_partial_system(), emit)
         program = arranged(rates)
         system = emit_system(
@@ -149,6 +143,21 @@ def _emit_partial_system(
     from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
 
     return emit_partial_system(*system, emit)
+
+
+def _emit_readers_early(
+    module: Module, build: ConcurrentBuild, readers: Mapping[str, ca.Function]
+) -> Callable[[ca.Function], Function]:
+    """Begin to compile the readers; if a process has been started, it emits them as well.
+
+    :return: what emits, or declares, further functions that are not inlined.
+    """
+    if build.has_started:
+        build.emit_apart(partial(emit_readers, readers=readers))
+        return partial(_declare, module, build)
+    emit_readers(module, readers)
+    build.compile_finished()
+    return partial(lower, module, inline=False)
 
 
 def _declare(module: Module, build: ConcurrentBuild, function: ca.Function) -> Function:
