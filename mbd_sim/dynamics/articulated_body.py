@@ -6,9 +6,6 @@ any generalized forces, at a cost proportional to the number of links between th
 The accelerations of the recursion are [ω'; p''] with the accelerations p'' of the links' origins. Those are spatial
 accelerations plus [0; ω × v], and so they depend on the angular velocities only. The inertias are the regrouped ones of
 `lumped_inertias`.
-
-The net joint force of a joint is u = τ - Sᵀ pᴬ in Featherstone's table 7.1: the generalized forces τ that remain to
-accelerate the joint, after the bias force pᴬ of the links outboard of it.
 """
 
 from __future__ import annotations
@@ -20,13 +17,13 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.eliminated_joints import EliminatedJoint, eliminated
 from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.joint_transforms import inboard_force, inboard_inertia, outboard_motion
 from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.lumped_inertias import lumped_inertias
-from mbd_sim.dynamics.motion import JointMotion
-from mbd_sim.dynamics.spatial_algebra import SpdFactors, constant, motion_cross, skew, sparse, symmetric
+from mbd_sim.dynamics.spatial_algebra import constant, motion_cross, skew, sparse, symmetric
 from mbd_sim.geometry.pose import Array
 
 
@@ -75,14 +72,14 @@ class FactorizedMassMatrix:
         self._links, self._motions, self._nv = links, motions, nv
         self._inertias = lumped_inertias(links) if inertias is None else inertias
         inertias = list(self._inertias)
-        self._joints: dict[int, _EliminatedJoint] = {}
+        self._joints: dict[int, EliminatedJoint] = {}
         self.pivots = ca.SX(nv, 1)
         for index in reversed(range(len(links))):
             link, motion = links[index], motions[index]
-            joint = _EliminatedJoint(motion.joint, inertias[index], None if added is None else added[link.u])
+            joint = eliminated(motion.joint, inertias[index], None if added is None else added[link.u])
             self._joints[index] = joint
             self.pivots[link.u] = joint.factors.pivots
-            if link.parent >= 0:
+            if link.parent >= 0 and joint.projected_inertia.nnz():
                 inertias[link.parent] += inboard_inertia(link, motion, joint.projected_inertia)
 
     @cached_property
@@ -118,7 +115,7 @@ class FactorizedMassMatrix:
         base = _base_acceleration(-gravity)
         for link, motion, bias in zip(self._links, self._motions, self._bias_accelerations(), strict=True):
             inboard = accelerations[link.parent] if link.parent >= 0 else base
-            accelerations.append(sparse(outboard_motion(motion, inboard) + bias))
+            accelerations.append(outboard_motion(motion, inboard, bias))
         biases = [
             sparse(inertia @ acceleration + bias - wrench)
             for inertia, acceleration, bias, wrench in zip(
@@ -176,11 +173,9 @@ class FactorizedMassMatrix:
         net_forces: dict[int, ca.SX] = {}
         for index in reversed(range(len(self._links))):
             link, joint = self._links[index], self._joints[index]
-            joint_force = forces[link.u, :]
-            net_forces[index] = joint.net_force(joint_force, biases[index])
-            if link.parent >= 0:
-                bias = None if bias_accelerations is None else bias_accelerations[index]
-                transmitted = joint.transmitted(joint_force, net_forces[index], biases[index], bias)
+            acceleration = None if bias_accelerations is None else bias_accelerations[index]
+            net_forces[index], transmitted = joint.inward(forces[link.u, :], biases[index], acceleration)
+            if link.parent >= 0 and transmitted.nnz():
                 biases[link.parent] = biases[link.parent] + inboard_force(self._motions[index], transmitted)
         return [net_forces[index] for index in range(len(self._links))]
 
@@ -193,12 +188,10 @@ class FactorizedMassMatrix:
         for index, link in enumerate(self._links):
             motion, joint = self._motions[index], self._joints[index]
             inboard = accelerations[link.parent] if link.parent >= 0 else _base_acceleration(base)
-            carried = outboard_motion(motion, inboard)
-            if bias_accelerations is not None:
-                carried = carried + bias_accelerations[index]
-            speed_rates = joint.speed_rates(net_forces[index], carried)
-            accelerations.append(sparse(carried + motion.joint.partial_velocities @ speed_rates))
-            result[link.u] = speed_rates
+            bias = None if bias_accelerations is None else bias_accelerations[index]
+            carried = outboard_motion(motion, inboard, bias)
+            acceleration, result[link.u] = joint.outward(net_forces[index], carried)
+            accelerations.append(acceleration)
         return Accelerations(result, lambda: accelerations)
 
 
@@ -245,44 +238,3 @@ def bias_acceleration(motion: LinkMotion) -> ca.SX:
 def bias_force(link: Link, motion: LinkMotion) -> ca.SX:
     """The wrench (6,) that a link needs at its velocity without acceleration: v ×* I v."""
     return -motion_cross(motion.V_WL).T @ (constant(link.inertia) @ motion.V_WL)
-
-
-class _EliminatedJoint:
-    """A joint eliminated from the articulated `inertia` (6, 6) of its outboard link.
-
-    `projected_inertia` (6, 6) is its contribution to the inboard link: Iᵃ in Featherstone's table 7.1. It is zero
-    for a joint that constrains nothing: the link's acceleration is solved for in its own axes.
-    """
-
-    def __init__(self, joint: JointMotion, inertia: ca.SX, added: ca.SX | None) -> None:
-        self._joint = joint
-        if joint.inverse is not None:
-            self.factors = SpdFactors(inertia)
-            self.projected_inertia = ca.SX(6, 6)
-            return
-        s = joint.partial_velocities
-        self._u = sparse(inertia @ s)
-        own = symmetric(s.T @ self._u)
-        self.factors = SpdFactors(own if added is None else sparse(own + ca.diag(added)))
-        self._reduced = self.factors.solve(self._u.T)
-        self.projected_inertia = sparse(symmetric(inertia - self._u @ self._reduced))
-
-    def net_force(self, forces: ca.SX, bias: ca.SX) -> ca.SX:
-        """The net joint force (., k) of the joint's generalized forces (., k) and a bias force (6, k)."""
-        if self._joint.inverse is not None:
-            return sparse(self._joint.inverse.T @ forces - bias)
-        return sparse(forces - self._joint.partial_velocities.T @ bias)
-
-    def transmitted(self, forces: ca.SX, net_force: ca.SX, bias: ca.SX, bias_acceleration: ca.SX | None) -> ca.SX:
-        """The bias force (6, k) that the joint transmits to the inboard link."""
-        if self._joint.inverse is not None:
-            return sparse(self._joint.inverse.T @ forces)
-        if bias_acceleration is not None:
-            bias = bias + self.projected_inertia @ bias_acceleration
-        return sparse(bias + self._u @ self.factors.solve(net_force))
-
-    def speed_rates(self, net_force: ca.SX, carried: ca.SX) -> ca.SX:
-        """u' of this joint, for the spatial acceleration (6,) that the link has at u' = 0."""
-        if self._joint.inverse is not None:
-            return self._joint.inverse @ (self.factors.solve(net_force) - carried)
-        return self.factors.solve(net_force) - self._reduced @ carried

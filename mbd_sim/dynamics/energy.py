@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.spatial_algebra import constant
@@ -16,15 +17,25 @@ def kinetic_energy(links: Sequence[Link], motions: Sequence[LinkMotion]) -> ca.S
     """T in J, in ground's frame."""
     energy = ca.SX(1, 1)
     for link, motion in zip(links, motions, strict=True):
-        energy += 0.5 * ca.dot(motion.V_WL, constant(link.inertia) @ motion.V_WL)
+        energy += _kinetic_energy(constant(link.inertia), motion.V_WL)
     return energy
+
+
+@inlined
+def _kinetic_energy(inertia: ca.SX, velocity: ca.SX) -> ca.SX:
+    return 0.5 * ca.dot(velocity, inertia @ velocity)
 
 
 def gravitational_potential(mechanism: Mechanism, links: Sequence[Link], poses: Sequence[SymbolicPose]) -> ca.SX:
     """-Σ m g·r over the centers of mass in J, which is zero with all of them at ground's origin."""
-    potential = ca.SX(1, 1)
+    potential, gravity = ca.SX(1, 1), constant(mechanism.gravity)
     for link, X_WB in zip(links, poses, strict=True):
         part = mechanism.parts[link.joint.outboard]
-        center = X_WB.position + X_WB.rotation @ constant(part.center)
-        potential -= part.mass * ca.dot(constant(mechanism.gravity), center)
+        potential -= _work(ca.SX(part.mass), gravity, X_WB.position, X_WB.rotation, constant(part.center))
     return potential
+
+
+@inlined
+def _work(mass: ca.SX, gravity: ca.SX, position: ca.SX, rotation: ca.SX, center: ca.SX) -> ca.SX:
+    """The work of gravity on a part in J, from ground's origin to the part's center of mass."""
+    return mass * ca.dot(gravity, position + rotation @ center)

@@ -79,7 +79,7 @@ def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX)
         solution = right_u - g * solver.accelerations(applied, solver.multipliers(applied)).u_rates
     else:
         # The same without the difference of two large numbers, where g D is much larger than M.
-        momentum = ca.jtimes(ca.gradient(traced.kinetic_energy, state.u), state.u, right_u)
+        momentum = ca.jtimes(traced.momenta, state.u, right_u)
         solution = mass_matrix.solve(mass_matrix.net_joint_forces(momentum - g * displaced)).u_rates
     before = right_q + g * ca.jtimes(state.q_rates, state.u, solution)
     dissipated = g * ca.jtimes(forces.joints.dissipated_power, state.u, solution)
@@ -115,7 +115,8 @@ def _own_slopes(traced: TracedMechanism, varying: ca.SX, symbol: ca.SX) -> ca.SX
         if link.joint.kind.quaternion is None:
             entries = link.q if symbol is traced.state.q else link.u
             for row, entry in zip(range(link.u.start, link.u.stop), range(entries.start, entries.stop), strict=True):
-                slopes[row] = ca.jacobian(varying[row], symbol[entry])
+                if varying[row].nnz():
+                    slopes[row] = ca.jacobian(varying[row], symbol[entry])
     return ca.sparsify(slopes)
 
 

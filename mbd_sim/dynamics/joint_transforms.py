@@ -16,7 +16,7 @@ import casadi as ca
 from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.kinematics import LinkMotion, carried_outward
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial_algebra import constant, sparse, symmetric
+from mbd_sim.dynamics.spatial_algebra import constant, sparse, symmetric, zeros
 
 
 def inboard_force(motion: LinkMotion, forces: ca.SX) -> ca.SX:
@@ -24,25 +24,21 @@ def inboard_force(motion: LinkMotion, forces: ca.SX) -> ca.SX:
     return _rotated_and_moved(motion.R_PL, motion.cross, forces)
 
 
-def outboard_motion(motion: LinkMotion, vector: ca.SX) -> ca.SX:
-    """A motion vector (6,) of the inboard link as one about the link's origin, in its axes."""
-    return carried_outward(motion.R_PL, motion.cross, vector)
+def outboard_motion(motion: LinkMotion, vector: ca.SX, added: ca.SX | None = None) -> ca.SX:
+    """A motion vector (6,) of the inboard link as one about the link's origin, in its axes, and what is added there."""
+    return carried_outward(motion.R_PL, motion.cross, vector, zeros(6) if added is None else added)
 
 
 def inboard_inertia(link: Link, motion: LinkMotion, inertia: ca.SX) -> ca.SX:
     """A symmetric inertia (6, 6) of a link as one about the inboard link's origin, in its axes."""
-    blocks, R = ca.horzcat(inertia[:3, :], inertia[3:, 3:]), motion.R_PL
     if (turn := motion.joint.turn) is not None:
-        blocks, R = _TURNED[turn.axis](turn.sine, turn.cosine, blocks), constant(link.X_PF.rotation)
-    rotated = _rotated(R, blocks)
-    rotational, coupling, translational = symmetric(rotated[:, :3]), rotated[:, 3:6], symmetric(rotated[:, 6:])
-    moved = _moved(motion.cross, rotational, coupling, translational)
-    return _of_blocks(symmetric(moved[:, :3]), moved[:, 3:], translational)
+        R = constant(link.X_PF.rotation)
+        return _TURNED_AND_CARRIED[turn.axis](turn.sine, turn.cosine, R, motion.cross, inertia)
+    return _carried(motion.R_PL, motion.cross, inertia)
 
 
 # In these functions p (3, 3) multiplies a vector by a displacement. It is an argument, rather than the displacement,
-# because functions that are inlined must not change signs of their arguments. Blocks are made symmetric between
-# them: within one of them, that gives other expressions for some mechanisms.
+# because functions that are inlined must not change signs of their arguments.
 
 
 @inlined
@@ -52,19 +48,21 @@ def _rotated_and_moved(R: ca.SX, p: ca.SX, forces: ca.SX) -> ca.SX:
 
 
 @inlined
-def _rotated(R: ca.SX, blocks: ca.SX) -> ca.SX:
-    return ca.horzcat(*(R @ block @ R.T for block in ca.horzsplit(blocks, 3)))
+def _carried(R: ca.SX, p: ca.SX, inertia: ca.SX) -> ca.SX:
+    return _inboard(R, p, ca.horzcat(inertia[:3, :], inertia[3:, 3:]))
 
 
-@inlined
-def _moved(p: ca.SX, rotational: ca.SX, coupling: ca.SX, translational: ca.SX) -> ca.SX:
+def _turned_and_carried(axis: int, s: ca.SX, c: ca.SX, R: ca.SX, p: ca.SX, inertia: ca.SX) -> ca.SX:
+    return _inboard(R, p, _turned(axis, s, c, ca.horzcat(inertia[:3, :], inertia[3:, 3:])))
+
+
+def _inboard(R: ca.SX, p: ca.SX, blocks: ca.SX) -> ca.SX:
+    """The inertia (6, 6) from its rotational, coupling and translational blocks (3, 9) in the link's axes."""
+    rotational, coupling, translational = (R @ block @ R.T for block in ca.horzsplit(blocks, 3))
+    rotational, translational = symmetric(rotational), symmetric(translational)
     shifted = coupling + p @ translational
-    return ca.horzcat(rotational + (p @ coupling.T + (p @ shifted.T).T), shifted)
-
-
-@inlined
-def _of_blocks(rotational: ca.SX, shifted: ca.SX, translational: ca.SX) -> ca.SX:
-    return ca.vertcat(ca.horzcat(rotational, shifted), ca.horzcat(shifted.T, translational))
+    moved = symmetric(rotational + (p @ coupling.T + (p @ shifted.T).T))
+    return ca.vertcat(ca.horzcat(moved, shifted), ca.horzcat(shifted.T, translational))
 
 
 def _turned(axis: int, s: ca.SX, c: ca.SX, blocks: ca.SX) -> ca.SX:
@@ -84,4 +82,4 @@ def _turned_block(axis: int, s: ca.SX, c: ca.SX, block: ca.SX) -> ca.SX:
     return result
 
 
-_TURNED = [inlined(partial(_turned, axis)) for axis in range(3)]
+_TURNED_AND_CARRIED = [inlined(partial(_turned_and_carried, axis)) for axis in range(3)]

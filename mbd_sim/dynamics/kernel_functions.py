@@ -14,7 +14,6 @@ from mbd_sim.dynamics.common_subexpressions import merged_function
 from mbd_sim.dynamics.energy import gravitational_potential
 from mbd_sim.dynamics.initial_conditions import Assembly
 from mbd_sim.dynamics.multipliers import ConstraintSolver
-from mbd_sim.dynamics.regular_start import flat_poses
 from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.tracing import TracedMechanism
 
@@ -71,7 +70,7 @@ def kernel_functions(
     return KernelFunctions(
         rates=merged_function("rates", commanded, y_rates, *margin),
         energies=merged_function("energies", plain, ca.vertcat(traced.kinetic_energy, potential)),
-        poses=merged_function("poses", plain, flat_poses(traced)),
+        poses=merged_function("poses", plain, traced.flat_poses),
         drives=merged_function("drives", commanded, ca.vec(motion.drives)),
         # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
         project=None if projected is None else merged_function("settle", plain, projected),

@@ -9,11 +9,11 @@ from functools import cached_property
 import casadi as ca
 
 from mbd_sim.dynamics.commanded_drives import driven_motion
-from mbd_sim.dynamics.inlining import inlined
+from mbd_sim.dynamics.inlining import inlined, inlined_results
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
-from mbd_sim.dynamics.spatial_algebra import constant, motion_transform, skew, sparse, zeros
+from mbd_sim.dynamics.spatial_algebra import constant, motion_transform
 from mbd_sim.geometry.pose import Pose, identity_pose
 
 
@@ -22,23 +22,20 @@ class LinkMotion:
     """The motion of a link.
 
     `joint` is that of its inboard joint. The link's frame L is placed in the inboard link's frame P by `R_PL` (3, 3)
-    and `p_PL` (3,) in m. `V_WL` (6,) = [ω; v] is the link's velocity, expressed in L at its origin.
+    and `p_PL` (3,) in m; `cross` (3, 3) is such that cross @ r = p_PL × r. `V_WL` (6,) = [ω; v] is the link's velocity,
+    expressed in L at its origin.
     """
 
     joint: JointMotion
     R_PL: ca.SX
     p_PL: ca.SX
+    cross: ca.SX
     V_WL: ca.SX
 
     @cached_property
     def transform(self) -> ca.SX:
         """The matrix (6, 6) that takes motion vectors from the inboard link's frame P to the link's frame L."""
         return motion_transform(self.R_PL, self.p_PL)
-
-    @cached_property
-    def cross(self) -> ca.SX:
-        """The matrix (3, 3) with cross @ r = p_PL × r."""
-        return skew(self.p_PL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +47,9 @@ class SymbolicPose:
 
 
 @inlined
-def carried_outward(R_PL: ca.SX, cross: ca.SX, vector: ca.SX) -> ca.SX:
-    """A motion vector (6,) of the inboard link as one about the link's origin, in its axes; cross @ r = p_PL × r."""
-    return ca.vertcat(R_PL.T @ vector[:3], R_PL.T @ (vector[3:] - cross @ vector[:3]))
+def carried_outward(R_PL: ca.SX, cross: ca.SX, vector: ca.SX, added: ca.SX) -> ca.SX:
+    """A motion vector (6,) of the inboard link as one about the link's origin, in its axes, and what is added there."""
+    return ca.vertcat(R_PL.T @ vector[:3], R_PL.T @ (vector[3:] - cross @ vector[:3])) + added
 
 
 def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> JointMotion:
@@ -72,40 +69,45 @@ def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[Li
     motions: list[LinkMotion] = []
     for link in links:
         joint = joint_motion(link, t, q, u)
-        R_PL = constant(link.X_PF.rotation) @ joint.R_FM
-        p_PL = constant(link.X_PF.position) + constant(link.X_PF.rotation) @ joint.p_FM
-        inboard = carried_outward(R_PL, skew(p_PL), motions[link.parent].V_WL) if link.parent >= 0 else zeros(6)
-        motions.append(LinkMotion(joint, R_PL, p_PL, sparse(inboard + joint.V_FM)))
+        R_PF, p_PF = constant(link.X_PF.rotation), constant(link.X_PF.position)
+        R_PL, p_PL, cross = _link_in_inboard_link(R_PF, p_PF, joint.R_FM, joint.p_FM)
+        V_PL = joint.V_FM if link.parent < 0 else carried_outward(R_PL, cross, motions[link.parent].V_WL, joint.V_FM)
+        motions.append(LinkMotion(joint, R_PL, p_PL, cross, V_PL))
     return motions
+
+
+@inlined_results
+def _link_in_inboard_link(R_PF: ca.SX, p_PF: ca.SX, R_FL: ca.SX, p_FL: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """R_PL, p_PL, and the matrix (3, 3) of the cross product with p_PL."""
+    p_PL = p_PF + R_PF @ p_FL
+    return R_PF @ R_FL, p_PL, ca.skew(p_PL)
 
 
 def part_poses(links: Sequence[Link], joints: Iterable[JointMotion]) -> list[SymbolicPose]:
     """The pose X_WB of every link's part in ground's frame, from the motions of the inboard joints."""
-    X_WL: list[ca.SX] = []
+    X_WL: list[tuple[ca.SX, ca.SX]] = []
     X_WB: list[SymbolicPose] = []
     for link, joint in zip(links, joints, strict=True):
         X_WP = X_WL[link.parent] if link.parent >= 0 else _pose(identity_pose())
-        both = _link_and_part(X_WP, _pose(link.X_PF), ca.horzcat(joint.p_FM, joint.R_FM), _pose(link.X_LB))
-        X_WL.append(both[:, :4])
-        X_WB.append(SymbolicPose(both[:, 4], both[:, 5:]))
+        p_WL, R_WL, p_WB, R_WB = _link_and_part(*X_WP, *_pose(link.X_PF), joint.p_FM, joint.R_FM, *_pose(link.X_LB))
+        X_WL.append((p_WL, R_WL))
+        X_WB.append(SymbolicPose(p_WB, R_WB))
     return X_WB
 
 
-@inlined
-def _link_and_part(X_WP: ca.SX, X_PF: ca.SX, X_FL: ca.SX, X_LB: ca.SX) -> ca.SX:
-    """X_WL and X_WB (3, 8), from poses (3, 4) as [position, rotation]."""
-    X_WL = _placed(_placed(X_WP, X_PF), X_FL)
-    return ca.horzcat(X_WL, _placed(X_WL, X_LB))
+@inlined_results
+def _link_and_part(
+    p_WP: ca.SX, R_WP: ca.SX, p_PF: ca.SX, R_PF: ca.SX, p_FL: ca.SX, R_FL: ca.SX, p_LB: ca.SX, R_LB: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """The poses X_WL and X_WB, as positions and rotations."""
+    p_WF, R_WF = p_WP + R_WP @ p_PF, R_WP @ R_PF
+    p_WL, R_WL = p_WF + R_WF @ p_FL, R_WF @ R_FL
+    return p_WL, R_WL, p_WL + R_WL @ p_LB, R_WL @ R_LB
 
 
-def _placed(X_AB: ca.SX, X_BC: ca.SX) -> ca.SX:
-    """X_AC (3, 4)."""
-    return ca.horzcat(X_AB[:, 0] + X_AB[:, 1:] @ X_BC[:, 0], X_AB[:, 1:] @ X_BC[:, 1:])
-
-
-def _pose(pose: Pose) -> ca.SX:
-    """A pose of numbers, or of numbers and symbols, as (3, 4)."""
-    return ca.horzcat(constant(pose.position), constant(pose.rotation))
+def _pose(pose: Pose) -> tuple[ca.SX, ca.SX]:
+    """A pose of numbers, or of numbers and symbols, as its position (3,) and its rotation (3, 3)."""
+    return constant(pose.position), constant(pose.rotation)
 
 
 def coordinate_rates(links: Sequence[Link], motions: Sequence[LinkMotion], nq: int) -> ca.SX:

@@ -67,7 +67,8 @@ class JointMotion:
 
 def fixed() -> JointMotion:
     """Frames that coincide."""
-    return JointMotion(constant(np.eye(3)), zeros(3), zeros(6, 0), zeros(6), zeros(6), zeros(0))
+    R_FM, still = constant(np.eye(3)), zeros(3)
+    return JointMotion(R_FM, still, zeros(6, 0), zeros(6), zeros(6), zeros(0), known_origin_bias=still)
 
 
 def revolute(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
@@ -77,7 +78,8 @@ def revolute(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
     sine, cosine = ca.sin(q), ca.cos(q)
     R_FM = sparse(projection + sine * k + cosine * (constant(np.eye(3)) - projection))
     s = constant(np.concatenate([axis, np.zeros(3)]))
-    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u, turn=_axis_rotation(axis, sine, cosine))
+    turn = _axis_rotation(axis, sine, cosine)
+    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u, turn=turn, known_origin_bias=zeros(3))
 
 
 def _axis_rotation(axis: Array, sine: ca.SX, cosine: ca.SX) -> AxisRotation | None:
@@ -91,7 +93,7 @@ def _axis_rotation(axis: Array, sine: ca.SX, cosine: ca.SX) -> AxisRotation | No
 def prismatic(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
     """Translation by q in m along a unit `axis`."""
     s = constant(np.concatenate([np.zeros(3), axis]))
-    return JointMotion(constant(np.eye(3)), constant(axis) * q, s, s * u, zeros(6), u)
+    return JointMotion(constant(np.eye(3)), constant(axis) * q, s, s * u, zeros(6), u, known_origin_bias=zeros(3))
 
 
 def helical(axis: Array, lead: float, q: ca.SX, u: ca.SX) -> JointMotion:

@@ -10,7 +10,6 @@ import numpy as np
 from mbd_sim.dynamics.accelerations import AppliedForces
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
-from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly
 from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
@@ -49,7 +48,7 @@ def require_regular_start(
     :raises MechanismError: it names what is undefined, or the parts that can move without inertia.
     """
     elements = [ca.densify(forces.elements.lengths), ca.densify(forces.elements.rates)]
-    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, flat_poses(traced)]
+    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, traced.flat_poses]
     symbols = [traced.state.t, traced.y, traced.parameters.symbols]
     at_start = ca.Function("at_start", symbols, outputs)
     values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
@@ -70,14 +69,9 @@ def start_mass_matrix(traced: TracedMechanism, q: Array) -> Array:
     For a hundred joints that takes a tenth of the time of an expression of all its entries.
     """
     u, direction = traced.state.u, ca.SX.sym("e", traced.layout.nv)
-    column = ca.jtimes(ca.gradient(traced.kinetic_energy, u), u, direction)
+    column = ca.jtimes(traced.momenta, u, direction)
     column = ca.substitute(column, u, ca.SX.zeros(u.shape[0], 1))  # which are left in terms that cancel
     symbols = [traced.state.t, traced.state.q, direction, traced.parameters.symbols]
     function = ca.Function("column", symbols, [ca.densify(column)])
     directions = np.eye(traced.layout.nv)
     return np.column_stack([evaluated(function, 0.0, q, each, traced.parameters.base).ravel() for each in directions])
-
-
-def flat_poses(traced: TracedMechanism) -> ca.SX:
-    """The poses of the links, (12,) each, one after the other: see `Equations.poses`."""
-    return ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout, actuator_layout
 from mbd_sim.dynamics.audit_states import audit_states
+from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.commanded_drives import drive_rates
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout, coordinate_layout
 from mbd_sim.dynamics.disturbances import disturbance_count, disturbed, with_room
@@ -75,6 +77,16 @@ class TracedMechanism:
     actuator_states: ca.SX
     rotor_inertia: ca.SX | None
     step: float
+
+    @cached_property
+    def momenta(self) -> ca.SX:
+        """The generalized momenta ∂T/∂u (nv,), in N·s or N·m·s."""
+        return ca.gradient(self.kinetic_energy, self.state.u)
+
+    @cached_property
+    def flat_poses(self) -> ca.SX:
+        """The poses of the links, (12,) each, one after the other: see `Equations.poses`."""
+        return ca.densify(ca.vertcat(*map(flat_pose, self.poses)))
 
     @property
     def numeric_links(self) -> Sequence[Link]:
