@@ -40,13 +40,14 @@ class EliminatedJoint(ABC):
 
     @abstractmethod
     def outward(self, net_force: ca.SX, carried: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """The link's acceleration (6,), and u' of this joint; `carried` (6,) is the acceleration at u' = 0."""
+        """The link's acceleration (6,), and u' (n,) of this joint; `carried` (6,) is the acceleration at u' = 0."""
 
 
 def eliminated(joint: JointMotion, inertia: ca.SX, added: ca.SX | None) -> EliminatedJoint:
     """The joint, eliminated from an articulated inertia (6, 6).
 
-    :param added: (n,) what is added to the diagonal of the inertia in its n coordinates; None for free joints.
+    :param added: (n,) is added to the diagonal of the inertia in the joint's n coordinates, which must not be those of
+        a free joint; None adds nothing.
     """
     if joint.inverse is not None:
         return _FreeJoint(joint.inverse, inertia)

@@ -71,8 +71,8 @@ def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[Li
         joint = joint_motion(link, t, q, u)
         R_PF, p_PF = constant(link.X_PF.rotation), constant(link.X_PF.position)
         R_PL, p_PL, cross = _link_in_inboard_link(R_PF, p_PF, joint.R_FM, joint.p_FM)
-        V_PL = joint.V_FM if link.parent < 0 else carried_outward(R_PL, cross, motions[link.parent].V_WL, joint.V_FM)
-        motions.append(LinkMotion(joint, R_PL, p_PL, cross, V_PL))
+        V_WL = joint.V_FM if link.parent < 0 else carried_outward(R_PL, cross, motions[link.parent].V_WL, joint.V_FM)
+        motions.append(LinkMotion(joint, R_PL, p_PL, cross, V_WL))
     return motions
 
 
