@@ -251,7 +251,7 @@ def build_model(
             return Model(mechanism, *found, order.trace, key=key)
     quick = quick and key is not None and simulation.note_build(mechanism, key)
     with paused_collection(), interruptible_tracing():
-        built = order.build(quick=quick)
+        built = simulation.build(mechanism, name, order.trace, given_step, quick=quick)
     if key is not None and simulation.can_be_stored(built.equations):
         if quick:
             simulation.optimize_later(built.prepared, built.kernel, key, order)

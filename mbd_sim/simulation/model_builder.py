@@ -11,6 +11,7 @@ import casadi as ca
 
 from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.bound_kernel import Kernel
+from mbd_sim.compiler.concurrent_build import compile_processes, is_likely_long
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
 from mbd_sim.compiler.method_history import history_size
 from mbd_sim.dynamics.equations import Equations
@@ -38,34 +39,31 @@ class BuiltModel(NamedTuple):
 
 
 def build(
-    mechanism: Mechanism,
-    method: str,
-    trace: Callable[[], Equations],
-    step: float,
-    processes: CompileProcesses,
-    *,
-    quick: bool = False,
+    mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float, *, quick: bool = False
 ) -> BuiltModel:
     """Trace and compile a mechanism.
 
     :param method: its name, which may be `auto`.
     :param trace: derives its equations.
     :param step: in s.
-    :param processes: see `compile_processes`, of the same level.
     :param quick: whether the code need not be optimized, if the model can be stored.
     :raises MechanismError: the method does not fit, or the equations are singular at the start.
     """
     if len(mechanism.all_joints) >= MANY_JOINTS:
         _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, method)
-    equations = trace()
-    centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
-    inputs = equations.inputs_at_start(centers)
-    choice = choose_method(mechanism, equations, inputs, method, step)
-    if quick and can_be_stored(equations):
-        kernel = _kernel(equations, choice, processes, 0)
-    else:
-        kernel = _kernel(equations, choice, None if quick else processes, machine_code.LEVEL)
+    level = 0 if quick else machine_code.LEVEL
+    with compile_processes(level) as processes:
+        if is_likely_long(len(mechanism.all_joints)):
+            processes.start()
+        equations = trace()
+        centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
+        inputs = equations.inputs_at_start(centers)
+        choice = choose_method(mechanism, equations, inputs, method, step)
+        if quick and not can_be_stored(equations):
+            kernel = _kernel(equations, choice, None, machine_code.LEVEL)
+        else:
+            kernel = _kernel(equations, choice, processes, level)
     prepared = PreparedModel(
         method=choice.method.name,
         method_remark=choice.remark,
