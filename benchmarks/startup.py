@@ -251,7 +251,7 @@ def table(found: Sequence[Row], checkouts: Sequence[Path], medians: Mapping[tupl
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=7, help="starts of each row; default: 7")
+    parser.add_argument("--rounds", type=int, default=7, help="starts of each row, fewer of long ones; default: 7")
     parser.add_argument("--only", default="", help="measure only rows whose names contain this text")
     parser.add_argument("--robots", type=Path, help="a folder with the URDF files of example-robot-data")
     parser.add_argument("--beside", type=Path, help="another checkout to measure in alternation")
