@@ -4,7 +4,9 @@ It is the complement of the pressure angle, which is the angle between the force
 direction in which the follower lets the pin between them move. In a coupler without mass and friction the force is
 along the line of its two pins. In a four-bar linkage this is the angle between the lines of coupler and follower, in a
 slider-crank the one between the coupler and the normal of the guide (Alt 1932; Uicker, Pennock & Shigley, ch. 1 and 3).
-It is given from 0 to 90°; 90° is best, and at 0 the follower cannot be moved.
+If one of the coupler's joints is a slider, as that of a block on a slotted lever, the force passes through the other
+joint, normal to the slide; this is then the angle between the slide and the direction in which the follower lets the
+point under the pin move. It is given from 0 to 90°; 90° is best, and at 0 the follower cannot be moved.
 """
 
 from __future__ import annotations
@@ -19,6 +21,9 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
+
+LINE_OF_FORCE = ("revolute", "prismatic", "spherical", "universal")
+PARALLEL = 1e-4  # sine of the angle up to which axes are parallel or normal to each other, as people write digits
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,9 @@ def couplers_and_followers(mechanism: Mechanism, drives: Sequence[str]) -> tuple
             ends = _others(mechanism, coupler, pin)
             if GROUND in (coupler, follower) or len(guides) != 1 or len(ends) != 1 or not _guides(guides[0]):
                 continue
-            if guides[0].name not in driven and GROUND not in (ends[0].parent, ends[0].child):
+            if guides[0].name in driven or GROUND in (ends[0].parent, ends[0].child):
+                continue
+            if not _obstacle(ends[0], pin) and _is_plane(coupler, ends[0], pin) and _is_plane(follower, pin, guides[0]):
                 found.append(CouplerAndFollower(ends[0].name, pin.name, guides[0].name))
     return tuple(found)
 
@@ -72,6 +79,8 @@ def coupler_and_follower(mechanism: Mechanism, drives: Sequence[str], text: str)
     if not _guides(guide := mechanism.all_joints[names[2]]):
         message = f"'{guide.name}' is {_article(guide.type)} joint, which does not guide a point along a line"
         raise InputError(message, "Name a revolute or a prismatic joint as the last one.")
+    if why := _obstacle(mechanism.all_joints[names[0]], mechanism.all_joints[names[1]]):
+        raise InputError(f"'{names[0]}' and '{names[1]}' define no transmission angle: {why}", "Name other joints.")
     return CouplerAndFollower(*names)
 
 
@@ -86,11 +95,51 @@ class TransmissionAngle:
     def __call__(self, q: Array) -> float:
         """The angle in rad, from 0 to pi/2, in a configuration (nq,)."""
         poses = {part: frame.pose(q) for part, frame in self._parts.items()}
+        end, pin, guide = self._joints
         at, place, pivot = (poses[joint.parent] @ joint.parent_pose for joint in self._joints)
-        guide = self._joints[2]
-        axis, along = pivot.rotation @ guide.axis, place.position - at.position
-        free = axis if guide.type == "prismatic" else np.cross(axis, place.position - pivot.position)
+        axis = pivot.rotation @ guide.axis
+        point = (at if pin.type == "prismatic" else place).position  # through which the force passes
+        free = axis if guide.type == "prismatic" else np.cross(axis, point - pivot.position)
+        if "prismatic" in (pin.type, end.type):
+            slide = place.rotation @ pin.axis if pin.type == "prismatic" else at.rotation @ end.axis
+            return _angle_between(slide, free)
+        along = place.position - at.position
+        if pin.type == "revolute":  # pins may lie in different planes, one behind the other
+            normal = place.rotation @ pin.axis
+            along = along - normal * (normal @ along)
         return float(np.arctan2(abs(along @ free), np.linalg.norm(np.cross(along, free))))
+
+
+def _angle_between(one: Array, other: Array) -> float:
+    """The angle of two lines, from 0 to pi/2."""
+    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), abs(one @ other)))
+
+
+def _obstacle(end: Joint, pin: Joint) -> str:
+    """Why a coupler with these two joints has no line along which its force acts, or ""."""
+    for joint in (end, pin):
+        if joint.type not in LINE_OF_FORCE:
+            return f"'{joint.name}' is {_article(joint.type)} joint"
+    if end.type == pin.type == "prismatic":
+        return "between two sliders, a coupler transmits a moment and no force"
+    if end.type == pin.type == "universal":
+        return "between two universal joints, a coupler transmits a moment"
+    return ""
+
+
+def _is_plane(part: str, one: Joint, other: Joint) -> bool:
+    """Whether the part moves in a plane as far as its two joints say: axes of pins parallel, slides normal to them."""
+    if not {one.type, other.type} <= {"revolute", "prismatic"} or one.type == other.type == "prismatic":
+        return True
+    first, second = (_axis_in(part, joint) for joint in (one, other))
+    along = abs(float(first @ second))
+    return bool(along < PARALLEL if one.type != other.type else np.linalg.norm(np.cross(first, second)) < PARALLEL)
+
+
+def _axis_in(part: str, joint: Joint) -> Array:
+    """The axis of a revolute or prismatic joint in the frame of one of its parts."""
+    pose = joint.parent_pose if joint.parent == part else joint.child_pose
+    return np.asarray(pose.rotation @ joint.axis)
 
 
 def _others(mechanism: Mechanism, part: str, pin: Joint) -> list[Joint]:

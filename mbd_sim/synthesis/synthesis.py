@@ -165,9 +165,8 @@ def _configurations(system: KinematicSystem, q: Array, drives: Array) -> Array:
     :raises UnreachableError: the drive does not reach them.
     """
     given, found = q[system.q_driven], np.empty((len(drives), len(q)))
-    for end in (np.min(drives), np.max(drives)):
-        rows = np.flatnonzero((drives - given[0]) * (end - given[0]) > 0.0)
-        if not len(rows):
+    for rows, end in ((drives < given[0], np.min(drives)), (drives > given[0], np.max(drives))):
+        if not np.any(rows):
             continue
         line = DriveLine(system, given, np.array([end]))
         curve = traced_curve(line, line.forward(q, 0.0, 1.0), through=False)

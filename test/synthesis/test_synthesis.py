@@ -34,6 +34,16 @@ def test_a_coupler_curve_leads_back_to_its_linkage(free):
     assert motion.point("coupler.tracer").position @ [1, 1j, 0] == pytest.approx(tracer(ANGLES), abs=1e-10)
 
 
+@pytest.mark.parametrize("ends", [(1.3, 3.0), (3.0, 1.3), (-1.5, 0.8), (8.0, 10.0)])
+def test_a_range_that_leaves_out_the_start(ends):
+    """The crank starts at 60°; it is led to the range first."""
+    angles = np.linspace(*ends, 9)
+    goal = PathGoal("coupler.tracer", in_plane(tracer(angles)), angles)
+    design = synthesize(with_values(four_bar(), POOR), "motor", goal, BOUNDS)
+    assert design.converged and design.start_rms > 0.05 and design.rms < 1e-13
+    assert design.values == pytest.approx(SIZES, abs=1e-9)
+
+
 def test_a_straight_line_is_at_least_as_straight_as_that_of_hoecken():
     """Hoecken's linkage with the sides 1 : 2 : 2.5 : 2.5 leads a point along a line over half a turn of the crank."""
     hoecken, angles = (
