@@ -61,11 +61,15 @@ def _source(text: str, file: str, base: Base | None) -> Source:
     from mbd_sim.mechanism_file.yaml_reader import parse_source
 
     source = expanded(parse_source(text, file))
-    if base is None and not (isinstance(source.data, dict) and {"urdf", "base"} & source.data.keys()):
-        return source
-    from mbd_sim.urdf.overlay import with_urdf
+    if base is not None or (isinstance(source.data, dict) and {"urdf", "base"} & source.data.keys()):
+        from mbd_sim.urdf.overlay import with_urdf
 
-    return with_urdf(source, base)
+        source = with_urdf(source, base)
+    if "meshes" not in text and source.text is not None:
+        return source
+    from mbd_sim.mechanism_file.mesh_solids import with_mesh_solids
+
+    return with_mesh_solids(source)
 
 
 def _xml_source(text: str, file: str, base: Base | None) -> Source:

@@ -1,29 +1,23 @@
-"""Meshes as triangles and as glTF, read by trimesh: for pictures, and for viewers that cannot read a file."""
+"""Meshes as triangles and as glTF, for pictures, and for viewers that cannot read a file."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from mbd_sim.appearance.mesh_files import mesh_path
-from mbd_sim.errors import InputError, MbdSimError
+from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism, Mesh, Part
-from mbd_sim.packages import require_packages
+from mbd_sim.mechanism_file.mesh_files import mesh_path
+from mbd_sim.mechanism_file.mesh_reader import MeshError, read_scene, read_triangles
 
-FORMATS = (".dae", ".glb", ".gltf", ".obj", ".stl")  # of the files that are read
 MOST_TRIANGLES = 20_000  # of a mesh in a picture; finer ones are coarsened
 FINEST_GRID = 256  # cells along the longest side, to which the corners of finer meshes are moved at first
 SIDE = FINEST_GRID + 1  # corners of such cells
 CACHED = 64  # meshes
-
-
-class MeshError(InputError):
-    """The file of a mesh cannot be read."""
 
 
 def part_triangles(part: Part, source: str) -> list[tuple[Mesh, Array]]:
@@ -57,8 +51,6 @@ def undrawn_meshes(mechanism: Mechanism, native: Collection[str] = ()) -> list[s
 
 def reason_not_to_draw(path: Path) -> str:
     """Why a file cannot be drawn, with the remedy; empty if it can."""
-    if path.suffix.lower() not in FORMATS:
-        return f"its format is none of {', '.join(FORMATS)}"
     try:
         triangles(path)
     except MbdSimError as error:
@@ -83,7 +75,7 @@ def as_glb(path: Path) -> bytes:
     :raises MeshError: the file cannot be read.
     :raises MissingPackageError: trimesh is not installed, or what it needs for this file.
     """
-    return bytes(_scene(path).export(file_type="glb"))
+    return bytes(read_scene(path).export(file_type="glb"))
 
 
 def _identity(path: Path) -> tuple[int, int]:
@@ -97,29 +89,9 @@ def _identity(path: Path) -> tuple[int, int]:
 
 @functools.lru_cache(maxsize=CACHED)
 def _triangles(path: Path, _changed: int, _size: int) -> Array:
-    found = np.asarray(_scene(path).to_mesh().triangles, dtype=float)
-    if not len(found) or not np.all(np.isfinite(found)):
-        raise MeshError("it contains no triangles, or some that are not finite", "Export the mesh again")
-    found = coarsened(found)
+    found = coarsened(read_triangles(path))
     found.setflags(write=False)
     return found
-
-
-def _scene(path: Path) -> Any:
-    """The scene of a file in m. The vertical axis that a COLLADA file declares is ignored, as in RViz."""
-    require_packages("trimesh", purpose="Drawing this mesh")
-    if path.suffix.lower() == ".dae":
-        require_packages("collada", purpose="Drawing this mesh")
-    import trimesh
-
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        stated = path.suffix.lower() == ".dae" and scene.units not in (None, "meters")
-        return scene.convert_units("meters") if stated else scene
-    except Exception as error:  # trimesh raises what its readers raise
-        first = (str(error).splitlines() or [""])[0]
-        message = f"it cannot be read as {path.suffix.lower()[1:].upper()}: {first or type(error).__name__}"
-        raise MeshError(message, "Export the mesh again") from error
 
 
 def coarsened(corners: Array, most: int = MOST_TRIANGLES) -> Array:

@@ -15,7 +15,8 @@ HELP = "print a mechanism in another format: as a self-contained mechanism file,
 DESCRIPTION = (
     "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes one "
     "self-contained mechanism file in YAML; with --to, any mechanism becomes URDF, MJCF or SDF. What the other format "
-    "cannot express is listed in the file and printed to standard error."
+    "cannot express is listed in the file and printed to standard error. Paths of meshes become absolute, so that the "
+    "output may be written to any folder."
 )
 
 
@@ -40,11 +41,12 @@ def execute(options: argparse.Namespace) -> int:
     """
     from mbd_sim.errors import CommandError
     from mbd_sim.load import load_mechanism
+    from mbd_sim.mechanism_file.mesh_files import with_meshes_seen_from
     from mbd_sim.mechanism_file.yaml_writer import mechanism_text, yaml_text
 
     if options.expand and options.to != "yaml":
         raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to.")
-    mechanism = load_mechanism(options.mechanism, options.base)
+    mechanism = with_meshes_seen_from(load_mechanism(options.mechanism, options.base), None)
     if options.to != "yaml":
         return write_as(mechanism, options.to)
     source = mechanism.source

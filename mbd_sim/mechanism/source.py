@@ -31,7 +31,8 @@ class Source:
     writes YAML from which alone the mechanism can be built again, after a conversion with `comments` at the top.
     `data` may have been `changed` since they were read.
     `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such
-    as a duplicate key; `notes` list what was not imported from another `format`.
+    as a duplicate key; `notes` list what was not imported from another `format`; `remarks` are sentences on what a file
+    means that its author may not have meant.
 
     If entries of the file stand for several, `template` and `template_lines` are data and lines as written,
     `repetitions` the values of the indices by the location of the entry, such as "i = 3", `shaping` the parameters on
@@ -49,6 +50,7 @@ class Source:
     problems: list[Problem] = field(default_factory=list)
     origins: dict[Location, Origin] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     format: str = ""
     changed: bool = False
     template: Any = None

@@ -130,9 +130,10 @@ def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
         location = location_of(mechanism, name)
         if location[0] in ("parameters", "functions"):
             data = _replaced(data, location, value)
+    from mbd_sim.mechanism_file.mesh_solids import with_mesh_solids
     from mbd_sim.mechanism_file.repetition import expanded
 
-    again = expanded(Source(data, source.template_lines, source.file, source.text))
+    again = with_mesh_solids(expanded(Source(data, source.template_lines, source.file, source.text)))
     again.changes = every
     return again
 

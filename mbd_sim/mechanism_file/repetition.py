@@ -76,6 +76,7 @@ class _Expansion:
             problems=list(source.problems),
             origins=dict(source.origins),
             notes=source.notes,
+            remarks=source.remarks,
             format=source.format,
             template=source.data,
             template_lines=source.lines,

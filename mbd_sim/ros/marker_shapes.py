@@ -12,7 +12,6 @@ from visualization_msgs.msg import Marker
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.drives import bushing_ring, driven_coordinates, motor_housing, shown_bushings
 from mbd_sim.appearance.joint_geometry import axis_frame, joint_radius
-from mbd_sim.appearance.mesh_files import resource_uri
 from mbd_sim.appearance.polylines import circle
 from mbd_sim.appearance.solids import (
     LINE_WIDTH,
@@ -28,6 +27,7 @@ from mbd_sim.appearance.solids import (
 )
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part, Shape
+from mbd_sim.mechanism_file.mesh_files import resource_uri
 
 MARK_COLOR: palette.Color = (18, 20, 26)
 

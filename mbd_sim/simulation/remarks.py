@@ -13,6 +13,7 @@ from mbd_sim.simulation.compiled_model import Model
 def remarks(model: Model) -> tuple[str, ...]:
     """Sentences on an unusual method, limits that do not act, undetermined friction, and angles beyond a full turn."""
     found = (
+        *model.mechanism.source.remarks,
         model.method_remark,
         limits_remark(model.mechanism),
         friction_remark(model),

@@ -13,6 +13,7 @@ from mbd_sim.kinematic_analysis.motion_picture import draw_motion
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
 from mbd_sim.kinematic_analysis.transmission import couplers_and_followers
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.mesh_files import with_meshes_seen_from
 from mbd_sim.mechanism_file.override import values_of
 from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from mbd_sim.synthesis.goals import EffortGoal, FunctionGoal, Goal, PathGoal
@@ -46,8 +47,9 @@ def write_mechanism(path: Path, design: Design) -> None:
 
     :raises MbdSimError: it cannot be written.
     """
+    mechanism = with_meshes_seen_from(design.mechanism, path.parent)
     try:
-        path.write_text(mechanism_text(design.mechanism.source), encoding="utf-8")
+        path.write_text(mechanism_text(mechanism.source), encoding="utf-8")
     except OSError as error:
         raise MbdSimError(f"{path} cannot be written: {error}") from error
 

@@ -13,6 +13,7 @@ from typing import Any, get_args
 from mbd_sim.errors import MechanismError, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.file_limits import digest_of, read_text
+from mbd_sim.mechanism_file.mesh_files import seen_from
 from mbd_sim.urdf.robot_reader import Base, urdf_source
 
 BASES = get_args(Base)
@@ -41,6 +42,9 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
     _check_path(source, path)
     text = read_text(path)
     under = urdf_source(text, str(path), base or written)
+    for part in under.data["parts"].values():
+        for mesh in part.get("meshes", ()):
+            mesh["file"] = seen_from(mesh["file"], str(path), Path(source.file).parent)
     merged = overlaid(under, source)
     merged.other_files = None if urdf.startswith("~") else {str(path): digest_of(text)}
     merged.comments = (f"From {Path(source.file).name} and {path.name}.", *merged.notes)
@@ -69,6 +73,7 @@ def overlaid(under: Source, over: Source) -> Source:
         problems=[*over.problems, *under.problems],
         origins=origins,
         notes=under.notes,
+        remarks=(*over.remarks, *under.remarks),
         format=under.format,
         repetitions=over.repetitions,
         shaping=over.shaping,

@@ -9,13 +9,13 @@ import rerun as rr
 
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.force_scale import LONG
-from mbd_sim.appearance.mesh_files import mesh_path
 from mbd_sim.appearance.mesh_triangles import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.appearance.palette import Color
 from mbd_sim.appearance.solids import LINE_WIDTH, POINT_MASS_RADIUS, skeleton
 from mbd_sim.errors import counted, listed
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND, Mesh, Part
+from mbd_sim.mechanism_file.mesh_files import mesh_path
 from mbd_sim.viewer import entity_paths, rerun_shapes
 from mbd_sim.viewer.arrow_entities import weight
 from mbd_sim.viewer.entity import Entity, LoggedItems

@@ -83,7 +83,7 @@ def test_a_missing_package_is_named_with_the_line_that_installs_it(tmp_path, mon
     (said,) = undrawn_meshes(robot(tmp_path, f"sample{suffix}"))
     line = {"trimesh": "trimesh pycollada", "collada": "pycollada"}[missing]
     assert said == (
-        f"sample{suffix} (Drawing this mesh needs {missing}, which is not installed. Install it with: pip install {line})"
+        f"sample{suffix} (Reading this mesh needs {missing}, which is not installed. Install it with: pip install {line})"
     )
 
 

@@ -5,8 +5,8 @@ import io
 import numpy as np
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.appearance.mesh_files import mesh_path, resource_uri
 from mbd_sim.appearance.mesh_triangles import undrawn_meshes
+from mbd_sim.mechanism_file.mesh_files import mesh_path, resource_uri
 from mbd_sim.viewer.part_entities import RERUN_READS, part_entities
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene

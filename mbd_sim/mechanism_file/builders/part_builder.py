@@ -24,8 +24,14 @@ def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: 
     """A part; its problems are added to `problems`."""
     location: Location = ("parts", name)
     shapes = _shapes(spec)
+    meshes = tuple(
+        Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
+        for mesh in spec.meshes
+    )
     only_drawn = all(_is_drawn_only(shape) for shape in shapes)
-    if spec.inertia is not None or not shapes or (only_drawn and spec.mass):
+    if only_drawn and spec.inertia is None and spec.mass and spec.center is None and _has_solids(spec):
+        body = _mesh_properties(meshes, spec, location, source, problems)
+    elif spec.inertia is not None or not shapes or (only_drawn and spec.mass):
         body = _given_properties(spec, location, source, problems)
     else:
         body = _computed_properties(spec, location, source, problems)
@@ -37,10 +43,7 @@ def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: 
         inertia=body.inertia,
         points=point_poses(spec.points),
         shapes=_drawn_shapes(shapes),
-        meshes=tuple(
-            Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
-            for mesh in spec.meshes
-        ),
+        meshes=meshes,
     )
 
 
@@ -68,6 +71,28 @@ def _drawn_shapes(specs: list[AnyShapeSpec]) -> tuple[Shape, ...]:
 
 def _is_drawn_only(shape: AnyShapeSpec) -> bool:
     return shape.mass == 0.0
+
+
+def _has_solids(spec: file_schema.PartSpec) -> bool:
+    return bool(spec.meshes) and all(mesh.solid is not None for mesh in spec.meshes)
+
+
+def _mesh_properties(
+    meshes: tuple[Mesh, ...],
+    spec: file_schema.PartSpec,
+    location: Location,
+    source: Source,
+    problems: list[Problem],
+) -> MassProperties:
+    """Mass center and inertia from closed meshes."""
+    from mbd_sim.mechanism_file.mesh_solids import of_meshes
+
+    assert spec.mass
+    try:
+        return of_meshes(meshes, spec.meshes, spec.mass)
+    except InputError as error:
+        problems.append(source.problem_of(location, error))
+        return MassProperties(spec.mass, np.zeros(3), np.zeros((3, 3)))
 
 
 def _given_properties(

@@ -50,6 +50,16 @@ class GroundSpec(Spec):
     points: dict[Name, PointOrVector] = Field(default={})
 
 
+class SolidSpec(Spec):
+    """What a closed mesh encloses, in the axes and the unit of its file, without its scale."""
+
+    volume: Number
+    center: tuple[Number, Number, Number]
+    moments: tuple[Number, Number, Number, Number, Number, Number] = Field(
+        description="second moments of volume about the center: xx, yy, zz, xy, xz, yz (xy = ∫ x y dV)"
+    )
+
+
 class MeshSpec(Spec):
     """A file with a surface that is drawn instead of the shapes; its URI is passed on to exported URDF."""
 
@@ -58,6 +68,9 @@ class MeshSpec(Spec):
     at: Vector = (0.0, 0.0, 0.0)
     rotate: RotationSpec | None = None
     color: Color | None = None
+    solid: SolidSpec | None = Field(
+        None, description="what the mesh encloses; computed where center and inertia of the part follow from it"
+    )
 
 
 class InertiaSpec(Spec):
@@ -88,7 +101,9 @@ class PartSpec(Spec):
     shape: AnyShapeSpec | None = None
     shapes: list[AnyShapeSpec] | None = None
     meshes: list[MeshSpec] = Field(
-        [], description="not simulated; drawn instead of the shapes, and passed on to exported URDF"
+        [],
+        description="drawn instead of the shapes, and passed on to exported URDF; center and inertia of a part with a "
+        "mass, and with neither an inertia nor shapes with mass, follow from them",
     )
     points: dict[Name, PointOrVector] = Field(default={})
 

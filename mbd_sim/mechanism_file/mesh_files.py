@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote, urlparse
+
+from mbd_sim.mechanism.records import Mechanism
 
 
 def mesh_path(uri: str, source: str) -> Path | None:
@@ -32,6 +35,48 @@ def resource_uri(uri: str, source: str) -> str:
     return uri if known else path.absolute().as_uri()
 
 
+def seen_from(uri: str, source: str, folder: Path | None) -> str:
+    """The URI of a mesh for a mechanism file in another folder, or anywhere on this machine if `folder` is None.
+
+    One that would be found there as well stays as it is.
+    """
+    path = mesh_path(uri, source)
+    if path is None and "://" not in uri:
+        path = Path(source).absolute().parent / uri
+    if path is None or uri.startswith("file://") or any(_is_file(known) for known in _installed(uri)):
+        return uri
+    if folder is None:
+        return path.resolve().as_uri()
+    elsewhere = mesh_path(uri, str(folder / "any"))
+    if elsewhere is not None and elsewhere.samefile(path):
+        return uri
+    return os.path.relpath(path, folder.absolute())
+
+
+def with_meshes_seen_from(mechanism: Mechanism, folder: Path | None) -> Mechanism:
+    """The mechanism with URIs of meshes for a file in another folder; see `seen_from`.
+
+    In the text of a mechanism file, which is kept as it was written, they stay.
+    """
+    source = mechanism.source
+    uris = {mesh.file: "" for part in mechanism.parts.values() for mesh in part.meshes}
+    uris = {uri: seen_from(uri, source.file, folder) for uri in uris}
+    if all(uri == new for uri, new in uris.items()):
+        return mechanism
+    parts = {
+        name: replace(part, meshes=tuple(replace(mesh, file=uris[mesh.file]) for mesh in part.meshes))
+        for name, part in mechanism.parts.items()
+    }
+    if source.text is None or source.changed:
+        given = {
+            name: part | {"meshes": [mesh | {"file": uris[mesh["file"]]} for mesh in part["meshes"]]}
+            for name, part in source.data["parts"].items()
+            if part.get("meshes")
+        }
+        source = replace(source, data={**source.data, "parts": {**source.data["parts"], **given}})
+    return replace(mechanism, parts=parts, source=source)
+
+
 def _candidates(uri: str, folder: Path) -> Iterator[Path]:
     scheme, _, rest = uri.partition("://")
     if not rest:
@@ -50,6 +95,8 @@ def _candidates(uri: str, folder: Path) -> Iterator[Path]:
 def _installed(uri: str) -> Iterator[Path]:
     """Where the packages of a ROS 2 environment would have the file of a `package://` URI."""
     package, _, inner = uri.partition("://")[2].partition("/")
+    if not package:
+        return
     for prefix in _folders("AMENT_PREFIX_PATH"):
         yield prefix / "share" / package / inner
 
