@@ -18,6 +18,7 @@ from types import FrameType
 from typing import cast
 
 from mbd_sim.interrupts import raise_interrupt
+from mbd_sim.plain_output import use_plain_characters
 
 INTERRUPTED = 130  # exit code of a command after Ctrl-C, as in a shell
 
@@ -37,6 +38,7 @@ class EntryPoint:
     def __call__(self) -> int:
         """Import the module and call the function; its return value is the exit code."""
         signal.signal(signal.SIGINT, lambda *_: os._exit(self._exit_code))
+        use_plain_characters()
         main = self._imported()
         interrupts: list[int] = []
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbd_sim.cli.common import add_mechanism, print_undrawn_meshes
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
+from mbd_sim.plain_output import print_file
 
 if TYPE_CHECKING:
     from mbd_sim.errors import NoInertiaError
@@ -83,7 +84,7 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
         draw(simulation.mechanism, simulation.poses(), options.draw)
         print_undrawn_meshes(simulation.mechanism)
     if options.latex:
-        print(_latex(simulation.mechanism, options))
+        print_file(_latex(simulation.mechanism, options))
         return 0
 
     from mbd_sim.analysis.instruction_cost import cost

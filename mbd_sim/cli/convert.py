@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
+from mbd_sim.plain_output import print_file
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
@@ -51,9 +52,9 @@ def execute(options: argparse.Namespace) -> int:
         return write_as(mechanism, options.to)
     source = mechanism.source
     if options.expand and source.template is not None:
-        print(yaml_text(source.data), end="")
+        print_file(yaml_text(source.data))
         return 0
-    print(mechanism_text(source), end="")
+    print_file(mechanism_text(source))
     return 0
 
 
@@ -62,7 +63,7 @@ def write_as(mechanism: Mechanism, to: str) -> int:
     if to == "urdf":
         from mbd_sim.urdf.urdf_writer import left_out, to_urdf
 
-        print(to_urdf(mechanism))
+        print_file(to_urdf(mechanism))
         missing = left_out(mechanism)
     else:
         if to == "mjcf":
@@ -73,7 +74,7 @@ def write_as(mechanism: Mechanism, to: str) -> int:
             from mbd_sim.sdf.sdf_writer import to_sdf
 
             written = to_sdf(mechanism)
-        print(written.text, end="")
+        print_file(written.text)
         missing = written.left_out
     for note in missing:
         print(f"note: not in this file: {note}", file=sys.stderr)

@@ -100,7 +100,7 @@ def kinematic_report(kinematics: Kinematics, problems: Sequence[Problem]) -> dic
     return {
         **_structure(mechanism, counted, _start_positions(kinematics)),
         "dynamics": [str(problem) for problem in problems],
-        "remarks": [*_import_notes(mechanism)],
+        "remarks": [*mechanism.source.remarks, *_import_notes(mechanism)],
     }
 
 
