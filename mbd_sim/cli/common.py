@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -81,6 +84,37 @@ def split_assignment(text: str) -> tuple[str, str] | None:
     """NAME and VALUE of NAME=VALUE; None if either is missing."""
     name, _, value = text.partition("=")
     return (name, value) if name and value else None
+
+
+def find_temporary_folder(options: argparse.Namespace) -> None:
+    """Where the usual folders for temporary files cannot be written, use memory, or the folder of a file to write."""
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError:
+        written = [value.absolute().parent for value in vars(options).values() if isinstance(value, Path)]
+        for folder in (Path("/dev/shm"), *written):  # noqa: S108  (files in it have names of their own)
+            tempfile.tempdir = str(folder)
+            try:
+                with tempfile.TemporaryFile():
+                    return
+            except OSError:
+                tempfile.tempdir = None
+
+
+@contextmanager
+def temporary_file(name: str) -> Iterator[Path]:
+    """The path of a file that is removed at the end; it is in memory where no folder can be written."""
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="mbd_sim_")
+    except FileNotFoundError:
+        in_memory = os.memfd_create(name)
+        try:
+            yield Path(f"/proc/self/fd/{in_memory}")
+        finally:
+            os.close(in_memory)
+        return
+    with folder:
+        yield Path(folder.name, name)
 
 
 class ProgressBar:

@@ -31,6 +31,7 @@ from mbd_sim.cli import (
     verify,
     view,
 )
+from mbd_sim.cli.common import find_temporary_folder
 from mbd_sim.cli.completion import complete
 from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.packages import missing_package
@@ -85,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = build_parser()
     complete(parser)
     options = parser.parse_args(arguments)
+    find_temporary_folder(options)
     try:
         return COMMANDS[options.command].execute(options)
     except MbdSimError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +16,7 @@ from mbd_sim.cli.common import (
     ProgressBar,
     add_method_and_step,
     positive_number,
+    temporary_file,
 )
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
 from mbd_sim.errors import InputError, nearest
@@ -71,10 +71,9 @@ def recorded_run(
         _refuse_setup(run, options, with_changes)
         yield Path(run)
         return
-    with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
+    with temporary_file(f"{Path(run).stem}.mcap") as path:
         options.mechanism = run
         simulation = build_simulation(options, with_changes=with_changes)
-        path = Path(folder, f"{Path(run).stem}.mcap")
         rate = min(rate, 1.0 / simulation.step_size) if rate else None
         with simulation.recording(path, rate=rate, reactions=reactions):
             run_for(simulation, options.time or DURATION, options.quiet)

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import argparse
 import re
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import COUNT, ProgressBar, positive_number, print_undrawn_meshes, read_run_table
+from mbd_sim.cli.common import (
+    COUNT,
+    ProgressBar,
+    positive_number,
+    print_undrawn_meshes,
+    read_run_table,
+    temporary_file,
+)
 from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
 from mbd_sim.errors import counted
 
@@ -147,9 +153,9 @@ class RunOutputs:
                 f"--pace {options.pace:g}: there are no {self._drawn_rate:g} steps per second to draw",
                 f"Give a pace of {least:g} or more, or a smaller --step.",
             )
-        with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
-            keeps = options.out is not None and options.out.suffix == RECORDING
-            path = options.out if keeps else Path(folder, f"{simulation.mechanism.name}.mcap".replace("/", "_"))
+        keeps = options.out is not None and options.out.suffix == RECORDING
+        name = f"{simulation.mechanism.name}.mcap".replace("/", "_")
+        with temporary_file(name) if self.records and not keeps else nullcontext(options.out or Path()) as path:
             try:
                 with self._recording(simulation, path):
                     yield

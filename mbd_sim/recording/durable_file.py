@@ -9,6 +9,8 @@ import stat
 import threading
 from pathlib import Path
 
+OPEN_FILES = Path("/proc/self/fd")  # of this process, such as one in memory
+
 
 def draft_path(path: Path) -> Path:
     """Return the hidden name under which a file is written until it has its first bytes."""
@@ -29,14 +31,15 @@ class DurableFile:
         :raises OSError: it cannot be opened.
         """
         self._path = path
-        self._draft = draft_path(path) if path.is_file() or not path.exists() else None  # None: a device or a pipe
+        is_named = path.parent != OPEN_FILES and (path.is_file() or not path.exists())  # else a device, pipe or memory
+        self._draft = draft_path(path) if is_named else None
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
         try:
             self._descriptor = os.open(self._draft or path, flags, 0o666)
         except OSError as error:
             error.filename = str(path)  # the name that the user knows
             raise
-        self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        self._regular = is_named and stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         self._position = self._synced = 0
         self._error: OSError | None = None
         self._closed = False

@@ -33,6 +33,7 @@ from mbd_sim.messages.topics import (
     for_each_sensor,
     is_vital,
 )
+from mbd_sim.recording.durable_file import OPEN_FILES
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recording.recording_paths import RecordingError
 from mbd_sim.recording.run_metadata import Moment, run_metadata
@@ -277,7 +278,7 @@ def _described(topic: OutputTopic) -> Topic:
 
 
 def _require_path(path: Path) -> None:
-    if path.suffix != SUFFIX:
+    if path.suffix != SUFFIX and path.parent != OPEN_FILES:
         raise InputError(f"{path}: a run is recorded to an {SUFFIX} file", f"Write for example {path.stem}{SUFFIX}.")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")
