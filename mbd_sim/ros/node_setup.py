@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from mbd_sim.errors import InputError, nearest
+from mbd_sim.errors import InputError, listed, nearest
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
@@ -57,6 +57,12 @@ from mbd_sim.urdf.urdf_writer import floating_joints
 
 if TYPE_CHECKING:
     from mbd_sim.viewer import Viewer
+
+KEPT_BLOCKS = (
+    "the URDF has <ros2_control> blocks of its own ({names}), which stay: ros2_control:=true adds one for other joints "
+    "only. To control their joints in this node, remove these blocks, or give them the plugin and topics that "
+    "docs/ros2_control.md describes"
+)
 
 
 def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTargets]:
@@ -116,6 +122,8 @@ def requested_topics(parameters: NodeParameters, model: Model, node: Node) -> li
             continue
         if topic is ROBOT_DESCRIPTION and parameters["ros2_control"]:
             topics = ControlTopics(*map(node.resolve_topic_name, (JOINT_COMMANDS, JOINT_STATES.name)))
+            if own := [block.attributes.get("name", "") for block in model.mechanism.source.ros2_control]:
+                node.get_logger().warning(KEPT_BLOCKS.format(names=listed(own)))
             requested.append(replace(topic, at_start=partial(robot_description, control=topics)))
             continue
         if topic is SENSORS:
