@@ -58,6 +58,7 @@ from mbd_sim.urdf.urdf_writer import floating_joints
 if TYPE_CHECKING:
     from mbd_sim.viewer import Viewer
 
+LEAST_STEP = 1e-9  # s
 KEPT_BLOCKS = (
     "the URDF has <ros2_control> blocks of its own ({names}), which stay: ros2_control:=true adds one for other joints "
     "only. To control their joints in this node, remove these blocks, or give them the plugin and topics that "
@@ -71,6 +72,8 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
     :raises MechanismError, ValueError: the file is wrong, or a parameter does not fit the mechanism.
     """
     mechanism = _with_seed(load_mechanism(parameters["mechanism"]), parameters["sensor_seed"])
+    if (step := parameters["step"] or mechanism.step) < LEAST_STEP:
+        raise ValueError(f"step: a node needs steps of at least 1 ns, the resolution of time in ROS, not {step:g} s.")
     targets = wrench_targets(mechanism, parameters.names_in("wrenches"))
     live = parameters.names_in("live")
     if parameters.is_default("live"):
