@@ -66,7 +66,8 @@ class Surface:
 class Coupling:
     """The relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`.
 
-    The value is an expression of time, and of coordinates if there is neither a play nor a law.
+    The value is an expression of time, and of coordinates if there is neither a play nor a law. Of two coordinates one
+    may be the `follower` of the other; that changes no motion, only how exports write the relation.
 
     With a contact `law` the sum is at least or at most the value, by `bound`, and friction acts along the rate of
     Σ `slip` factor · coordinate.
@@ -80,6 +81,7 @@ class Coupling:
     bound: Bound | None = None
     law: ContactLaw | None = None
     slip: Mapping[str, float] = field(default_factory=dict)
+    follower: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

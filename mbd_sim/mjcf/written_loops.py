@@ -94,7 +94,7 @@ def _add_coupling(document: Document, coupling: Coupling) -> bool:
         return False
     value = coupling.value.at(0.0)
     if coupling.bound is None and coupling.play is None and len(factors) == 2:
-        (own, factor), (other, follows) = factors.items()
+        (own, factor), (other, follows) = sorted(factors.items(), key=lambda one: one[0] != coupling.follower)
         law = f"{number(value / factor)} {number(-follows / factor)} 0 0 0"
         _equality(document, "joint", coupling.name, {"joint1": own, "joint2": other, "polycoef": law})
         return True

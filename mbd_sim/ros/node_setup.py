@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from mbd_sim.errors import InputError, nearest
+from mbd_sim.errors import InputError, listed, nearest
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
@@ -58,6 +58,13 @@ from mbd_sim.urdf.urdf_writer import floating_joints
 if TYPE_CHECKING:
     from mbd_sim.viewer import Viewer
 
+LEAST_STEP = 1e-9  # s
+KEPT_BLOCKS = (
+    "the URDF has <ros2_control> blocks of its own ({names}), which stay: ros2_control:=true adds one for other joints "
+    "only. To control their joints in this node, remove these blocks, or give them the plugin and topics that "
+    "docs/ros2_control.md describes"
+)
+
 
 def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTargets]:
     """The simulation, and the parts and points of it that accept wrenches.
@@ -65,6 +72,8 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
     :raises MechanismError, ValueError: the file is wrong, or a parameter does not fit the mechanism.
     """
     mechanism = _with_seed(load_mechanism(parameters["mechanism"]), parameters["sensor_seed"])
+    if (step := parameters["step"] or mechanism.step) < LEAST_STEP:
+        raise ValueError(f"step: a node needs steps of at least 1 ns, the resolution of time in ROS, not {step:g} s.")
     targets = wrench_targets(mechanism, parameters.names_in("wrenches"))
     live = parameters.names_in("live")
     if parameters.is_default("live"):
@@ -116,6 +125,8 @@ def requested_topics(parameters: NodeParameters, model: Model, node: Node) -> li
             continue
         if topic is ROBOT_DESCRIPTION and parameters["ros2_control"]:
             topics = ControlTopics(*map(node.resolve_topic_name, (JOINT_COMMANDS, JOINT_STATES.name)))
+            if own := [block.attributes.get("name", "") for block in model.mechanism.source.ros2_control]:
+                node.get_logger().warning(KEPT_BLOCKS.format(names=listed(own)))
             requested.append(replace(topic, at_start=partial(robot_description, control=topics)))
             continue
         if topic is SENSORS:

@@ -13,6 +13,7 @@ from mbd_sim.geometry.pose import Array
 
 # Longer sleeps (s) can be interrupted; shorter ones are plain sleeps, which wake more punctually.
 INTERRUPTIBLE_SLEEP = 0.02
+LONGEST_SLEEP = 3600.0  # s; a deadline may be further away than threads can wait
 MAX_LATENESS = 0.1  # s from which the schedule restarts instead of catching up in a burst
 BIN = 1e-5  # s, the resolution of the histogram
 BINS = 10_000  # up to 0.1 s; the last bin holds everything longer
@@ -100,9 +101,9 @@ class Pacer:
         self._deadline += duration
 
     def wait(self, wake: threading.Event) -> bool:
-        """Sleep until the deadline; False if `wake` interrupted a long sleep before it."""
+        """Sleep until the deadline; False if `wake` interrupted a long sleep before it, or it is still far away."""
         rest = self._deadline - time.perf_counter()
-        if rest > INTERRUPTIBLE_SLEEP and wake.wait(rest):
+        if rest > INTERRUPTIBLE_SLEEP and (wake.wait(min(rest, LONGEST_SLEEP)) or rest > LONGEST_SLEEP):
             return False
         if 0.0 < rest <= INTERRUPTIBLE_SLEEP:
             time.sleep(rest)

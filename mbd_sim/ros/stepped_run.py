@@ -58,7 +58,7 @@ class SteppedRun:
         self.problem = self.output.report(EventKind.DIVERGED, str(error)).text
 
     def report_failure(self, error: Exception) -> None:
-        """Report an error of the program, which ends the run."""
+        """Report an error of the program, which pauses the run."""
         self.problem = self.output.report(EventKind.FAILED, repr(error)).text
 
     def reset(self, rewind_clock: bool, state: bool) -> str:

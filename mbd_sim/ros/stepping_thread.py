@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import traceback
 from collections.abc import Callable, Mapping
 
 from mbd_sim.errors import CommandError, DivergedError
@@ -22,7 +23,7 @@ from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.state_values import StateValues
 
 WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is shorter
-FAST_BATCH = 1000  # steps between requests when running as fast as possible
+FAST_BATCH = 1000  # most steps between requests
 REPEAT_PERIOD = 0.5  # s of real time between repeated states while paused, for subscribers that join later
 BACKLOG = 200  # snapshots that may wait for publication when running as fast as possible
 
@@ -54,7 +55,7 @@ class SteppingThread:
         self._live_lock = threading.Lock()
         if followed is not None:
             followed.on_time = self._wake.set
-        self._stopping = self._follows = False
+        self._stopping = self._follows = self._failed = False
         self._thread = threading.Thread(target=self._run, name="stepper", daemon=True)
 
     def start(self) -> None:
@@ -134,22 +135,34 @@ class SteppingThread:
         """The answer of an action that the stepping thread executes between two steps."""
         answers: list[str] = []
         self._requests.call(lambda: answers.append(action()), self._thread, await_start=True)
-        return answers[0] if answers else "the simulation has stopped"
+        if answers:
+            return answers[0]
+        return "an error of the program, see the console" if self._thread.is_alive() else "the simulation has stopped"
 
     def _run(self) -> None:
-        try:
-            self._loop()
-        except Exception as error:
-            self.run.report_failure(error)
-            raise
+        self._guarded(self._begin)
+        while not self._stopping:
+            self._guarded(self._loop)
 
-    def _loop(self) -> None:
+    def _guarded(self, action: Callable[[], None]) -> None:
+        """Call a function; its failure pauses the run until a reset."""
+        try:
+            action()
+        except Exception as error:
+            traceback.print_exception(error)
+            self.run.report_failure(error)
+            self._failed = self._failed or not self.paused
+            self.paused = True
+
+    def _begin(self) -> None:
         self.followers.take(self.clock.ns)
         if self.followed is None:
             self._output.emit(Due.NEW)
         for remark in self.simulation.remarks:
             self._output.report(EventKind.NOTE, remark)
         self.pacer.anchor()
+
+    def _loop(self) -> None:
         while not self._stopping:
             self._requests.serve_all()
             if self.followed is not None and (beginning := self.followed.take_beginning()) is not None:
@@ -231,7 +244,9 @@ class SteppingThread:
         """Steps to take at once: none beyond the next publication or sample, and in real time one wake-up period."""
         in_real_time = self.followed is None and not self.paused  # paused, steps are taken on request, at full speed
         factor = self.rates.real_time_factor if in_real_time else 0.0
-        steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
+        steps = FAST_BATCH
+        if factor > 0.0:
+            steps = min(steps, max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)))
         return self._output.steps_until_due(self.rates, at_most=self.run.commands.steps_to_sample(self.ticks, steps))
 
     def _advance(self, steps: int) -> str:
@@ -248,6 +263,7 @@ class SteppingThread:
         return ""
 
     def _set_paused(self, paused: bool) -> None:
+        self._failed = False
         if paused != self.paused:
             self.paused = paused
             if self.lag and not paused:  # the clock has gone on, the motion has not
@@ -266,6 +282,8 @@ class SteppingThread:
         if rewind_clock:
             self.followers.take(self.clock.ns)
         self._show_change(Due.NEW if state else Due.ALL, began)
+        if state and self._failed:
+            self._set_paused(False)
         return ""
 
     def _set_state(self, given: StateValues | Callable[[], StateValues]) -> str:

@@ -36,7 +36,8 @@ def mimics_of(values: Values, joint: Node, names: Names) -> list[dict[str, Any]]
             continue
         offset = values.number(mimic, "offset", key) - multiplier * values.number(mimic, "reference", key)
         terms = {ends[0]: 1.0, ends[1]: -multiplier}
-        found.append({"type": "coupling", "terms": terms} | ({"value": offset} if offset else {}))
+        law = {"value": offset} if offset else {}
+        found.append({"type": "coupling", "terms": terms, **law, "follower": ends[0]})
     return found
 
 

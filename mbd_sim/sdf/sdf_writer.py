@@ -15,7 +15,6 @@ import numpy as np
 from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import to_quaternion
-from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.records import GROUND, Mechanism, Part, Shape
 from mbd_sim.mjcf.mjcf_document import Written, number, text, written
 from mbd_sim.sdf.frame_graph import WORLD
@@ -29,6 +28,7 @@ Element = ElementTree.Element
 VERSION = "1.11"
 LEAST_MASS = 1e-9  # kg, of parts without mass, which SDF does not allow
 LEAST_INERTIA = 1e-14  # kg·m², in place of moments of 0
+AXES = ("axis", "axis2")
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
@@ -43,6 +43,7 @@ class Document:
     names: set[str]
     left_out: dict[str, list[str]] = field(default_factory=dict)
     joints: dict[str, str] = field(default_factory=dict)  # the names of joints, where those of links have them
+    axes: dict[str, tuple[str, str]] = field(default_factory=dict)  # joint and axis by coordinate
 
     def leave_out(self, kind: str, names: Sequence[str]) -> None:
         """Note what is not written."""
@@ -157,6 +158,7 @@ def _add_joints(document: Document) -> None:
         name = unique_name(one.name, document.names)
         document.names.add(name)
         document.joints[one.name] = name
+        document.axes |= {axis.coordinate: (name, tag) for tag, axis in zip(AXES, one.axes, strict=False)}
         if name != one.name:
             document.leave_out("joints renamed because a link has their name", [f"{one.name} → {name}"])
     for one in joints:
@@ -175,7 +177,7 @@ def _add_joint(document: Document, joint: WrittenJoint) -> None:
     _add_pose(element, joint.frame)
     for tag, part in (("parent", joint.parent), ("child", joint.child)):
         _add(element, tag, WORLD if part == GROUND else part)
-    for tag, axis in zip(("axis", "axis2"), joint.axes, strict=False):
+    for tag, axis in zip(AXES, joint.axes, strict=False):
         _add_axis(document, ElementTree.SubElement(element, tag), axis, joint)
     if joint.type == "screw":
         _add(element, "screw_thread_pitch", number(joint.lead))
@@ -198,7 +200,8 @@ def _add_axis(document: Document, element: Element, axis: WrittenAxis, joint: Wr
             _add(dynamics, tag, number(value))
         _add(dynamics, "spring_reference", number(axis.rest if axis.stiffness else 0.0))
     if axis.mimic is not None:
-        mimic = ElementTree.SubElement(element, "mimic", joint=document.joints[axis.mimic.joint], axis="axis")
+        leader, tag = document.axes[axis.mimic.joint]
+        mimic = ElementTree.SubElement(element, "mimic", joint=leader, axis=tag)
         for tag, value in (("multiplier", axis.mimic.multiplier), ("offset", axis.mimic.offset), ("reference", 0.0)):
             _add(mimic, tag, number(value))
 
@@ -220,13 +223,8 @@ def _add_frames(document: Document) -> None:
 def _note_rest(document: Document) -> None:
     mechanism = document.mechanism
     joints = mechanism.all_joints.values()
-    mimicking = mimics_of(mechanism)
-    written = {frozenset((name, mimic.joint)) for name, mimic in mimicking.items()}
-    constraints = [
-        constraint.name
-        for constraint in mechanism.constraints
-        if not (isinstance(constraint, Coupling) and frozenset(constraint.factors) in written)
-    ]
+    mimicked = {mimic.constraint for mimic in mimics_of(mechanism).values()}
+    constraints = [one.name for one in mechanism.constraints if one.name not in mimicked]
     balls = [joint for joint in joints if joint.kind.quaternion is not None]
     moving = [joint.name for joint in joints if joint.drive]
     started = [

@@ -7,7 +7,7 @@ the mechanism are `offsets` more.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ class WrittenAxis:
     lower: float | None = None
     upper: float | None = None
     mimic: Mimic | None = None
+    coordinate: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +149,7 @@ def _axis(joint: Joint, name: str, direction: Array, placement: Placement, mimic
     limits, friction, mimic = joint.limits_of(index), joint.friction, mimics.get(name)
     if mimic is not None:
         moved = mimic.offset + mimic.multiplier * placement.offsets[mimic.joint] - offset
-        mimic = Mimic(mimic.joint, mimic.multiplier, moved)
+        mimic = replace(mimic, offset=moved)
     return WrittenAxis(
         direction,
         float(joint.stiffness[index]),
@@ -158,4 +159,5 @@ def _axis(joint: Joint, name: str, direction: Array, placement: Placement, mimic
         limits.lower - offset if limits else None,
         limits.upper - offset if limits else None,
         mimic,
+        name,
     )

@@ -29,7 +29,7 @@ class EventKind(StrEnum):
     CONTACT = "contact"  # a contact has closed, opened, begun to stick or to slide, or there was an impact
     WARNING = "warning"
     DIVERGED = "diverged"  # the motion became infinite; the simulation is paused
-    FAILED = "failed"  # the simulation has ended with an error of the program
+    FAILED = "failed"  # an error of the program; the simulation is paused until a reset
     NOTE = "note"  # any other text, such as one from a user of the viewer
 
 

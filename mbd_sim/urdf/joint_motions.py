@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import assert_never
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.records import Joint, Mechanism
 
 
 @dataclass(frozen=True)
 class Mimic:
-    """A coordinate equal to `multiplier` times the coordinate of `joint`, plus `offset` in m or rad."""
+    """A coordinate equal to `multiplier` times the coordinate of `joint`, plus `offset` in m or rad.
+
+    `constraint` is the name of the coupling, or "" within a joint.
+    """
 
     joint: str
     multiplier: float
     offset: float = 0.0
+    constraint: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,23 +84,45 @@ def _type(joint: Joint, rotation: int) -> str:
 
 
 def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:
-    """The mimics for constant couplings of two coordinates; no coordinate mimics one that mimics another."""
+    """The mimics by follower, for constant couplings of two coordinates.
+
+    Followers that a file declares have the leader that it names, which may follow another one. Of the others, such as
+    gears, one coordinate leads all that are coupled with it: one with an actuator, or else the first.
+    """
     found: dict[str, Mimic] = {}
+    couplings = [one for one in mechanism.constraints if isinstance(one, Coupling) and _is_mimic(one, mechanism)]
+    actuated = {one.port.coordinate for one in mechanism.actuators if isinstance(one.port, CoordinatePort)}
+    for coupling in sorted(couplings, key=lambda one: one.follower is None):
+        ends = {name: Mimic(name, 1.0) for name in coupling.factors}
+        if coupling.follower is None:
+            ends = {name: _followed(end, found) for name, end in ends.items()}
+        last = coupling.follower or next(
+            (name for name, end in reversed(ends.items()) if end.joint not in actuated), ""
+        )
+        leader, follower = sorted(ends, key=lambda name: name == last)
+        if ends[follower].joint not in found and _followed(ends[leader], found).joint != ends[follower].joint:
+            found[ends[follower].joint] = _mimic(coupling, ends, leader, follower)
+    declared = {coupling.name for coupling in couplings if coupling.follower is not None}
+    return {name: one if one.constraint in declared else _followed(one, found) for name, one in found.items()}
+
+
+def _mimic(coupling: Coupling, ends: Mapping[str, Mimic], leader: str, follower: str) -> Mimic:
+    """The mimic of the coordinate in which `ends` gives the follower, of the one in which it gives the leader."""
+    slopes = {name: factor * ends[name].multiplier for name, factor in coupling.factors.items()}
+    value = coupling.value.at(0.0) - sum(factor * ends[name].offset for name, factor in coupling.factors.items())
+    return Mimic(ends[leader].joint, -slopes[leader] / slopes[follower], value / slopes[follower], coupling.name)
+
+
+def _followed(mimic: Mimic, mimics: Mapping[str, Mimic]) -> Mimic:
+    """The same coordinate by the one that leads the chain of those that it mimics."""
+    while (outer := mimics.get(mimic.joint)) is not None:
+        offset = mimic.offset + mimic.multiplier * outer.offset
+        mimic = replace(mimic, joint=outer.joint, multiplier=mimic.multiplier * outer.multiplier, offset=offset)
+    return mimic
+
+
+def _is_mimic(coupling: Coupling, mechanism: Mechanism) -> bool:
+    """Whether a coupling is an equation of two coordinates that are URDF joints, with a constant value."""
     single = {name for joint in mechanism.joints.values() if joint.axis.any() for name in joint.coordinate_names}
-    for constraint in mechanism.constraints:
-        if not isinstance(constraint, Coupling) or len(constraint.factors) != 2 or not _is_constant(constraint):
-            continue
-        if not single.issuperset(constraint.factors):
-            continue
-        for leader, follower in (tuple(constraint.factors), tuple(constraint.factors)[::-1]):
-            leaders = {mimic.joint for mimic in found.values()}
-            if follower not in found and follower not in leaders and leader not in found:
-                factor = constraint.factors[follower]
-                offset = constraint.value.at(0.0) / factor
-                found[follower] = Mimic(leader, -constraint.factors[leader] / factor, offset)
-                break
-    return found
-
-
-def _is_constant(coupling: Coupling) -> bool:
-    return not coupling.value.variables
+    exact = coupling.play is None and coupling.bound is None and not coupling.value.variables
+    return exact and len(coupling.factors) == 2 and single.issuperset(coupling.factors)

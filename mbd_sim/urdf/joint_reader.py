@@ -141,4 +141,5 @@ def mimic_of(
         "type": "coupling",
         "terms": {names[own]: 1.0, names[other]: -multiplier},
         **({"value": offset} if offset else {}),
+        "follower": names[own],
     }

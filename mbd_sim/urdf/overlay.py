@@ -75,6 +75,7 @@ def overlaid(under: Source, over: Source) -> Source:
         notes=under.notes,
         remarks=(*over.remarks, *under.remarks),
         format=under.format,
+        ros2_control=under.ros2_control,
         repetitions=over.repetitions,
         shaping=over.shaping,
     )
@@ -112,6 +113,9 @@ def _remaining_keys(section: str, under: dict[str, Any], over: dict[str, Any]) -
             return {"between": under["between"]}
         if over.get("drive") is not None:
             return {key: value for key, value in under.items() if key in ("type", "between", "axis")}
+    if section == "constraints" and isinstance(terms := over.get("terms"), dict):
+        fits = len(terms) == 2 and under.get("follower") in terms
+        return under if fits else {key: value for key, value in under.items() if key != "follower"}
     if section == "parts" and (shapes := _shapes(over)):
         massive = any(shape.get("mass") or shape.get("density") for shape in shapes if isinstance(shape, dict))
         replaced = ("shapes", "mass", "center", "inertia", "inertia_check") if massive else ("shapes",)

@@ -142,6 +142,7 @@ class _Robot:
             origins=self.origins,
             notes=self.reading.notes,
             format="URDF",
+            ros2_control=tuple(self.robot.all("ros2_control")),
         )
 
     def _named(self, tag: str) -> dict[str, Element]:

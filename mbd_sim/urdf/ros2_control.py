@@ -13,6 +13,7 @@ from typing import NamedTuple
 from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.drives import commanded_drives
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.urdf.value_reader import unique_name
 
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 INTERFACES = ("position", "velocity", "effort")
@@ -26,8 +27,12 @@ class ControlTopics(NamedTuple):
     states: str
 
 
-def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics: ControlTopics) -> ElementTree.Element:
+def ros2_control_block(
+    mechanism: Mechanism, robot: ElementTree.Element, topics: ControlTopics
+) -> ElementTree.Element | None:
     """The block for the coordinates of a mechanism that are joints of its URDF with one coordinate each.
+
+    The URDF may have blocks already: joints that one of these has are left out. None if no joint is left.
 
     A joint with an actuator or a drive that follows commands has the command interfaces that this takes, other joints
     have `effort`; joints that follow the time or another joint have none. All have the states position, velocity and
@@ -35,7 +40,9 @@ def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics:
 
     :param robot: the URDF of the mechanism.
     """
-    block = ElementTree.Element("ros2_control", name=mechanism.name, type="system")
+    blocks = robot.findall("ros2_control")
+    name = unique_name(mechanism.name, [block.get("name", "") for block in blocks])
+    block = ElementTree.Element("ros2_control", name=name, type="system")
     hardware = ElementTree.SubElement(block, "hardware")
     ElementTree.SubElement(hardware, "plugin").text = PLUGIN
     parameters = {
@@ -47,8 +54,9 @@ def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics:
         ElementTree.SubElement(hardware, "param", name=name).text = value
     taken = _commands(mechanism)
     in_urdf = {joint.attrib["name"]: joint for joint in robot.findall("joint") if joint.find("axis") is not None}
+    named = {joint.get("name", "") for other in blocks for joint in other.iter("joint")}
     for name in (*mechanism.coordinate_names, *mechanism.driven_names):
-        if name not in in_urdf:
+        if name not in in_urdf or name in named:
             continue
         joint = ElementTree.SubElement(block, "joint", name=name)
         follows = in_urdf[name].find("mimic") is not None or (name in mechanism.driven_names and name not in taken)
@@ -56,7 +64,7 @@ def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics:
             ElementTree.SubElement(joint, "command_interface", name=interface)
         for interface in INTERFACES:
             ElementTree.SubElement(joint, "state_interface", name=interface)
-    return block
+    return None if named and block.find("joint") is None else block
 
 
 def _commands(mechanism: Mechanism) -> Mapping[str, Sequence[str]]:

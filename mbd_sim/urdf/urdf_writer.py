@@ -16,9 +16,9 @@ import numpy as np
 from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import to_rpy
-from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Mesh, Part, Shape
 from mbd_sim.mechanism.sensors import FramelessSensor, FrameSensor, frame_id
+from mbd_sim.urdf import xml_elements
 from mbd_sim.urdf.joint_motions import Motion, mimics_of, motions_of
 from mbd_sim.urdf.ros2_control import ControlTopics, ros2_control_block
 from mbd_sim.urdf.value_reader import unique_name
@@ -33,7 +33,8 @@ THICKNESS = 0.01  # of flat shapes, relative to their size
 def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     """The URDF of a mechanism; a comment in it names what URDF cannot represent.
 
-    With topics of commands and states, it has a `<ros2_control>` block.
+    The `<ros2_control>` blocks of a URDF stay as they are. With topics of commands and states, one is added for the
+    joints that they do not have.
 
     Gears, racks and couplings of two coordinates become `<mimic>`; a screw becomes a hinge and a slider that mimics it.
     A spherical joint, which URDF does not have, becomes `floating`. If a part has meshes, its shapes are the collision
@@ -42,10 +43,19 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     robot = _robot(mechanism)
     if missing := left_out(mechanism):
         robot.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(missing)} ".replace("--", "- -")))
-    if control is not None:
-        robot.append(ros2_control_block(mechanism, robot, control))
+    robot.extend(map(_copied, mechanism.source.ros2_control))
+    if control is not None and (block := ros2_control_block(mechanism, robot, control)) is not None:
+        robot.append(block)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+
+
+def _copied(element: xml_elements.Element) -> Element:
+    """An element that was read."""
+    copy = Element(element.tag, element.attributes)
+    copy.text = element.text or None
+    copy.extend(map(_copied, element.children))
+    return copy
 
 
 def _robot(mechanism: Mechanism) -> Element:
@@ -97,13 +107,7 @@ def floating_joints(mechanism: Mechanism) -> list[FloatingJoint]:
 
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     """What `to_urdf` cannot represent: a sentence for each kind, with the names."""
-    joints, mimics = mechanism.joints.values(), mimics_of(mechanism)
-    mimicking = {frozenset((name, mimic.joint)) for name, mimic in mimics.items()}
-    mimicked = [
-        constraint
-        for constraint in mechanism.constraints
-        if isinstance(constraint, Coupling) and frozenset(constraint.factors) in mimicking
-    ]
+    joints, mimicked = mechanism.joints.values(), {mimic.constraint for mimic in mimics_of(mechanism).values()}
     sprung = {bushing.name for bushing in mechanism.bushings} & mechanism.all_joints.keys()
     own = [bushing for bushing in mechanism.bushings if bushing.name not in sprung]
     elements = [*mechanism.two_point_elements, *mechanism.applied, *mechanism.efforts, *mechanism.potentials, *own]
@@ -111,7 +115,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     found = {
         "gravity": gravity,
         "joints that close loops": [*mechanism.closing],
-        "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in mimicked],
+        "constraints": [one.name for one in mechanism.constraints if one.name not in mimicked],
         "springs, dampers and forces": [element.name for element in elements],
         "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint) or joint.name in sprung],
         "friction other than Coulomb's": [

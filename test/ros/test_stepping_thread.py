@@ -1,5 +1,6 @@
 """The stepping thread: in real time, without ROS."""
 
+import math
 import threading
 import time
 import types
@@ -169,16 +170,103 @@ def test_a_very_slow_run_answers_requests_and_ends_at_once(make):
     assert time.monotonic() - began < PATIENCE
 
 
-def test_a_failure_of_the_stepping_thread_is_reported(make, monkeypatch):
-    stepping_thread = make(real_time_factor=0.0)
-    monkeypatch.setattr(stepping_thread.simulation, "step", lambda n: 1 / 0)
-    monkeypatch.setattr(threading, "excepthook", lambda arguments: None)
+@pytest.mark.parametrize("factor", [1e-15, 1e-200, 5e-324])
+def test_a_factor_of_any_size_leaves_the_thread_able_to_answer(make, factor):
+    stepping_thread = make(real_time_factor=factor)
     stepping_thread.start()
-    stepping_thread._thread.join(PATIENCE)
+    wait_for(lambda: stepping_thread.ticks == 1)
+    assert stepping_thread.reset() == ""
+    stepping_thread.rates.real_time_factor = 1000.0
+    stepping_thread.restart_schedule()
+    wait_for(lambda: stepping_thread.ticks > 100)
+
+
+def test_a_deadline_far_away_is_waited_for_in_parts(monkeypatch):
+    now, waits = [0.0], []
+    monkeypatch.setattr(pacing.time, "perf_counter", lambda: now[0])
+    wake = types.SimpleNamespace(wait=lambda seconds: waits.append(seconds))
+    pacer = Pacer()
+    pacer.anchor()
+    pacer.plan(5000.0)
+    assert not pacer.wait(wake)
+    now[0] = 3600.0
+    monkeypatch.setattr(wake, "wait", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    assert pacer.wait(wake) and (waits, now) == ([3600.0], [5000.0])
+
+
+def test_the_fastest_run_of_small_steps_serves_requests_between_batches(make):
+    stepping_thread = make(step=1e-7, real_time_factor=1000.0)
+    assert stepping_thread._steps_until_due() <= 1000
+
+
+def failing(thread, monkeypatch, place):
+    """Let the thread fail once at some place of its loop, and then not again."""
+    owner, name = {
+        "step": (thread.simulation, "step"),
+        "output": (thread.run.output, "emit"),
+        "commands": (thread.run.commands, "due"),
+        "pacing": (thread.pacer, "wait"),
+    }[place]
+    whole, fails = getattr(owner, name), threading.Event()
+    fails.set()
+
+    def once(*arguments, **options):
+        if fails.is_set():
+            fails.clear()
+            raise ZeroDivisionError("once")
+        return whole(*arguments, **options)
+
+    monkeypatch.setattr(owner, name, once)
+    return fails
+
+
+@pytest.mark.parametrize("place", ["step", "output", "commands", "pacing"])
+def test_after_a_failure_the_run_is_paused_and_a_reset_starts_it_again(make, monkeypatch, capfd, place):
+    stepping_thread = make(real_time_factor=1.0)
+    fails = failing(stepping_thread, monkeypatch, place)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.run.problem and not fails.is_set())
+    assert stepping_thread.run.problem == "failed: ZeroDivisionError('once')"
+    wait_for(lambda: stepping_thread.paused)
+    assert stepping_thread.reset() == ""
+    assert not stepping_thread.paused and stepping_thread.run.problem == ""
+    ticks = stepping_thread.ticks
+    wait_for(lambda: stepping_thread.ticks > ticks + 20)
     stepping_thread.stop()
-    assert [item.text for item in collected(stepping_thread) if isinstance(item, Event)] == [
-        "failed: ZeroDivisionError('division by zero')"
-    ]
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert texts == ["failed: ZeroDivisionError('once')", "reset", "running"]
+    assert "test_stepping_thread.py" in capfd.readouterr().err  # where the program is wrong
+
+
+def test_a_request_that_fails_says_why_and_a_reset_leaves_a_paused_run_paused(make, capfd):
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    assert stepping_thread.between_steps(lambda: str(1 / 0)) == "an error of the program, see the console"
+    assert stepping_thread.reset() == "" and stepping_thread.paused
+    assert stepping_thread.step(1) == ""
+    capfd.readouterr()
+
+
+def test_a_pause_after_a_failure_outlasts_the_reset(make, monkeypatch, capfd):
+    stepping_thread = make(real_time_factor=1.0)
+    failing(stepping_thread, monkeypatch, "step")
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.run.problem)
+    stepping_thread.pause(True)
+    assert stepping_thread.reset() == "" and stepping_thread.paused
+    capfd.readouterr()
+
+
+@pytest.mark.parametrize("value", [0.0, 5e-324, 1e-300, -1e-300, 1e300, -1.7976931348623157e308])
+def test_live_values_at_the_ends_of_double_precision_leave_a_run_that_a_reset_restores(make, value):
+    stepping_thread = make(paused=True, live=("gravity[*]",))
+    stepping_thread.start()
+    stepping_thread.set_live({"gravity[2]": value})
+    stepping_thread.step(50)
+    stepping_thread.set_live({"gravity[2]": -9.81})
+    assert stepping_thread.reset() == ""
+    assert stepping_thread.step(10) == ""
+    assert math.isfinite(stepping_thread.simulation.q[0])
 
 
 def test_the_pacer_keeps_absolute_deadlines():

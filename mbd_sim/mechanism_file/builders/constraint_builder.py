@@ -162,12 +162,14 @@ class _ConstraintBuilder:
         if not self._couples(name, factors, written):
             return None
         play = None if spec.backlash is None else Play(0.5 * spec.backlash, spec.restitution or 0.0)
-        if not isinstance(spec, schema.CouplingSpec) or spec.bound is None:
+        if not isinstance(spec, schema.CouplingSpec):
             return c.Coupling(name, dict(factors), value, spec.type, play)
+        if spec.bound is None:
+            return c.Coupling(name, dict(factors), value, spec.type, play, follower=spec.follower)
         if spec.slip is not None and not self._couples(name, spec.slip, ("slip", tuple(spec.slip))):
             return None
         law, slip = contact_law(spec), dict(spec.slip or {})
-        return c.Coupling(name, dict(factors), value, spec.type, bound=spec.bound, law=law, slip=slip)
+        return c.Coupling(name, dict(factors), value, spec.type, None, spec.bound, law, slip, spec.follower)
 
     def _clutch(self, name: str, spec: schema.ClutchSpec) -> c.Clutch | None:
         if not self._couples(name, spec.terms, ("terms", tuple(spec.terms))):

@@ -169,6 +169,9 @@ class CouplingSpec(Spec):
     friction: FrictionCoefficient | None = None
     static_friction: FrictionCoefficient | None = None
     slip: dict[Coordinate, Number] | None = None
+    follower: Coordinate | None = Field(
+        None, description="which of two coordinates mimics the other one in URDF and SDF; the motion is the same"
+    )
 
     @model_validator(mode="after")
     def _one_kind(self) -> CouplingSpec:
@@ -189,6 +192,8 @@ class CouplingSpec(Spec):
             raise InputError("friction and slip belong together", f"Add '{missing}'.")
         if self.friction is not None and self.bound is None:
             raise InputError("friction has no effect without a bound", "Add 'bound'.")
+        if self.follower is not None and (len(self.terms) != 2 or self.follower not in self.terms):
+            raise InputError("follower must be one of two coordinates of 'terms'", "Name one of the two, or remove it.")
         require_ordered_friction(self.friction, self.static_friction)
         return self
 
