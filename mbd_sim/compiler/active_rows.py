@@ -9,11 +9,13 @@ import casadi as ca
 from mbd_sim.compiler.dense_solver import DenseSolver
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import INT, element, integer, local_array, number
+from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, element, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import load, loop, store
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.schedule import arranged
 
+REFINEMENTS = 5  # of shared solutions, each of which divides their error by the ratio of the pivots to `SOFTNESS`
+SOFTNESS = 1e-12  # of the largest diagonal entry, that is added to that of a singular matrix
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 
 
@@ -33,6 +35,9 @@ class Load:
 class ActiveRows:
     """Row i of `rows` is active if input `first` + i is not zero; `solver` is counted, of the order `rows`.
 
+    Where active rows depend on each other, their inputs are negative: -w, for the solution x with the least Σ w x².
+    It is W⁻¹ Aᵀ y with A W⁻¹ Aᵀ y = r, from a factorization of A W⁻¹ Aᵀ + ε I and by refinement.
+
     With `loads`, the system of the rates has their numbers as one more output.
     """
 
@@ -51,12 +56,16 @@ def emit_solved(
     *,
     fused: bool = True,
     reports_margin: bool = False,
+    watches: bool = False,
 ) -> Function:
     """Emit `system`, if it is not there yet, `result`, and `void name(t, y, inputs, out[, margin])` of double pointers.
 
     `system(t, y, inputs)` gives a memory, a matrix (n, n), right sides (n, k) one after the other, and perhaps a
     margin; `result(memory, solution)`, or `result(t, y, inputs, solution)`, takes the solution, zero for all other
     rows. The margin is an argument if it is to be reported.
+
+    :param watches: while rows share their forces, the solution of each other row is w times what its force is less
+        than zero: where that is negative, it would bear a force.
     """
     has_loads = bool(active.loads) and system.n_out() > 3
     has_margin, takes_memory = system.n_out() > 3 + has_loads, result.n_in() == 2
@@ -65,7 +74,7 @@ def emit_solved(
     if emitted_system is None:
         emitted_system = lower(module, arranged(system, fused=fused), inline=False)
     emitted_result = lower(module, arranged(result, fused=fused), inline=False)
-    solve = _emit_solve(module, f"{name}.solve", active, columns)
+    solve = _emit_solve(module, f"{name}.solve", active, columns, watches)
     function = Function(module, FunctionType(VOID, [POINTER] * (4 + reports_margin)), name)
     function.linkage = "internal"
     b = IRBuilder(function.append_basic_block("entry"))
@@ -138,14 +147,18 @@ def _emit_loaded(b: IRBuilder, active: ActiveRows, solve: Function, arguments: l
     loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in active.loads) else 1, once)
 
 
-def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int) -> Function:
-    """Emit `void name(double* mask, double* matrix, double* right, double* solution)`."""
+def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, watches: bool) -> Function:
+    """Emit `void name(double* mask, double* matrix, double* right, double* solution)`.
+
+    :param watches: see `emit_solved`.
+    """
     n = active.rows
     function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
     function.linkage = "internal"
     mask, matrix, right, solution = function.args
     b = IRBuilder(function.append_basic_block("entry"))
-    small, order, small_right, x = (local_array(b, size) for size in (n * n, n, n, n))
+    share = _emit_share(module, active)
+    small, order, small_right, x, duals, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
     chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
 
@@ -166,15 +179,93 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int) -> 
         loop(b, 0, size, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
 
     loop(b, 0, size, gather_column)
-    b.call(active.solver.factorize, [small, order, size])
+    shared = FALSE
+    for row in range(n):
+        shared = b.or_(shared, b.fcmp_ordered("<", load(b, mask, row), number(0.0)))
+    with b.if_then(b.not_(shared)):
+        b.call(active.solver.factorize, [small, order, size])
+
+    def watch(i: Value) -> None:
+        """What an inactive row lacks to bear a force."""
+        with b.if_then(b.fcmp_ordered("==", load(b, mask, i), number(0.0))):
+
+            def subtract(j: Value) -> None:
+                entry = b.fneg(load(b, matrix, b.add(chosen_row(j), b.mul(i, integer(n)))))
+                store(b, b.fma(entry, load(b, duals, j), load(b, solution, i)), solution, i)
+
+            loop(b, 0, size, subtract)
 
     def solve_column(offset: Value) -> None:
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
         loop(b, 0, size, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
-        b.call(active.solver.solve, [small, order, small_right, x, size])
+        with b.if_else(shared, likely=False) as (then, otherwise):
+            with then:
+                loop(b, 0, size, lambda i: store(b, load(b, mask, chosen_row(i)), weights, i))
+                b.call(share, [small, weights, small_right, x, duals, size])
+                if watches:
+                    loop(b, 0, n, watch)
+            with otherwise:
+                b.call(active.solver.solve, [small, order, small_right, x, size])
         loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
 
     for column in range(columns):
         solve_column(integer(column * n))
+    b.ret_void()
+    return function
+
+
+def _emit_share(module: Module, active: ActiveRows) -> Function:
+    """Emit `void share(matrix, weights, right, x, y, i64 size)`: the least squares of `ActiveRows`; weights are -w."""
+    if (known := module.functions.get("share")) is not None:
+        return known
+    n = active.rows
+    function = Function(module, FunctionType(VOID, [POINTER] * 5 + [INT]), "share")
+    function.linkage = "internal"
+    matrix, weights, right, x, y, size = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    normal, order, residual, change, largest = (local_array(b, length) for length in (n * n, n, n, n, 1))
+    b.store(number(0.0), largest)
+
+    def entry(row: Value, column: Value) -> Value:
+        return load(b, matrix, b.add(row, b.mul(column, integer(n))))
+
+    def add_to(array: Value, index: Value, factor: Value, value: Value) -> None:
+        store(b, b.fma(factor, value, load(b, array, index)), array, index)
+
+    def normal_entry(i: Value, j: Value) -> None:
+        at = b.add(i, b.mul(j, integer(n)))
+        store(b, number(0.0), normal, at)
+        loop(b, 0, size, lambda k: add_to(normal, at, b.fdiv(entry(i, k), b.fneg(load(b, weights, k))), entry(j, k)))
+
+    def column(j: Value) -> None:
+        loop(b, 0, size, lambda i: normal_entry(i, j))
+        diagonal = load(b, normal, b.mul(j, integer(n + 1)))
+        known = b.load(largest, typ=DOUBLE)
+        b.store(b.select(b.fcmp_ordered(">", diagonal, known), diagonal, known), largest)
+        store(b, number(0.0), x, j)
+        store(b, number(0.0), y, j)
+
+    def soften(j: Value) -> None:
+        add_to(normal, b.mul(j, integer(n + 1)), number(SOFTNESS), b.load(largest, typ=DOUBLE))
+
+    def residual_of(i: Value) -> None:
+        store(b, load(b, right, i), residual, i)
+        loop(b, 0, size, lambda k: add_to(residual, i, b.fneg(entry(i, k)), load(b, x, k)))
+
+    def solution_of(k: Value) -> None:
+        store(b, number(0.0), x, k)
+        loop(b, 0, size, lambda i: add_to(x, k, entry(i, k), load(b, y, i)))
+        store(b, b.fdiv(load(b, x, k), b.fneg(load(b, weights, k))), x, k)
+
+    def refine(_: Value) -> None:
+        loop(b, 0, size, residual_of)
+        b.call(active.solver.solve, [normal, order, residual, change, size])
+        loop(b, 0, size, lambda i: store(b, b.fadd(load(b, y, i), load(b, change, i)), y, i))
+        loop(b, 0, size, solution_of)
+
+    loop(b, 0, size, column)
+    loop(b, 0, size, soften)
+    b.call(active.solver.factorize, [normal, order, size])
+    loop(b, 0, REFINEMENTS, refine)
     b.ret_void()
     return function

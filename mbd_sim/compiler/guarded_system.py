@@ -58,7 +58,7 @@ def emit_guarded(
     active = ActiveRows(rows, one_sided.first_mode + one_sided.gaps, solver, one_sided.loads)
     rates = emit_solved(module, "solved_rates", *one_sided.rates, active, reports_margin=system.reports_conditioning)
     contact_project = emit_solved(module, "solved_projection", *one_sided.project, active, fused=False)
-    readings = emit_solved(module, "solved_readings", *one_sided.readings, active)
+    readings = emit_solved(module, "solved_readings", *one_sided.readings, active, watches=True)
     closed = replace(
         system,
         rates=rates,

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 
+REFINEMENTS = 3  # of solutions with the square of a matrix, to the round-off of the matrix itself
 SINGULAR = 1e-11  # of the largest entry, below which a pivot counts as zero
 
 
@@ -19,28 +20,68 @@ def solve(matrix: Array, right: Array) -> Array:
     n = len(right)
     a = np.empty((n, n + 1))
     a[:, :n], a[:, n] = matrix, right
-    columns = list(range(n))
-    largest = float(np.abs(a[:, :n]).max()) if n else 0.0
-    rank = 0
-    while rank < n:
-        rest = np.abs(a[rank:, rank:n])
-        i, j = divmod(int(rest.argmax()), n - rank)
-        if not rest[i, j] > SINGULAR * largest:
-            break
-        if i:
-            a[[rank, rank + i]] = a[[rank + i, rank]]
-        if j:
-            a[:, [rank, rank + j]] = a[:, [rank + j, rank]]
-            columns[rank], columns[rank + j] = columns[rank + j], columns[rank]
-        factors = a[rank + 1 :, rank] / a[rank, rank]
-        a[rank + 1 :, rank + 1 :] -= factors[:, None] * a[rank, rank + 1 :]
-        rank += 1
+    columns = _eliminate(a)
     x: Array = np.zeros(n)
-    for index in range(rank - 1, -1, -1):
+    for index in range(len(columns) - 1, -1, -1):
         value = a[index, n] / a[index, index]
         a[:index, n] -= a[:index, index] * value
         x[columns[index]] = value
     return x
+
+
+def least_squares(matrix: Array, right: Array, weights: Array) -> tuple[Array, Array]:
+    """The solution x (n,) of a system with dependent equations for which Σ w x² is least, and y with w x = matrixᵀ y."""
+    scaled = (matrix / weights).T
+    x, y, normal = np.zeros(len(weights)), np.zeros(len(right)), product(matrix, scaled)
+    for _ in range(REFINEMENTS):
+        y = y + solve(normal, right - product(matrix, x))
+        x = product(scaled, y)
+    return x, y
+
+
+def least_solution(matrix: Array, right: Array, weights: Array) -> Array:
+    """The solution x (n,) of a square system; of several that with the least Σ w x²."""
+    if rank(matrix) == len(matrix):
+        return solve(matrix, right)
+    return least_squares(matrix, right, weights)[0]
+
+
+def product(matrix: Array, other: Array) -> Array:
+    """The product with a matrix or a vector, summed in order."""
+    total = np.zeros((len(matrix), *other.shape[1:]))
+    for column in range(len(other)):
+        total += np.multiply.outer(matrix[:, column], other[column])
+    return total
+
+
+def rank(matrix: Array) -> int:
+    """The number of independent rows of a square matrix."""
+    n = len(matrix)
+    a = np.zeros((n, n + 1))
+    a[:, :n] = matrix
+    return len(_eliminate(a))
+
+
+def _eliminate(a: Array) -> list[int]:
+    """Reduce [matrix | right] (n, n + 1) to triangular form in place; the columns of the pivots, in their order."""
+    n = len(a)
+    columns = list(range(n))
+    largest = float(np.abs(a[:, :n]).max()) if n else 0.0
+    done = 0
+    while done < n:
+        rest = np.abs(a[done:, done:n])
+        i, j = divmod(int(rest.argmax()), n - done)
+        if not rest[i, j] > SINGULAR * largest:
+            break
+        if i:
+            a[[done, done + i]] = a[[done + i, done]]
+        if j:
+            a[:, [done, done + j]] = a[:, [done + j, done]]
+            columns[done], columns[done + j] = columns[done + j], columns[done]
+        factors = a[done + 1 :, done] / a[done, done]
+        a[done + 1 :, done + 1 :] -= factors[:, None] * a[done, done + 1 :]
+        done += 1
+    return columns[:done]
 
 
 def independent(matrix: Array, order: Sequence[int]) -> list[int]:

@@ -7,22 +7,29 @@ With the rates s = A λ + r of all rows, of velocity for impulses λ and of acce
   which is zero unless friction is at its limit.
 
 For Lemke's method friction is written along opposite directions (Stewart & Trinkle 1996).
+
+Where rows depend on each other, as those of a table on four legs, rigid bodies leave the forces undetermined. They are
+then those of equal elastic supports: of all forces those with the least sum of squares. Rows that are a little elastic
+tell which of them bear a force.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbd_sim.contact.elimination import solve
+from mbd_sim.contact.elimination import least_squares, product, rank, solve
 from mbd_sim.contact.lemke import lemke
 from mbd_sim.geometry.pose import Array
 
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS, SWEEPS = 40, 400
+SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
+SHARING_STEPS, SETTLED = 60, 1e-15  # until forces that are shared do not change any more, relative to their size
+UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 
 
 class NoSolutionError(ValueError):
@@ -40,12 +47,16 @@ class FrictionLimit:
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
-    """`matrix` A (n, n) and rates r (n,) without forces, `normals` among the rows, and their friction."""
+    """`matrix` A (n, n) and rates r (n,) without forces, `normals` among the rows, and their friction.
+
+    Σ C λ² is least, with the `compliance` C (n,) of the supports; None where all are equal.
+    """
 
     matrix: Array
     free: Array
     normals: Sequence[int]
     frictions: Sequence[FrictionLimit]
+    compliance: Array | None = None
 
     def rates(self, forces: Array) -> Array:
         """s (n,), summed in order."""
@@ -57,7 +68,7 @@ class ContactProblem:
 
 
 def contact_forces(problem: ContactProblem) -> Array:
-    """λ (n,) that satisfies all conditions.
+    """λ (n,) that satisfies all conditions; of several the elastic ones.
 
     :raises NoSolutionError: there is none, or none was found.
     """
@@ -65,27 +76,94 @@ def contact_forces(problem: ContactProblem) -> Array:
     if not n:
         return np.zeros(0)
     scaled, scale = _scaled(problem)
-    start = _by_lemke(scaled)
+    if rank(scaled.matrix) == n:
+        return _solution(scaled) * scale
+    try:
+        start = _solution(_softened(scaled))
+    except NoSolutionError:
+        start = _solution(scaled)
+    polished, residual = _newton(scaled, _shared(scaled, start))
+    if residual > ACCURATE:
+        polished, residual = _newton(scaled, start)
+    return (polished if residual <= ACCURATE else _solution(scaled)) * scale
+
+
+def _softened(problem: ContactProblem) -> ContactProblem:
+    """The same problem with elastic supports."""
+    assert problem.compliance is not None
+    softer, places = problem.matrix.copy(), range(len(problem.matrix))
+    softer[places, places] += SOFTNESS * problem.compliance
+    return replace(problem, matrix=softer)
+
+
+def _shared(problem: ContactProblem, forces: Array) -> Array:
+    """The forces of least Σ C λ² near some that satisfy all conditions: with the same contacts closed, and sticking.
+
+    Friction that slides, or bears as much as it can, follows its normal force in the direction that it has.
+    """
+    size, rates = float(np.abs(forces).max()), problem.rates(forces)
+    pressed = [row for row in problem.normals if forces[row] > 0.0]
+    closed = [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= UNPRESSED * size]
+    for _ in range(SHARING_STEPS):
+        unit, constant, held = _followers(problem, forces)
+        matrix, free = product(problem.matrix, unit), problem.rates(constant)
+        chosen, others = [*pressed, *held], [row for row in closed if row not in pressed]
+        found, duals = least_squares(matrix[chosen][:, chosen], -free[chosen], problem.compliance[chosen])
+        pulls = [row for row, force in zip(pressed, found.tolist(), strict=False) if force < -UNPRESSED * size]
+        pressed = [row for row in pressed if row not in pulls]
+        gains = product(matrix[chosen][:, others].T, duals)
+        added = [row for row, gain in zip(others, gains.tolist(), strict=True) if gain > UNPRESSED * size and not pulls]
+        pressed = sorted([*pressed, *added])
+        new = constant + product(unit[:, chosen], found)
+        change, forces = float(np.abs(new - forces).max()), new
+        if not pulls and not added and change <= SETTLED * size:
+            break
+    return forces
+
+
+def _followers(problem: ContactProblem, forces: Array) -> tuple[Array, Array, list[int]]:
+    """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,)."""
+    n = len(forces)
+    trial = forces - problem.rates(forces)
+    unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
+    for row in problem.normals:
+        unit[row, row] = 1.0
+    for friction in problem.frictions:
+        rows, own = list(friction.rows), trial[list(friction.rows)]
+        limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
+        if (length := _length(own)) < limit * (1.0 - UNPRESSED):
+            held += rows
+            unit[rows, rows] = 1.0
+        elif length > 0.0 and friction.normal is None:
+            constant[rows] = own * (limit / length)
+        elif length > 0.0:
+            unit[rows, friction.normal] = own * (friction.size / length)
+    return unit, constant, held
+
+
+def _solution(problem: ContactProblem) -> Array:
+    n = len(problem.free)
+    start = _by_lemke(problem)
     attempts = [start] if start is not None else []
     for forces in (*attempts, np.zeros(n)):
-        polished, residual = _newton(scaled, forces)
+        polished, residual = _newton(problem, forces)
         if residual <= ACCURATE:
-            return polished * scale
+            return polished
     if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
         raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
     swept = np.zeros(n) if start is None else start
     for _ in range(20):
-        swept = _sweep(scaled, swept)
-        polished, residual = _newton(scaled, swept)
+        swept = _sweep(problem, swept)
+        polished, residual = _newton(problem, swept)
         if residual <= ACCURATE:
-            return polished * scale
+            return polished
     raise NoSolutionError("no forces satisfy the conditions of all contacts")
 
 
 def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
     """The same problem with rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
 
-    The rows of one friction element keep a common scale, so that its circle stays one, and so does its normal row.
+    Its largest compliance is 1. The rows of one friction element keep a common scale, so that its circle stays one, and so does its normal row.
     """
     diagonal = np.diag(problem.matrix).copy()
     for friction in problem.frictions:
@@ -108,7 +186,9 @@ def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
         else FrictionLimit(friction.rows, None, friction.size / scale[friction.rows[0]])
         for friction in problem.frictions
     ]  # fmt: skip
-    return ContactProblem(matrix, free / size, problem.normals, frictions), scale
+    compliance = weights**2 * (1.0 if problem.compliance is None else problem.compliance)
+    compliance /= np.max(compliance)
+    return ContactProblem(matrix, free / size, problem.normals, frictions, compliance), scale
 
 
 def _by_lemke(problem: ContactProblem) -> Array | None:

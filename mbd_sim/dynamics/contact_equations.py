@@ -28,11 +28,13 @@ SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
 class ContactLayout:
     """The contact numbers at the end of the inputs, for some gaps and rows: the gaps come first among the rows.
 
-    `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: independent closed gaps
-    and sticking friction. `direction` (rows - gaps,) are the unit vectors of sliding, 0 without sliding; sticking rows
-    that depend on others have a shorter one: the share of their static friction that they bear. `multipliers` (rows,)
-    are λ, which functions that read forces take from there. `signs` (loads,) are those of the forces across the axes of
-    joints whose friction depends on them, where these forces have one direction only.
+    `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: closed gaps and sticking
+    friction. Where these depend on each other they are negative, see `mbd_sim.compiler.active_rows.ActiveRows`; closed
+    gaps that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are the unit
+    vectors of sliding, 0 without sliding; sticking rows that share a load have a shorter one: the part of their static
+    friction that they bear whatever the load. `multipliers` (rows,) are λ, which functions that read forces take from
+    there. `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
+    forces have one direction only.
     """
 
     gaps: int
@@ -108,7 +110,7 @@ class ContactEquations:
     @property
     def active(self) -> ca.SX:
         """Which rows (rows,) are solved for."""
-        return self.numbers[self.layout.active]
+        return self.numbers[self.layout.active] != 0.0
 
     @property
     def closed(self) -> ca.SX:
@@ -141,8 +143,11 @@ class ContactEquations:
         return ca.if_else(slides * moves, forward * slip / ca.fmax(speed, SLOW), stored)
 
     def forces(self, solved: ca.SX) -> ca.SX:
-        """The multipliers λ (rows,) of all rows, from those that are solved for, with the friction of sliding."""
-        forces = ca.SX(self.active * solved)
+        """The multipliers λ (rows,) of all rows, with the friction of sliding.
+
+        :param solved: the forces (rows,) of the active rows, and zeros.
+        """
+        forces = ca.SX(solved)
         for element in self.frictions:
             if element.joint is not None:
                 continue

@@ -11,6 +11,8 @@ from mbd_sim.dynamics.joint_loads import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
 UNMOVED = 5e-10  # m/s or rad/s, up to which a closed gap that depends on others does not move: above `RESTING`
+PARTED = 1e-11  # m/s or rad/s, up to which contacts that share their forces do not move: below `RESTING`
+RELOADED = 1e-8  # of the weight: the force at which a closed gap is loaded again, above the round-off of shared forces
 # m/s or rad/s, up to which friction at rest along one or two directions does not slip: above `RESTING`, `STOPPED`
 UNSLIPPED = 1e-9, 2e-8
 
@@ -31,10 +33,13 @@ def contact_readings(
 
     :param matrix: A (rows, rows) without friction.
     :param weight: in N, by which guards of forces are divided.
-    :param solution: (rows,) of the active rows.
+    :param solution: (rows,) of the active rows; of others what `mbd_sim.compiler.active_rows.emit_solved` watches.
     """
-    forces, gaps = contacts.forces(solution), gap_values(contacts)
-    guards = [_gap_guard(contacts, index, gaps[index], forces[index], weight) for index in range(contacts.layout.gaps)]
+    forces, gaps = contacts.forces(contacts.active * solution), gap_values(contacts)
+    guards = [
+        _gap_guard(contacts, index, gaps[index], forces[index] / weight, solution[index] / weight)
+        for index in range(contacts.layout.gaps)
+    ]
     sizes = iter([load.size(forces) for load in loads])
     for element in contacts.frictions:
         load = ca.SX(1) if element.gap is None else forces[element.gap]
@@ -61,10 +66,16 @@ def _turning(contacts: ContactEquations, element: FrictionElement, forces: ca.SX
     return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
 
 
-def _gap_guard(contacts: ContactEquations, index: int, gap: ca.SX, force: ca.SX, weight: float) -> ca.SX:
-    """Open: the gap. Closed: the force, or, where other closed gaps hold it without any, that it does not move."""
-    held = 1.0 - ca.fabs(contacts.equations.velocity[index]) / UNMOVED
-    return ca.if_else(contacts.closed[index], ca.if_else(contacts.active[index], force / weight, held), gap)
+def _gap_guard(contacts: ContactEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
+    """Open: the gap. Closed: the force, and where that depends on other closed gaps also that it does not move.
+
+    A gap that others hold without a force must not get one: it is `unloaded` by so much.
+    """
+    speed = ca.fabs(contacts.equations.velocity[index])
+    held, number = 1.0 - speed / UNMOVED, contacts.numbers[contacts.layout.active][index]
+    bears = ca.if_else(number < 0.0, ca.fmin(force, 1.0 - speed / PARTED), force)
+    closed = ca.if_else(number, bears, ca.fmin(held, unloaded + RELOADED))
+    return ca.if_else(contacts.closed[index], closed, gap)
 
 
 def _friction_guard(
@@ -72,7 +83,7 @@ def _friction_guard(
 ) -> ca.SX:
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
-    Friction that depends on other friction at rest does not move. A clutch that is released is watched until it has a
+    Friction that depends on other friction at rest does not move either. A clutch that is released is watched until it has a
     capacity, or slips. Along two directions the stored direction is renewed where sliding has turned by 60 degrees.
     """
     rows = list(element.rows)
@@ -86,7 +97,9 @@ def _friction_guard(
     speed = ca.dot(stored, slip)
     if len(rows) == 2:
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
-    held = 1.0 - ca.sqrt(ca.dot(slip, slip)) / UNSLIPPED[len(rows) - 1]
+    slips = ca.sqrt(ca.dot(slip, slip))
+    held, numbers = 1.0 - slips / UNSLIPPED[len(rows) - 1], contacts.numbers[contacts.layout.active][rows]
+    reserve = ca.if_else(ca.sum1(numbers) < 0.0, ca.fmin(reserve, 1.0 - slips / PARTED), reserve)
     if element.joint is not None:
         held = ca.if_else(element.static > 0.0, held, 1.0)
         return ca.if_else(slides, speed, ca.if_else(sticks, reserve, held))
@@ -94,6 +107,4 @@ def _friction_guard(
         held = ca.if_else(contacts.closed[element.gap] * (element.static > 0.0), held, 1.0)
     elif not element.static.is_constant():
         held = ca.if_else((stored[0] == RELEASED) * (element.static > 0.0), -element.static / weight, held)
-    if len(rows) == 2:  # one of them may depend on others
-        reserve = ca.if_else((ca.sum1(contacts.active[rows]) < 2.0) * (held < 0.0), held, reserve)
     return ca.if_else(sticks, reserve, ca.if_else(slides, speed, held))

@@ -113,7 +113,8 @@ def _stops(joint: Joint) -> Iterator[Gap]:
 def _joint_friction(joint: Joint) -> StickingFriction:
     law, (name,) = joint.friction, joint.motion_names
     assert law is not None
-    row = ConstraintRow(("joints", joint.name), "friction", ca.SX(1, 1), factors={name: 1.0})
+    unit = joint.kind.coordinates[0].unit
+    row = ConstraintRow(("joints", joint.name), "friction", ca.SX(1, 1), unit=unit, factors={name: 1.0})
     if not is_absent(law.static_coefficient):
         return StickingFriction(row, lambda speed: ca.SX(law.coefficient), ca.SX(law.static_coefficient), joint)
     return StickingFriction(row, lambda speed: dry_friction(law, speed), ca.SX(law.static))

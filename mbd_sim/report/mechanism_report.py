@@ -15,6 +15,7 @@ from mbd_sim.analysis.integrability import integrable_rows
 from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.analysis.linearization import linearize, modes
 from mbd_sim.analysis.mobility import Mobility, mobility
+from mbd_sim.contact.elimination import independent
 from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.initial_conditions import rheonomic
@@ -75,7 +76,9 @@ def _one_sided(simulation: Simulation) -> dict[str, Any]:
         return {"elements": {}}
     modes = contact.modes(simulation.inputs)
     sliding = set(contact.sliding(modes)).intersection(contact.loaded)  # their rows are solved for, but do not restrict
-    held = int(modes[contact.layout.active].sum()) - len(sliding)
+    active = np.flatnonzero(modes[contact.layout.active])
+    matrix = contact.terms(simulation.time, simulation.state_vector, simulation.inputs).matrix
+    held = len(independent(matrix, active.tolist())) - len(sliding)
     elements = _contacts(simulation, compliant=False)
     return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - held}
 

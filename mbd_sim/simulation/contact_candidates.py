@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mbd_sim.contact.elimination import independent
+from mbd_sim.contact.elimination import independent, least_solution, product
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.dynamics.contact_equations import RELEASED
 from mbd_sim.geometry.pose import Array
@@ -25,6 +25,7 @@ RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits
 NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
 SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
 LATE = 0.9  # of all limits, beyond which dependent friction bears as much as it can
+EQUAL = 1e-8  # relative difference of forces that counts as none
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 
@@ -58,6 +59,7 @@ class Candidates:
         self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
         self._direction: dict[int, Array] = {}
         self._share = 1.0  # of the limits of friction at rest
+        self._coupled = terms.matrix  # A with the friction of what slides
         self._is_late = False  # whether friction that is shared is near its limits in any case
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
@@ -143,6 +145,7 @@ class Candidates:
             if gap is not None:
                 for row, part in zip(rows, direction.tolist(), strict=True):
                     matrix[:, gap] -= terms.matrix[:, row] * (terms.sizes[index, 0] * part)
+        self._coupled = matrix
         chosen = [*self._closable, *(row for index in self._sticking for row in model.frictions[index][0])]
         place = {row: position for position, row in enumerate(chosen)}
         limits = [
@@ -151,7 +154,8 @@ class Candidates:
             for rows, gap in [model.frictions[index]]
         ]
         normals = [place[gap] for gap in self._closable]
-        solution = contact_forces(ContactProblem(matrix[chosen][:, chosen], free[chosen], normals, limits))
+        compliance = model.compliance[chosen]
+        solution = contact_forces(ContactProblem(matrix[chosen][:, chosen], free[chosen], normals, limits, compliance))
         forces, rates = constant, free.copy()
         for row, value in zip(chosen, solution.tolist(), strict=True):
             forces += unit[:, row] * value
@@ -208,19 +212,15 @@ class Candidates:
         modes = np.zeros(layout.modes.stop)
         modes[layout.signs] = before[layout.signs]
         closed = [gap for gap in self._closable if forces[gap] > 0.0 or abs(rates[gap]) <= size]
+        closed += self._held(closed, rates, size)
         modes[closed] = 1.0
-        active = sorted(closed, key=lambda gap: (-forces[gap], gap))
         sticking = [index for index in self._sticking if model.frictions[index][1] in (None, *closed)]
-        sticking.sort(key=lambda index: (-euclidean_norm(forces[list(model.frictions[index][0])]), index))
-        active += [row for index in sticking for row in model.frictions[index][0]]
-        chosen = independent(self._terms.matrix, active)
-        for row in chosen:
-            modes[layout.active.start + row] = 1.0
+        chosen = self._active(closed, sticking, forces, modes)
         first = layout.direction.start - layout.gaps
         for index in sticking:
             rows, gap = model.frictions[index]
             limit = self._terms.sizes[index, 1] * (1.0 if gap is None else forces[gap])
-            if index in self._loads or limit <= 0.0 or all(row in chosen for row in rows):
+            if index in self._loads or limit <= 0.0 or all(modes[layout.active.start + row] == 1.0 for row in rows):
                 continue
             share = [0.0 if row in chosen else -float(forces[row]) / limit for row in rows]
             size = euclidean_norm(share)
@@ -237,6 +237,38 @@ class Candidates:
                     modes[first + row] = part
         model.set_signs(self._terms, forces, modes)
         return modes
+
+    def _held(self, closed: list[int], rates: Array, size: float) -> list[int]:
+        """Of the gaps that were to open, those which the closed ones hold: elastic supports leave them without force."""
+        found, rank = list[int](), len(independent(self._terms.matrix, closed))
+        for gap in sorted(self._forced.open & set(self._touching)):
+            if abs(rates[gap]) <= size and len(independent(self._terms.matrix, [*closed, gap])) == rank:
+                found.append(gap)
+        return found
+
+    def _active(self, closed: list[int], sticking: list[int], forces: Array, modes: Array) -> list[int]:
+        """Write into the modes which rows are solved for: all that bear a force, and independent ones without."""
+        model, matrix = self._model, self._terms.matrix
+        rows = sorted(closed, key=lambda gap: (-forces[gap], gap))
+        sticking = sorted(sticking, key=lambda index: (-euclidean_norm(forces[list(model.frictions[index][0])]), index))
+        rows += [row for index in sticking for row in model.frictions[index][0]]
+        bearing = [row for row in rows if forces[row]]
+        if not self._are_least(bearing, forces):
+            bearing = [row for row in bearing if row < model.layout.gaps]
+        chosen = independent(matrix, [*bearing, *(row for row in rows if row not in bearing)])
+        first = model.layout.active.start
+        if len(chosen) == len(rows):
+            modes[[first + row for row in rows]] = 1.0
+            return rows
+        chosen = bearing + [row for row in chosen if row not in bearing]
+        modes[[first + row for row in chosen]] = -model.compliance[chosen]
+        return chosen
+
+    def _are_least(self, rows: list[int], forces: Array) -> bool:
+        """Whether forces are those of equal elastic supports: others bear what friction, at its limits, leaves them."""
+        matrix, given = self._coupled[rows][:, rows], forces[rows]
+        least = least_solution(matrix, product(matrix, given), self._model.compliance[rows])
+        return bool(np.max(np.abs(least - given), initial=0.0) <= EQUAL * np.max(np.abs(given), initial=0.0))
 
     def at_limits(self, modes: Array) -> Array | None:
         """Modes in which elements that depend on others bear all that they can; None if that is not necessary."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.contact.elimination import independent, solve
+from mbd_sim.contact.elimination import least_solution
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
@@ -80,7 +80,7 @@ def impact(
     def with_factor(factor: float) -> tuple[Array, float]:
         free = before.copy()
         free[: len(gaps)] += factor * e * approach
-        impulses = contact_forces(ContactProblem(matrix, free, list(range(len(gaps))), limits))
+        impulses = contact_forces(ContactProblem(matrix, free, list(range(len(gaps))), limits, model.compliance[chosen]))
         after = before.copy()
         for column, impulse in enumerate(impulses.tolist()):
             after += matrix[:, column] * impulse
@@ -109,9 +109,9 @@ def tangential_impact(model: ContactModel, time: float, y: Array, inputs: Array,
     terms, readings = model.terms(time, y, inputs), model.readings(time, y, inputs)
     gaps = [int(gap) for gap in np.flatnonzero(touching)]
     frictions = [(rows, gap, terms.sizes[index, 0]) for index, (rows, gap) in enumerate(model.frictions) if gap in gaps]
-    rows = independent(terms.matrix, [*gaps, *(row for own, _, _ in frictions for row in own)])
+    rows = [*gaps, *(row for own, _, _ in frictions for row in own)]
     impulses = np.zeros(model.layout.rows)
-    impulses[rows] = solve(terms.matrix[rows][:, rows], -readings.rates[rows])
+    impulses[rows] = least_solution(terms.matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
     loads = {gap: impulses[gap] for _, gap, _ in frictions}
     within = all(sum((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
     if min(impulses[gaps].tolist(), default=0.0) < 0.0 or not within or not impulses.any():
@@ -156,9 +156,8 @@ def _rest(
 
     A block that rocks on its edges rebounds without restitution, from one edge to the other.
     """
-    chosen = independent(matrix, rows)
-    solution = solve(matrix[chosen][:, chosen], -readings.rates[chosen])
+    solution = least_solution(matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
     impulses = np.zeros(model.layout.rows)
-    impulses[chosen] = solution
-    loss = 0.5 * sum((solution * -readings.rates[chosen]).tolist())
+    impulses[rows] = solution
+    loss = 0.5 * sum((solution * -readings.rates[rows]).tolist())
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_candidates import ATTEMPTS, NOTHING_FORCED, RESTING, Candidates, Forced, euclidean_norm
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
 
 
 class ModeFinder:
@@ -40,13 +40,15 @@ class ModeFinder:
                 continue
             self._model.modes(inputs)[:] = modes
             guards = self._model.readings(time, y, inputs)
-            overloaded = self._overloaded(guards, modes)
+            overloaded = self._overloaded(guards, terms, modes)
             if not overloaded:
-                return self._at_limits(time, y, inputs, state, modes)
+                return self._at_limits(time, y, inputs, state, terms, modes)
             forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
         raise NoSolutionError("the contacts keep changing their states")
 
-    def _at_limits(self, time: float, y: Array, inputs: Array, state: Candidates, modes: Array) -> Array:
+    def _at_limits(
+        self, time: float, y: Array, inputs: Array, state: Candidates, terms: ContactTerms, modes: Array
+    ) -> Array:
         """The modes with all dependent friction at its limits, if the other friction at rest is then within its own.
 
         So contacts that share a load slip when it reaches the sum of their limits, and not earlier.
@@ -55,21 +57,23 @@ class ModeFinder:
         if loaded is None:
             return modes
         self._model.modes(inputs)[:] = loaded
-        if self._overloaded(self._model.readings(time, y, inputs), loaded):
+        if self._overloaded(self._model.readings(time, y, inputs), terms, loaded):
             return modes
         return loaded
 
-    def _overloaded(self, found: ContactReadings, modes: Array) -> dict[int, tuple[float, ...]]:
+    def _overloaded(self, found: ContactReadings, terms: ContactTerms, modes: Array) -> dict[int, tuple[float, ...]]:
         """Sticking elements that carry more than they can, with the direction in which each is loaded.
 
         That happens where several share a load that is indeterminate. Each then bears as much as it can.
         """
         model, overloaded = self._model, dict[int, tuple[float, ...]]()
-        sliding = model.sliding(modes)
+        sliding, active = model.sliding(modes), modes[model.layout.active]
         scale = 1.0 + float(np.max(np.abs(found.forces), initial=0.0))
-        for index, (rows, _) in enumerate(model.frictions):
-            guard = found.guards[model.layout.gaps + index]
-            if index not in sliding and guard < -1e-9 * scale:
-                force = found.forces[list(rows)]
-                overloaded[index] = tuple((-force / euclidean_norm(force)).tolist())
+        for index, (rows, gap) in enumerate(model.frictions):
+            if index in sliding or not any(active[list(rows)]):
+                continue
+            force = found.forces[list(rows)]
+            load = terms.load(index, found.forces) if index in model.loaded else 1.0 if gap is None else found.forces[gap]
+            if (size := euclidean_norm(force)) > terms.sizes[index, 1] * load + 1e-9 * scale:
+                overloaded[index] = tuple((-force / size).tolist())
         return overloaded

@@ -64,10 +64,12 @@ class ContactModel:
     """The functions of a model's one-sided rows, evaluated in numbers. It holds no state.
 
     `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
-    and then of the friction elements. `placed` are the indices of the gaps that have a place.
+    and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
+    that of equal elastic supports, see `ContactProblem`.
     """
 
-    def __init__(self, functions: ContactFunctions, inputs: InputLayout, kernel: Kernel) -> None:
+    def __init__(self, functions: ContactFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
+        """:param size: of the mechanism in m."""
         assert kernel.guarded is not None
         contacts = functions.contacts
         self._functions, self.kernel, self.span = functions, kernel.guarded, inputs.contact
@@ -76,6 +78,7 @@ class ContactModel:
             (element.rows, element.gap) for element in contacts.frictions
         ]
         self.placed = tuple(index for index, gap in enumerate(contacts.gaps) if gap.place is not None)
+        self.compliance = _compliance(contacts, size)
         self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
         self.row_names = _row_names(contacts)
         self.names = self.row_names[: self.layout.gaps]
@@ -201,6 +204,12 @@ class ContactModel:
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
         return evaluated(self._functions.restitution, inputs).ravel()
+
+
+def _compliance(contacts: ContactEquations, size: float) -> Array:
+    """1 for rows in m; those of angles count as forces at the lever `size`."""
+    lever = size or 1.0
+    return np.array([1.0 if row.unit == "m" else lever**-2 for row in contacts.equations.rows])
 
 
 def _row_names(contacts: ContactEquations) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ def contact_model(equations: Equations, kernel: Kernel) -> ContactModel | None:
         return None
     from mbd_sim.simulation.contact_terms import ContactModel
 
-    return ContactModel(equations.contact, equations.inputs, kernel)
+    return ContactModel(equations.contact, equations.inputs, kernel, equations.constraints.size)
 
 
 def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
