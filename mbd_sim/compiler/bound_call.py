@@ -64,15 +64,15 @@ class CompiledFunction(NamedTuple):
         export(module, "function", lower(module, function, inline=True))
         code, size = compile_module(module), function.nnz_out(0)
         if key is not None:
-            disk_cache.store(key, json.dumps([size, *code.keys]).encode())
+            disk_cache.store(key, json.dumps([size, code.key]).encode())
         return cls(code.address("function"), code, size)
 
     @classmethod
     def _stored(cls, key: str) -> CompiledFunction | None:
         if (entry := disk_cache.load(key)) is None:
             return None
-        size, *keys = json.loads(entry)
-        code = load_code(keys)
+        size, code_key = json.loads(entry)
+        code = load_code(code_key)
         return None if code is None else cls(code.address("function"), code, size)
 
     def bound(self, clock: Clock, arrays: Sequence[NDArray[np.float64]], shape: Shape, rows: slice = ALL) -> Call:

@@ -7,10 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
-# Code that is not optimized calls the function at this address instead of its own, once there is one. A call that runs
-# is not replaced before its end, so it takes at most so many steps.
-SUCCESSOR = "successor"
-STEPS_AT_ONCE = 1000
 HEAD = object.__basicsize__  # bytes of the head of every object, `PyObject`
 TYPE = HEAD - ctypes.sizeof(ctypes.c_void_p)  # offset of the address of its type
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002

@@ -91,7 +91,7 @@ def test_steps_of_legs():
         y, inputs = equations.start_state.copy(), np.zeros(equations.rates.nnz_in(2))
         assert kernel.advance(y.ctypes.data, inputs.ctypes.data, 0, 1e-3, 20)
         states.append(y.tobytes())
-        keys.add(kernel.code.keys)
+        keys.add(kernel.code.key)
     assert len(keys) == 2
     assert states[0] == states[1]
 
