@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 from mbd_sim.compiler.machine_code import MachineCode
-from mbd_sim.compiler.python_callable import callable_of
+from mbd_sim.compiler.python_callable import callable_of, function_of_addresses
 
 Result = TypeVar("Result")
 
@@ -79,8 +79,3 @@ class Kernel:
                 self.code.address("call"), fallback, addresses, (self, keep_alive), "step(n=1)", fallback.__doc__
             ),
         )
-
-
-def function_of_addresses(address: int, count: int) -> Any:
-    """The machine code at an address as a Python function of `count` addresses, without a result."""
-    return ctypes.CFUNCTYPE(None, *[_ADDRESS] * count)(address)

@@ -23,6 +23,11 @@ class _MethodDefinition(ctypes.Structure):
     )
 
 
+def function_of_addresses(address: int, count: int) -> Any:
+    """The machine code at an address as a Python function of `count` addresses, without a result."""
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * count)(address)
+
+
 def callable_of(
     address: int,
     partner: object,
