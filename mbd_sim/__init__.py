@@ -130,10 +130,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: `import mbd_sim` alone loads nothing heavy."""
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'mbd_sim' has no attribute '{name}'")
-    from mbd_sim.collection_pause import paused_collection
-
-    with paused_collection(lasting=True):
-        return getattr(importlib.import_module(_MODULE_OF[name]), name)
+    found = globals()[name] = getattr(importlib.import_module(_MODULE_OF[name]), name)
+    return found
 
 
 def __dir__() -> list[str]:

@@ -11,7 +11,6 @@ with its keys; a warning says so once.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import functools
 import grp
 import hashlib
@@ -84,38 +83,6 @@ def store(name: str, content: bytes) -> None:
         Path(file.name).replace(directory / name)
         if int.from_bytes(checksum[:4], "big") < 2.0**32 * len(content) / (LARGEST * SMALL):
             _prune(directory)
-
-
-@contextlib.contextmanager
-def one_at_a_time(name: str) -> Iterator[None]:
-    """Wait until no other process is in this context with the same name and folder; at once where that is unknown."""
-    with contextlib.ExitStack() as files:
-        with contextlib.suppress(OSError):
-            _lock(name, files, fcntl.LOCK_EX)
-        yield
-
-
-def is_locked(name: str) -> bool:
-    """Whether a process is in the context of this name and folder."""
-    try:
-        with contextlib.ExitStack() as files:
-            _lock(name, files, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False
-
-
-def _lock(name: str, files: contextlib.ExitStack, kind: int) -> None:
-    """Lock a file of the cache until `files` are closed."""
-    if (directory := folder()) is None:
-        return
-    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with _opened(directory) as opened:
-        file = os.open(name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600, dir_fd=opened)
-    files.callback(os.close, file)  # which also unlocks it
-    fcntl.flock(file, kind)
 
 
 @contextlib.contextmanager

@@ -75,9 +75,6 @@ elif "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the p
     os.environ["MBD_SIM_CACHE"] = _kernels
     atexit.register(shutil.rmtree, _kernels, ignore_errors=True)
 
-# A model is built once, with the code that a test compares: see test/simulation/test_quick_start.py.
-os.environ["MBD_SIM_QUICK_START"] = "off"
-
 settings.register_profile(
     "mbd_sim",
     derandomize=True,

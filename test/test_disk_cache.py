@@ -243,23 +243,3 @@ def test_processes_that_store_at_once_do_no_harm(folder):
     assert all(writer.returncode == 0 for writer in writers)
     assert disk_cache.load("name") == b"code" * 1000
     assert [path.name for path in folder.iterdir()] == ["name"]
-
-
-def test_one_process_at_a_time(tmp_path, monkeypatch):
-    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "kernels"))
-    program = "from mbd_sim import disk_cache; print(disk_cache.is_locked('lock'), disk_cache.is_locked('other'))"
-
-    def locked_elsewhere():
-        return subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout
-
-    assert not disk_cache.is_locked("lock")
-    with disk_cache.one_at_a_time("lock"):
-        assert disk_cache.is_locked("lock") and locked_elsewhere() == "True False\n"
-    assert not disk_cache.is_locked("lock") and locked_elsewhere() == "False False\n"
-
-
-@pytest.mark.parametrize("folder", ["off", "/dev/null/kernels"])
-def test_without_a_folder_nobody_waits(folder, monkeypatch):
-    monkeypatch.setenv("MBD_SIM_CACHE", folder)
-    with disk_cache.one_at_a_time("lock"), disk_cache.one_at_a_time("lock"):
-        assert not disk_cache.is_locked("lock")

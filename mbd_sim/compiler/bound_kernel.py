@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 from mbd_sim.compiler.machine_code import MachineCode
-from mbd_sim.compiler.python_callable import SUCCESSOR, callable_of
+from mbd_sim.compiler.python_callable import callable_of, function_of_addresses
 
 Result = TypeVar("Result")
 
@@ -20,13 +20,12 @@ class KernelSignature(NamedTuple):
     """What is known of a kernel besides its machine code: the number of arguments of each of its `readers`.
 
     `instructions` is the number of scalar instructions of one evaluation of the rates; `guarded` says whether the
-    system has one-sided rows, and `optimized` whether the code is.
+    system has one-sided rows.
     """
 
     readers: Mapping[str, int]
     instructions: int
     guarded: bool = False
-    optimized: bool = True
 
 
 class GuardedKernel:
@@ -51,7 +50,7 @@ class Kernel:
     `history_size`. `readers` take addresses of doubles: those of their inputs, then that of their output;
     `reads_inputs` says which of them take the inputs of the system. All of them release the interpreter's lock.
     `instructions` is the number of scalar instructions of one evaluation of the rates. `guarded` are the functions of a
-    system with one-sided rows. Code that is not `optimized` can be replaced, see `adopt`.
+    system with one-sided rows.
     """
 
     def __init__(self, code: MachineCode, signature: KernelSignature) -> None:
@@ -65,22 +64,10 @@ class Kernel:
         }
         self.reads_inputs = {name: count >= _WITH_INPUTS for name, count in signature.readers.items()}
         self.guarded = GuardedKernel(code) if signature.guarded else None
-        self.optimized, self._adopted = signature.optimized, code
-
-    def adopt(self, other: Kernel) -> None:
-        """Use the optimized code of another kernel of the same system, which has the same results, from now on.
-
-        Calls that run end with the code with which they began. So do readers that are bound to arrays.
-        """
-        self._adopted = other.code
-        self.advance, self.estimating_advance, self.readers = other.advance, other.estimating_advance, other.readers
-        place = ctypes.c_uint64.from_address(self.code.address(SUCCESSOR))
-        place.value = other.code.address("estimating_advance")
-        self.optimized = True
 
     def reader_address(self, name: str) -> int:
         """The address of the code of a reader."""
-        return self._adopted.address(f"read_{name}")
+        return self.code.address(f"read_{name}")
 
     def stepper(
         self, fallback: Callable[..., Result], addresses: Sequence[int], keep_alive: object
@@ -92,8 +79,3 @@ class Kernel:
                 self.code.address("call"), fallback, addresses, (self, keep_alive), "step(n=1)", fallback.__doc__
             ),
         )
-
-
-def function_of_addresses(address: int, count: int) -> Any:
-    """The machine code at an address as a Python function of `count` addresses, without a result."""
-    return ctypes.CFUNCTYPE(None, *[_ADDRESS] * count)(address)

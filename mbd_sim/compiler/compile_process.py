@@ -1,180 +1,65 @@
-"""LLVM in processes of its own: LLVM cannot be interrupted, and compiling a long mechanism takes a minute."""
+"""LLVM in a process of its own: it cannot be interrupted, and compiling a long mechanism takes seconds."""
 
 from __future__ import annotations
 
 import logging
 import os
-import pickle
-import selectors
-import signal
-import socket
 import subprocess
-import tempfile
+import sys
 import time
-from contextlib import ExitStack, closing, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import IO, TYPE_CHECKING
-
-from mbd_sim.compiler.compile_server import COMPILE, DONE, EMIT, WAITING
-from mbd_sim.own_interpreter import start_interpreter
-
-if TYPE_CHECKING:
-    from mbd_sim.compiler.module_order import ModuleOrder
 
 REPORT_PERIOD = 5.0  # s
-PROGRAM = Path(__file__).with_name("compile_server.py")
-ENDING = 10.0  # s; it takes milliseconds
+PROGRAM = Path(__file__).with_name("compile_program.py")
+_PACKAGES = str(Path(__file__).parents[2])  # the folder with this package
 
 _log = logging.getLogger(__name__)
 
 
-class CompileProcesses:
-    """A `compile_server`, started when it is needed first. As a context manager it ends all of it at its end."""
-
-    def __init__(self, cpu: str, features: str, level: int) -> None:
-        """They compile for a processor with its features, with a level of optimization of LLVM's code generator."""
-        self._arguments = cpu, features, str(level)
-        self._server: subprocess.Popen[bytes] | None = None
-        self._connection: socket.socket | None = None
-        self._cannot_start = self._has_compiled = False
-
-    def __enter__(self) -> CompileProcesses:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.end()
-
-    def start(self) -> None:
-        """Begin to load LLVM, which takes 0.1 s of another processor; without that the first module does."""
-        if self._server is not None or self._cannot_start:
-            return
-        try:
-            self._connection, other = socket.socketpair()
-            with other:
-                # Ctrl-C interrupts only this process, which then ends the other.
-                self._server = start_interpreter(
-                    str(PROGRAM), *self._arguments, stdin=other.fileno(), stdout=subprocess.DEVNULL
-                )
-        except OSError:
-            self._cannot_start = True
-
-    @property
-    def has_started(self) -> bool:
-        """Whether the server has been started."""
-        return self._server is not None
-
-    def compile(self, text: str) -> CodeInProgress | None:
-        """Begin to compile a module, after those before; None if no process, file or pipe can be had."""
-        _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
-        return self._send(COMPILE, text.encode())
-
-    def emit(self, order: ModuleOrder) -> CodeInProgress | None:
-        """Begin to emit a module and to compile it, as `compile` does."""
-        _log.info("compiling functions")
-        return self._send(EMIT, pickle.dumps(order))
-
-    def _send(self, message: bytes, content: bytes) -> CodeInProgress | None:
-        self.start()
-        if self._connection is None or self._cannot_start:
-            return None
-        with ExitStack() as on_failure:
-            try:
-                # Without a buffer: closing the file on a full disk would write it again, and fail again.
-                module = on_failure.enter_context(tempfile.TemporaryFile(buffering=0))
-                _write(module, content)
-                reader, writer = os.pipe()
-                on_failure.callback(os.close, reader)
-                try:
-                    socket.send_fds(self._connection, [message], [module.fileno(), writer])
-                finally:
-                    os.close(writer)
-            except OSError:
-                return None
-            self._has_compiled = True
-            on_failure.pop_all()
-            return CodeInProgress(module, reader)
-
-    def use_all_processors(self) -> None:
-        """Say that this process only waits from now on."""
-        if self._connection is not None:
-            try:
-                self._connection.send(WAITING)
-            except OSError:
-                return  # the server has failed; each `CodeInProgress` tells
-
-    def end(self) -> None:
-        """End all that still runs."""
-        if self._connection is not None:
-            with suppress(OSError):  # it has ended
-                # Processes that the caller has forked since may hold the socket open.
-                self._connection.shutdown(socket.SHUT_RDWR)
-            self._connection.close()
-        if self._server is None:
-            return
-        try:
-            if not self._has_compiled:  # it may still be loading LLVM
-                self._server.kill()
-            self._server.wait(ENDING)
-        except subprocess.TimeoutExpired:
-            self._kill()
-        except BaseException:
-            self._kill()
-            raise
-        finally:
-            self._server = None
-
-    def _kill(self) -> None:
-        """Kill the server with the processes that it has forked, unless an interrupted `wait` has seen its end."""
-        if self._server is not None and self._server.returncode is None:
-            with suppress(ProcessLookupError):
-                os.killpg(self._server.pid, signal.SIGKILL)
-            self._server.wait()
-
-
-class CodeInProgress:
-    """The object code of a module that is being compiled. Progress is logged."""
-
-    def __init__(self, module: IO[bytes], done: int) -> None:
-        """`module` is the file that the code replaces; `done` is a pipe, see `compile_server`."""
-        self._module, self._done = module, done
-        self._began = time.monotonic()
-
-    def code(self) -> bytes | None:
-        """The object code, when all of it is written; None if the process fails."""
-        with selectors.DefaultSelector() as events:
-            events.register(self._done, selectors.EVENT_READ)
-            while not events.select(REPORT_PERIOD):
-                _log.info("still compiling: %.0f s", time.monotonic() - self._began)
-        if os.read(self._done, 1) != DONE:
-            return None
-        _log.info("compiled in %.0f s", time.monotonic() - self._began)
-        self._module.seek(0)
-        return self._module.read()
-
-    def close(self) -> None:
-        """Close the files; the code is not needed any more."""
-        if not self._module.closed:
-            self._module.close()
-            os.close(self._done)
-
-
-def _write(file: IO[bytes], content: bytes) -> None:
-    """Write all to a file without a buffer, which may take a part at a time.
-
-    :raises OSError: the disk is full, or the file too long.
-    """
-    rest = memoryview(content)
-    while rest:
-        rest = rest[file.write(rest) :]
-
-
 def compile_apart(text: str, cpu: str, features: str, level: int) -> bytes | None:
-    """The object code of a long module, see `CompileProcesses`; None if the process fails or cannot be started."""
-    with CompileProcesses(cpu, features, level) as processes:
-        if (begun := processes.compile(text)) is None:
-            return None
-        with closing(begun):
-            return begun.code()
+    """The object code of a long module, see `object_code`; None if the process fails or cannot be started.
+
+    Progress is logged. An exception that is raised here, such as that of Ctrl-C, ends the process.
+    """
+    _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
+    began = time.monotonic()
+    try:
+        process = _started(cpu, features, str(level))
+    except OSError:
+        return None
+    with process:
+        try:
+            code = _output(process, text, began)
+        finally:
+            process.kill()
+    if process.returncode or not code:
+        return None
+    _log.info("compiled in %.0f s", time.monotonic() - began)
+    return code
+
+
+def _started(*arguments: str) -> subprocess.Popen[bytes]:
+    """The program with these arguments, in the same interpreter with the modules of this process.
+
+    It has a session of its own: Ctrl-C in a terminal does not interrupt it. Without `site` it starts sooner.
+    """
+    paths = [*(path for path in sys.path if isinstance(path, str) and path), _PACKAGES]
+    return subprocess.Popen(  # noqa: S603  (own arguments)
+        [sys.executable or "", "-P", "-S", str(PROGRAM), *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+        start_new_session=True,
+    )
+
+
+def _output(process: subprocess.Popen[bytes], text: str, began: float) -> bytes:
+    """What the process writes until it ends."""
+    given: bytes | None = text.encode()
+    while True:
+        try:
+            return process.communicate(given, timeout=REPORT_PERIOD)[0]
+        except subprocess.TimeoutExpired:
+            given = None  # it goes on being written
+            _log.info("still compiling: %.0f s", time.monotonic() - began)

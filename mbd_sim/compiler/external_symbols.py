@@ -22,16 +22,13 @@ NAMES = (
     "PyEval_SaveThread",
     "PyEval_RestoreThread",
     "Py_IncRef",
-    "Py_DecRef",
-    "PyDict_New",
-    "PyDict_SetItem",
     "PyList_Size",
     "PyList_GetItem",
     "PyTuple_Size",
     "PyFloat_AsDouble",
 )
 
-VERSION, NEW = 0, 93  # of `PyArray_GetNDArrayCVersion` and `PyArray_New` in NumPy's table of functions
+VERSION = 0  # of `PyArray_GetNDArrayCVersion` in NumPy's table of functions
 _KNOWN = (0x0100_0009, 0x0200_0000)  # binary interfaces: those of NumPy 1 and 2
 
 
@@ -43,15 +40,14 @@ def external_symbols() -> dict[str, int]:
 
     :raises ImportError: this version of NumPy may place the fields differently.
     """
-    numpy_functions = _numpy_functions()
-    version = ctypes.CFUNCTYPE(ctypes.c_uint)(numpy_functions[VERSION])()
+    version = ctypes.CFUNCTYPE(ctypes.c_uint)(_numpy_functions()[VERSION])()
     if version not in _KNOWN:
         raise ImportError(
             f"NumPy {np.__version__} has the binary interface {version:#x}, which mbd_sim does not know. "
             "Install an older NumPy: pip install 'numpy<3'."
         )
     functions = {name: ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0 for name in NAMES}
-    return {**functions, NONE: id(None), "PyArray_New": numpy_functions[NEW], "PyArray_Type": id(np.ndarray)}
+    return {**functions, NONE: id(None)}
 
 
 def _numpy_functions() -> ctypes.Array[ctypes.c_size_t]:
@@ -60,4 +56,4 @@ def _numpy_functions() -> ctypes.Array[ctypes.c_size_t]:
     capsule = import_module(f"{core}._multiarray_umath")._ARRAY_API
     pointer = ctypes.pythonapi.PyCapsule_GetPointer
     pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    return (ctypes.c_size_t * (NEW + 1)).from_address(pointer(capsule, None))
+    return (ctypes.c_size_t * (VERSION + 1)).from_address(pointer(capsule, None))

@@ -11,7 +11,7 @@ from mbd_sim.compiler.external_symbols import NONE
 from mbd_sim.compiler.ir import POINTER, VOID, Block, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer
-from mbd_sim.compiler.python_callable import LARGEST, STEPS_AT_ONCE, SUCCESSOR
+from mbd_sim.compiler.python_callable import LARGEST
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 
@@ -37,8 +37,7 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
     """Emit `PyObject* call(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
     It is `step(n=1)` for the usual case: it advances and adds n to the step counter. In any other case it calls the
-    second entry of `self` with the same arguments, which raises the error. In a module that is not `fast`, the function
-    at the address `SUCCESSOR` takes the place of `advance`, and more than `STEPS_AT_ONCE` steps are another case.
+    second entry of `self` with the same arguments, which raises the error.
 
     :param roles: of each argument of `advance`: "first", "h", "steps", or anything else for a pointer. The first entry
         of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
@@ -63,11 +62,7 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
     values = {"first": first, "h": b.load(address(1), typ=DOUBLE), "steps": steps}
     pointers = iter(range(2, 2 + len(roles)))
     passed = [values[role] if role in values else address(next(pointers)) for role in roles]
-    function = Value(POINTER, f'@"{advance.name}"')
-    if not module.fast:
-        successor = b.load(module.variable(SUCCESSOR, POINTER), typ=POINTER)
-        function = b.select(b.icmp_unsigned("==", successor, Value(POINTER, "null")), function, successor)
-    finite = _emit_advance(b, python, function, passed, steps)
+    finite = _emit_advance(b, python, advance, passed, steps)
     with b.if_then(b.icmp_unsigned("!=", finite, integer(0)), likely=True):
         b.store(b.add(first, steps), counter)
         b.call(python["Py_IncRef"], [none])
@@ -94,8 +89,7 @@ def _emit_step_count(
 
     b.position_at_end(blocks["given"])
     number = b.call(python["PyLong_AsLongLong"], [b.load(arguments, typ=POINTER)])
-    most = LARGEST if b.module.fast else STEPS_AT_ONCE
-    in_range = b.icmp_unsigned("<=", number, integer(most))  # false for negative numbers, read as unsigned
+    in_range = b.icmp_unsigned("<=", number, integer(LARGEST))  # false for negative numbers, read as unsigned
     b.cbranch(in_range, blocks["known"], blocks["doubtful"])
 
     b.position_at_end(blocks["doubtful"])
@@ -113,22 +107,19 @@ def _emit_step_count(
 def _emit_advance(
     b: IRBuilder,
     python: Mapping[str, Function],
-    advance: Value,
+    advance: Function,
     passed: Sequence[Value],
     steps: Value,
 ) -> Value:
-    """Emit the call of the function at an address, without the interpreter's lock if there are many steps.
-
-    Returns its result.
-    """
+    """Emit the call of `advance`, without the interpreter's lock if there are many steps. Returns its result."""
     with b.if_else(b.icmp_unsigned(">=", steps, integer(RELEASING))) as (many, few):
         with many:
             thread = b.call(python["PyEval_SaveThread"], [])
-            result_unlocked = b.call_address(advance, passed, INT)
+            result_unlocked = b.call(advance, passed)
             b.call(python["PyEval_RestoreThread"], [thread])
             end_unlocked = b.block
         with few:
-            result_locked = b.call_address(advance, passed, INT)
+            result_locked = b.call(advance, passed)
             end_locked = b.block
     result = b.phi(INT)
     result.add_incoming(result_unlocked, end_unlocked)

@@ -9,11 +9,11 @@ from mbd_sim.compiler.ir import Module
 from mbd_sim.compiler.machine_code import MachineCode, compile_text
 
 
-def new_module(level: int | None = None) -> Module:
-    """An empty module for this machine; `level` is that of LLVM's code generator, by default `machine_code.LEVEL`."""
-    return Module(llvm.get_default_triple(), machine_code.LEVEL if level is None else level)
+def new_module() -> Module:
+    """An empty module for this machine."""
+    return Module(llvm.get_default_triple(), is_fast=machine_code.LEVEL > 0)
 
 
 def compile_module(module: Module) -> MachineCode:
     """Optimize and compile a module, or load its object code if the same code was compiled before."""
-    return compile_text(str(module), module.level)
+    return compile_text(str(module))

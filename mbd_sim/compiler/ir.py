@@ -91,15 +91,9 @@ class Function:
         return self.blocks[-1]
 
     def __str__(self) -> str:
-        return self.definition(self.linkage) if self.blocks else self.declaration()
-
-    def definition(self, linkage: str) -> str:
-        """The text of the function, with a linkage."""
-        return "\n".join([f"define {linkage} {self._signature} {{", *map(str, self.blocks), "}"])
-
-    def declaration(self) -> str:
-        """The text that declares the function where it is not defined."""
-        return f"declare {self._signature}"
+        if not self.blocks:
+            return f"declare {self._signature}"
+        return "\n".join([f"define {self.linkage} {self._signature} {{", *map(str, self.blocks), "}"])
 
     @property
     def _signature(self) -> str:
@@ -112,16 +106,15 @@ class Function:
 class Module:
     """The functions and variables that are compiled together, by name.
 
-    `level` is that of LLVM's code generator. Above 0 the code is `fast`, and takes longer to compile: small functions
-    are inlined, and operations on vectors of up to `unrolled` components are unrolled; those on longer ones are loops.
+    If the code `is_fast`, it takes longer to compile: small functions are inlined, and operations on vectors of up to
+    `unrolled` components are unrolled; those on longer ones are loops.
     """
 
-    def __init__(self, triple: str, level: int = 1) -> None:
-        self.triple, self.level, self.fast = triple, level, level > 0
+    def __init__(self, triple: str, *, is_fast: bool = True) -> None:
+        self.triple, self.fast = triple, is_fast
         self.unrolled = UNROLLED if self.fast else 0
         self.functions: dict[str, Function] = {}
         self._variables: dict[str, Type] = {}
-        self._own_variables: dict[str, Type] = {}
         self._tables: dict[str, Sequence[int]] = {}
 
     def add(self, name: str, function: Function) -> None:
@@ -142,24 +135,17 @@ class Module:
         self._variables[name] = type_
         return Value(POINTER, f'@"{name}"')
 
-    def variable(self, name: str, type_: Type) -> Value:
-        """The address of a variable of the module, which is zero at first."""
-        self._own_variables[name] = type_
-        return Value(POINTER, f'@"{name}"')
-
     def table(self, name: str, numbers: Sequence[int]) -> Value:
         """The address of constant 64-bit integers."""
         self._tables[name] = numbers
         return Value(POINTER, f'@"{name}"')
 
     def __str__(self) -> str:
-        return "\n".join([self.header(), *map(str, self.functions.values()), ""])
+        return "\n".join([self._header(), *map(str, self.functions.values()), ""])
 
-    def header(self) -> str:
+    def _header(self) -> str:
         """The text before the functions: the processor and the variables."""
         variables = [f'@"{name}" = external global {type_}' for name, type_ in self._variables.items()]
-        # Weak: the parts of a module, each of which has this text, share the variable.
-        variables += [f'@"{name}" = weak global {type_} zeroinitializer' for name, type_ in self._own_variables.items()]
         for name, numbers in self._tables.items():
             entries = ", ".join(f"i64 {entry}" for entry in numbers)
             variables.append(f'@"{name}" = internal constant [{len(numbers)} x i64] [{entries}]')

@@ -195,12 +195,6 @@ class IRBuilder:
         call += "" if inline else " noinline"
         return self._called(result, call)
 
-    def call_address(self, address: Value, arguments: Sequence[Value], result: Type = VOID) -> Value:
-        """Call a function at an address."""
-        return self._called(
-            result, f"call {result} {address.text}({', '.join([f'{a.type} {a.text}' for a in arguments])})"
-        )
-
     def _called(self, result: Type, call: str) -> Value:
         if result != VOID:
             return self.value(result, call)

@@ -10,14 +10,12 @@ import casadi as ca
 
 from mbd_sim.compiler.adams_step import adams_step
 from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
-from mbd_sim.compiler.concurrent_build import ConcurrentBuild
 from mbd_sim.compiler.fastcall import emit_call
-from mbd_sim.compiler.host_module import new_module
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import Instructions, passed_on
 from mbd_sim.compiler.ir import Function, Module
 from mbd_sim.compiler.like_operations import Branch
-from mbd_sim.compiler.lowering import declare, export, instruction_count, lower
-from mbd_sim.compiler.module_parts import EXPORTED
+from mbd_sim.compiler.lowering import export, instruction_count, lower
 from mbd_sim.compiler.packed_lowering import lower_packed
 from mbd_sim.compiler.packing import Packing, packed
 from mbd_sim.compiler.runge_kutta_step import explicit_step
@@ -33,7 +31,6 @@ from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.taylor import Taylor
 
 if TYPE_CHECKING:
-    from mbd_sim.compiler.compile_process import CompileProcesses
     from mbd_sim.compiler.guarded_system import OneSidedSystem
     from mbd_sim.compiler.rosenbrock_w_step import PartialFunctions
 
@@ -43,8 +40,6 @@ INLINED = 2200  # instructions of all stages together up to which the rates are 
 FEW = 20
 MOVED = 40  # components that a projection changes, up to which they are copied one by one, and others are left alone
 STATE = 1  # the argument of a projection that it moves
-# Instructions of the rates and the readers from which on functions are compiled while others are still being traced.
-LONG = 6000
 # Readers are called rarely, and in one block without loops LLVM finds little to improve: not optimized, they compile in
 # half the time and take 1.0 to 1.1 of the time.
 NOT_OPTIMIZED = ("noinline", "optnone")
@@ -62,8 +57,6 @@ def compile_kernel(
     one_sided: OneSidedSystem | None = None,
     between_steps: BetweenSteps | None = None,
     like_branches: Sequence[Sequence[Branch]] = (),
-    processes: CompileProcesses | None = None,
-    level: int | None = None,
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -74,40 +67,31 @@ def compile_kernel(
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     :param between_steps: what changes in the state at the start of a step.
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
-    :param processes: for long kernels, if they have been started earlier; they are ended.
-    :param level: of LLVM's code generator; by default `machine_code.LEVEL`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
-    module = new_module(level)
-    is_long = sum(function.n_instructions() for function in (rates, *readers.values())) >= LONG
-    with ConcurrentBuild(module, processes) as build:
-        emit = _emit_readers_early(module, build, readers) if is_long else partial(lower, module, inline=False)
-        partial_functions = _emit_partial_system(trace_partial_system(), emit)
-        program = arranged(rates)
-        system = emit_system(
-            module,
-            rates,
-            program,
-            projection,
-            method,
-            core.stop,
-            between_steps=between_steps,
-            packing=packed(program, like_branches) if module.fast else None,
-        )
-        if is_long:
-            build.compile_finished()
-        advance = _emit_advance(module, system, method, rates, program, core, partial_functions, one_sided)
-        emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
-        if not is_long:
-            emit_readers(module, readers)
-        code = build.machine_code()
+    module = new_module()
+    partial_functions = _emit_partial_system(trace_partial_system(), partial(lower, module, inline=False))
+    program = arranged(rates)
+    system = emit_system(
+        module,
+        rates,
+        program,
+        projection,
+        method,
+        core.stop,
+        between_steps=between_steps,
+        packing=packed(program, like_branches) if module.fast else None,
+    )
+    advance = _emit_advance(module, system, method, rates, program, core, partial_functions, one_sided)
+    emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
+    for name, function in readers.items():
+        export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
     signature = KernelSignature(
         readers={name: function.n_in() for name, function in readers.items()},
         instructions=instruction_count(program),
         guarded=one_sided is not None,
-        optimized=module.fast,
     )
-    return Kernel(code, signature)
+    return Kernel(compile_module(module), signature)
 
 
 def _emit_advance(
@@ -143,38 +127,6 @@ def _emit_partial_system(
     from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
 
     return emit_partial_system(*system, emit)
-
-
-def _emit_readers_early(
-    module: Module, build: ConcurrentBuild, readers: Mapping[str, ca.Function]
-) -> Callable[[ca.Function], Function]:
-    """Begin to compile the readers; if a process has been started, it emits them as well.
-
-    :return: what emits, or declares, further functions that are not inlined.
-    """
-    if build.has_started:
-        build.emit_apart(partial(emit_readers, readers=readers))
-        return partial(_declare, module, build)
-    emit_readers(module, readers)
-    build.compile_finished()
-    return partial(lower, module, inline=False)
-
-
-def _declare(module: Module, build: ConcurrentBuild, function: ca.Function) -> Function:
-    """Declare a function in a module, and let a process emit it."""
-    build.emit_apart(partial(emit_exported, function=function))
-    return declare(module, function.name(), function.n_in() + function.n_out())
-
-
-def emit_exported(module: Module, function: ca.Function) -> None:
-    """Emit a function that other modules may call."""
-    lower(module, function, inline=False).linkage = EXPORTED
-
-
-def emit_readers(module: Module, readers: Mapping[str, ca.Function]) -> None:
-    """Emit and export functions of the state, as `read_` and their names."""
-    for name, function in readers.items():
-        export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
 
 
 def emit_system(

@@ -133,17 +133,11 @@ def export(module: Module, name: str, function: Function, attributes: Sequence[s
 
 def define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
     """A function of so many addresses that do not overlap, and a builder of it."""
-    function = declare(module, name, arguments, inline)
-    return function, new_builder(function.append_basic_block("entry"), lanes)
-
-
-def declare(module: Module, name: str, arguments: int, inline: bool = False) -> Function:
-    """A function of so many addresses that do not overlap, which is not defined yet."""
     function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)
     function.linkage = "internal"
     function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind", *SHORT_ADDRESSES]
     function.noalias = True
-    return function
+    return function, new_builder(function.append_basic_block("entry"), lanes)
 
 
 class Lowering:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-
 import llvmlite
 import llvmlite.binding as llvm
 
@@ -18,10 +16,10 @@ LONG = 1_000_000  # characters of IR from which on a process of its own pays: it
 
 
 class MachineCode:
-    """Compiled functions, which live as long as this object; `keys` are those of their object code in the cache."""
+    """Compiled functions, which live as long as this object; `key` is that of their object code in the cache."""
 
-    def __init__(self, library: llvm.ResourceTracker, linker: llvm.LLJIT, keys: tuple[str, ...]) -> None:
-        self.keys, self._name = keys, library.name
+    def __init__(self, library: llvm.ResourceTracker, linker: llvm.LLJIT, key: str) -> None:
+        self.key, self._name = key, library.name
         self._linker, self._in_use = linker, [library]
 
     def address(self, name: str) -> int:
@@ -31,52 +29,41 @@ class MachineCode:
         return int(found[name])
 
 
-def compiler_identity(level: int | None = None) -> tuple[str, ...]:
+def compiler_identity() -> tuple[str, ...]:
     """What object code depends on besides the IR: the processor and its features, LLVM, and how it is used."""
-    cpu, features = host()
+    cpu, features = _host()
     version = ".".join(map(str, llvm.llvm_version_info))
-    return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL if level is None else level))
+    return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL))
 
 
-def code_key(text: str, level: int) -> str:
-    """The key in the cache of the object code of IR at a level of LLVM's code generator."""
-    return disk_cache.key(text, *compiler_identity(level))
-
-
-def compile_text(text: str, level: int) -> MachineCode:
+def compile_text(text: str) -> MachineCode:
     """Optimize and compile IR, or load the object code if the same code was compiled before."""
-    key = code_key(text, level)
+    key = disk_cache.key(text, *compiler_identity())
     code = disk_cache.load(key)
     if code is None:
-        code = _compiled(text, *host(), level)
+        code = _compiled(text, *_host(), LEVEL)
         disk_cache.store(key, code)
-    return linked({key: code})
+    return linked(key, code)
 
 
-def load_code(keys: Iterable[str]) -> MachineCode | None:
-    """The machine code of the parts with these keys, if all of them are in the cache."""
-    codes = {}
-    for key in keys:
-        if (code := disk_cache.load(key)) is None:
-            return None
-        codes[key] = code
-    return linked(codes)
+def load_code(key: str) -> MachineCode | None:
+    """The machine code with this key, if it is in the cache."""
+    code = disk_cache.load(key)
+    return None if code is None else linked(key, code)
 
 
-def host() -> tuple[str, str]:
+def _host() -> tuple[str, str]:
     """The processor and its features, in the words of LLVM."""
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def linked(codes: Mapping[str, bytes]) -> MachineCode:
-    """The machine code of object code, by its keys, whose parts may call each other's functions."""
-    linker = llvm.create_lljit_compiler(target_machine(*host(), LEVEL), use_jit_link=True)
-    builder = llvm.JITLibraryBuilder().add_current_process()
-    for code in codes.values():
-        builder.add_object_img(code)
+def linked(key: str, code: bytes) -> MachineCode:
+    """The machine code of object code."""
+    linker = llvm.create_lljit_compiler(target_machine(*_host(), LEVEL), use_jit_link=True)
+    builder = llvm.JITLibraryBuilder().add_current_process().add_object_img(code)
     for name, address in external_symbols().items():
         builder.import_symbol(name, address)
-    return MachineCode(builder.link(linker, next(iter(codes))), linker, tuple(codes))
+    return MachineCode(builder.link(linker, key), linker, key)
 
 
 def _compiled(text: str, cpu: str, features: str, level: int) -> bytes:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import functools
-import hashlib
-import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import llvmlite.binding as llvm
 
@@ -28,13 +25,6 @@ LONG_CODE_OPTIONS = (
     ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
     ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
 )
-# Lines of IR from which on the addresses of a function of the rates are made shorter, see `near_addresses`. In other
-# functions, such as those of a Jacobian, that takes as long but saves nothing.
-NEAR_ADDRESSES = 1000
-_RATES = re.compile(r'^define [a-z ]*void @"(rates(?:\.\d+)?)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
-# If there is a fused multiply-add in every so many characters of IR, `select_in_blocks` saves time, up to half of it.
-SELECTED_IN_BLOCKS = 800
-_FUSED = re.compile(r'call double @"llvm\.fma\.f64"')
 _COMPILING = threading.Lock()  # these options are variables of the whole process
 
 
@@ -43,17 +33,8 @@ def compiler_options(level: int) -> tuple[str, ...]:
     long = (
         *(f"long: no {name}" for name in SKIPPED_IN_LONG_CODE),
         *(f"{name}={value}" for name, value, _ in LONG_CODE_OPTIONS),
-        f"{NEAR_ADDRESSES} lines of rates: near addresses {_near_addresses_digest()}",
     )
-    selection = () if level else (f"selected in blocks: {SELECTED_IN_BLOCKS}",)
-    return *ADDRESSES.values(), *PASSES[level], f"O{level}", *long, *selection
-
-
-@functools.cache
-def _near_addresses_digest() -> str:
-    """That of the source of the pass: other code of this package changes the IR, but this one only the object code."""
-    sources = (Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("near_addresses", "memory_order"))
-    return hashlib.sha256(b"".join(sources)).hexdigest()
+    return *ADDRESSES.values(), *PASSES[level], f"O{level}", *long
 
 
 @functools.cache
@@ -106,26 +87,4 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
         getattr(passes, f"add_{name}_pass")()
     with _options(is_long=is_long):
         passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
-        functions = _long_rates(text)
-        if functions and level and re.match("x86_64.*linux", parsed.triple):
-            from mbd_sim.compiler.near_addresses import as_module, with_near_addresses
-
-            assembly = with_near_addresses(machine.emit_assembly(parsed), functions)
-            parsed = llvm.parse_assembly(as_module(assembly, parsed.triple))
         return bytes(machine.emit_object(parsed))
-
-
-def select_in_blocks(text: str, level: int) -> None:
-    """Let LLVM select the instructions of blocks together where that is faster, in a process that compiles only this.
-
-    At level 0, it selects one after the other in a simple way, which knows no fused multiply-add: each of these takes
-    80 µs. The option cannot be withdrawn, and would slow down the compilation of code without such operations.
-    """
-    if level == 0 and len(_FUSED.findall(text)) * SELECTED_IN_BLOCKS > len(text):
-        llvm.set_option("mbd_sim", "-fast-isel=false")
-
-
-def _long_rates(text: str) -> frozenset[str]:
-    """The functions of the rates in IR that are not inlined, and have at least `NEAR_ADDRESSES` lines."""
-    found = _RATES.findall(text)
-    return frozenset(n for n, head, body in found if "alwaysinline" not in head and body.count("\n") >= NEAR_ADDRESSES)

@@ -7,10 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
-# Code that is not optimized calls the function at this address instead of its own, once there is one. A call that runs
-# is not replaced before its end, so it takes at most so many steps.
-SUCCESSOR = "successor"
-STEPS_AT_ONCE = 1000
 HEAD = object.__basicsize__  # bytes of the head of every object, `PyObject`
 TYPE = HEAD - ctypes.sizeof(ctypes.c_void_p)  # offset of the address of its type
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
@@ -25,6 +21,11 @@ class _MethodDefinition(ctypes.Structure):
         ("flags", ctypes.c_int),
         ("doc", ctypes.c_char_p),
     )
+
+
+def function_of_addresses(address: int, count: int) -> Any:
+    """The machine code at an address as a Python function of `count` addresses, without a result."""
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * count)(address)
 
 
 def callable_of(

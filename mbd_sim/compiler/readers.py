@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.bound_call import ALL, Call, Clock, CompiledFunction
-from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.lowering import export, lower
+from mbd_sim.compiler.python_callable import function_of_addresses
 
 
 class CompiledReaders:

@@ -11,10 +11,8 @@ from pydantic import create_model
 from pydantic.json_schema import GenerateJsonSchema
 
 from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.schema.base_schema import SUFFIX, Spec
+from mbd_sim.mechanism_file.schema.base_schema import SUFFIX, Spec, validator_of
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
-from mbd_sim.mechanism_file.schema.later import whole_schema
-from mbd_sim.mechanism_file.schema.validators import validator_of
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS
 
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
@@ -95,15 +93,11 @@ def _nodes_of(data: Any, location: Location) -> list[SchemaNode]:
 
 
 class _Generator(GenerateJsonSchema):
-    """Names the definitions like the Python classes, without their suffix, and sees types that are built later."""
+    """Names the definitions like the Python classes, without their suffix."""
 
     def normalize_name(self, name: str) -> str:
         """The name of a definition."""
         return super().normalize_name(name.removesuffix(SUFFIX))
-
-    def field_title_should_be_set(self, schema: Any) -> bool:
-        """Whether a field is entitled by its name: its type has no title of its own."""
-        return super().field_title_should_be_set(whole_schema(schema))
 
 
 @functools.cache

@@ -12,17 +12,15 @@ from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in
 from mbd_sim.mechanism_file.coordinate_names import coordinate_names
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
-from mbd_sim.mechanism_file.schema.deferred_types import (
-    AnyActuatorSpec,
-    AnyConstraintSpec,
-    AnyForceSpec,
-    AnySensorSpec,
-    ContactSpec,
-    TableSpec,
-)
+from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
+from mbd_sim.mechanism_file.schema.base_schema import validator_of
+from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
+from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
-from mbd_sim.mechanism_file.schema.validators import validator_of
+from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
+from mbd_sim.mechanism_file.schema.table_schema import TableSpec
 from mbd_sim.mechanism_file.validation_problems import problem_of
 
 MANY = 1000  # problems beyond which no further ones are searched for

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.moving_points import MovingFrame as MovingFrame
     from mbd_sim.simulation.moving_points import MovingPoint as MovingPoint
     from mbd_sim.simulation.part_motion import motion_of as motion_of
-    from mbd_sim.simulation.quick_start import note_build as note_build
-    from mbd_sim.simulation.quick_start import optimize_later as optimize_later
-    from mbd_sim.simulation.quick_start import unfinished_model as unfinished_model
     from mbd_sim.simulation.requested_functions import RequestedFunctions as RequestedFunctions
     from mbd_sim.simulation.sensor_model import SensorModel as SensorModel
     from mbd_sim.simulation.sensor_samples import SensorSamples as SensorSamples
@@ -49,7 +46,6 @@ else:
             "motions": ("MotionReaders",),
             "moving_points": ("MovingFrame", "MovingPoint"),
             "part_motion": ("motion_of",),
-            "quick_start": ("note_build", "optimize_later", "unfinished_model"),
             "requested_functions": ("RequestedFunctions",),
             "sensor_model": ("SensorModel",),
             "sensor_samples": ("SensorSamples",),

@@ -17,7 +17,6 @@ from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuated_model import ActuatedModel
-from mbd_sim.simulation.build_order import BuildOrder
 from mbd_sim.simulation.live_values import LiveParameters
 from mbd_sim.simulation.loaded_model import LoadedModel
 from mbd_sim.simulation.method_name import require_method
@@ -227,8 +226,6 @@ def build_model(
     loaded: Sequence[str] = (),
     values: SymbolicParameters | LiveParameters | None = None,
     step: float | None = None,
-    *,
-    quick: bool = False,
 ) -> Model:
     """Compile a mechanism, with the method of its file or the one named; `auto` chooses one, see `choose_method`.
 
@@ -236,26 +233,25 @@ def build_model(
     :param values: numbers of the mechanism that become inputs instead of constants: see `derive`. Only models without
         such numbers, and those with live ones, come from the cache.
     :param step: in s; by default that of the file.
-    :param quick: whether code that is not optimized may be used at first: see `quick_start`.
     :raises MechanismError: the method is unknown, or the equations are singular at the start.
     """
     name, given_step = require_method(mechanism, method), step or mechanism.step
-    order = BuildOrder(mechanism, name, tuple(loaded), values, given_step)
+
+    def trace() -> Equations:
+        symbols = values.symbolic if isinstance(values, LiveParameters) else values
+        return dynamics.derive(mechanism, loaded, symbols, given_step)
+
     live = values.digest if isinstance(values, LiveParameters) else ""
     key = None
     if disk_cache.folder() is not None and (
         values is None or isinstance(values, LiveParameters) or not len(values.base)
     ):
         key = model_key(mechanism, name, loaded, given_step, live)
-        if (found := load_prepared(key) or (simulation.unfinished_model(key) if quick else None)) is not None:
-            return Model(mechanism, *found, order.trace, key=key)
-    quick = quick and key is not None and simulation.note_build(mechanism, key)
+        if (found := load_prepared(key)) is not None:
+            return Model(mechanism, *found, trace, key=key)
     with paused_collection(), interruptible_tracing():
-        built = simulation.build(mechanism, name, order.trace, given_step, quick=quick)
+        built = simulation.build(mechanism, name, trace, given_step)
     if key is not None and simulation.can_be_stored(built.equations):
-        if quick:
-            simulation.optimize_later(built.prepared, built.kernel, key, order)
-        else:
-            store_prepared(key, built.prepared, built.kernel)
+        store_prepared(key, built.prepared, built.kernel)
     contact = simulation.contact_model(built.equations, built.kernel)
     return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, contact, key)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim import compiler, simulation
-from mbd_sim.compiler.python_callable import STEPS_AT_ONCE
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
@@ -100,26 +99,6 @@ class KernelMemory:
         """
         if self.contacts is not None:
             return self.contacts.advance(self.y, self.inputs, self._counter, self.step_size, n, self._error_estimate)
-        if self._kernel.signature.optimized or n <= STEPS_AT_ONCE:
-            return self._counted(n)
-        y, history, steps = self.y.copy(), self.history.copy(), self.steps
-        while left := steps + n - self.steps:
-            if not self._counted(min(left, STEPS_AT_ONCE)):
-                self.y[:], self.history[:], self._counter[0] = y, history, steps
-                return self._at_once(n)  # which fails too, with the error estimate of optimized code
-        return True
-
-    def _at_once(self, n: int) -> bool:
-        """Advance by any number of steps in one call, and count them after it."""
-        addresses = self.y.ctypes.data, self.inputs.ctypes.data
-        step_size, estimate = self.step_size, self._error_estimate.ctypes.data
-        if not self._kernel.estimating_advance(*addresses, self.steps, step_size, n, estimate):
-            return False
-        self._counter[0] += n
-        return True
-
-    def _counted(self, n: int) -> bool:
-        """Advance in one call that counts its steps; code that is not optimized takes at most `STEPS_AT_ONCE`."""
         if self._step is None:
             self._step = self.compiled_step(lambda n: False)
         return self._step(n) is None

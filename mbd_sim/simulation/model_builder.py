@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 
-from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.bound_kernel import Kernel
-from mbd_sim.compiler.concurrent_build import compile_processes, is_likely_long
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
 from mbd_sim.compiler.method_history import history_size
 from mbd_sim.dynamics.equations import Equations
@@ -22,7 +20,6 @@ from mbd_sim.simulation.method_choice import MethodChoice, choose_method, requir
 from mbd_sim.simulation.prepared_model import PreparedModel
 
 if TYPE_CHECKING:
-    from mbd_sim.compiler.compile_process import CompileProcesses
     from mbd_sim.simulation.contact_terms import ContactModel
 
 MANY_JOINTS = 10  # from which on the derivation takes a second or more
@@ -38,32 +35,22 @@ class BuiltModel(NamedTuple):
     kernel: Kernel
 
 
-def build(
-    mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float, *, quick: bool = False
-) -> BuiltModel:
+def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float) -> BuiltModel:
     """Trace and compile a mechanism.
 
     :param method: its name, which may be `auto`.
     :param trace: derives its equations.
     :param step: in s.
-    :param quick: whether the code need not be optimized, if the model can be stored.
     :raises MechanismError: the method does not fit, or the equations are singular at the start.
     """
     if len(mechanism.all_joints) >= MANY_JOINTS:
         _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, method)
-    level = 0 if quick else machine_code.LEVEL
-    with compile_processes(level) as processes:
-        if is_likely_long(len(mechanism.all_joints)):
-            processes.start()
-        equations = trace()
-        centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
-        inputs = equations.inputs_at_start(centers)
-        choice = choose_method(mechanism, equations, inputs, method, step)
-        if quick and not can_be_stored(equations):
-            kernel = _kernel(equations, choice, None, machine_code.LEVEL)
-        else:
-            kernel = _kernel(equations, choice, processes, level)
+    equations = trace()
+    centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
+    inputs = equations.inputs_at_start(centers)
+    choice = choose_method(mechanism, equations, inputs, method, step)
+    kernel = _kernel(equations, choice)
     prepared = PreparedModel(
         method=choice.method.name,
         method_remark=choice.remark,
@@ -100,7 +87,7 @@ def partial_system(equations: Equations, method: Method) -> PartialSystem | None
     return equations.joint_linearization.partial_system if joints_only else None
 
 
-def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProcesses | None, level: int) -> Kernel:
+def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
     one_sided = None
     if equations.contact is not None:
         from mbd_sim.simulation.contact_system import one_sided_system
@@ -116,8 +103,6 @@ def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProces
         one_sided,
         None if equations.actuators is None else equations.actuators.between_steps,
         equations.like_branches,
-        processes,
-        level,
     )
 
 

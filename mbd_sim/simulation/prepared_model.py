@@ -42,7 +42,7 @@ class PreparedModel(NamedTuple):
 
 class _Entry(NamedTuple):
     prepared: PreparedModel
-    code: tuple[str, ...]  # the keys of the object code
+    code: str  # the key of the object code
 
 
 def model_key(mechanism: Mechanism, method: str, loaded: Sequence[str], step: float, live: str = "") -> str:
@@ -74,4 +74,4 @@ def load_prepared(key: str) -> tuple[PreparedModel, Kernel] | None:
 
 def store_prepared(key: str, prepared: PreparedModel, kernel: Kernel) -> None:
     """Store the data; the kernel is in the cache already."""
-    disk_cache.store(key, pickle.dumps(_Entry(prepared, kernel.code.keys)))
+    disk_cache.store(key, pickle.dumps(_Entry(prepared, kernel.code.key)))

@@ -86,7 +86,7 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         wrenches, live = ([names] if isinstance(names, str) else names for names in (wrenches, live))
         require_parts(wrenches, mechanism)
         values = LiveValues(mechanism, live)
-        model = build_model(mechanism, method, wrenches, values.parameters, step, quick=True)
+        model = build_model(mechanism, method, wrenches, values.parameters, step)
         if model.contact is not None:
             simulation.require_free_start(model)
         self._begin(mechanism, model, values, step)

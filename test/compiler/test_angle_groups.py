@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.angle_groups import angle_groups, packed_angles, vector_size
-from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import Instruction, instructions_of
 from mbd_sim.compiler.lowering import lower
+from mbd_sim.compiler.python_callable import function_of_addresses
 from mbd_sim.compiler.readers import export
 
 

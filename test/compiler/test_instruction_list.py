@@ -3,10 +3,10 @@
 import casadi as ca
 import numpy as np
 
-from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import passed_on
 from mbd_sim.compiler.lowering import export, lower
+from mbd_sim.compiler.python_callable import function_of_addresses
 from mbd_sim.compiler.schedule import arranged
 
 

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 
 from mbd_sim.compiler import lowering
-from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import (
     Graph,
@@ -22,6 +21,7 @@ from mbd_sim.compiler.instruction_list import (
 )
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.object_code import object_code
+from mbd_sim.compiler.python_callable import function_of_addresses
 from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import derive

@@ -29,10 +29,10 @@ sine_and_size = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.py_ob
 
 
 def test_addresses_remain_valid_while_the_code_is_kept():
-    code = compile_text(TEXT, 1)
+    code = compile_text(TEXT)
     first, second = scaled(code.address("scaled")), sine_and_size(code.address("sine_and_size"))
     gc.collect()
-    others = [load_code(code.keys) for _ in range(3)]
+    others = [load_code(code.key) for _ in range(3)]
     assert [scaled(other.address("scaled"))(2.0) for other in others] == [3.0] * 3
     del others
     gc.collect()
@@ -42,4 +42,4 @@ def test_addresses_remain_valid_while_the_code_is_kept():
 
 def test_a_function_that_the_code_does_not_have_is_named():
     with pytest.raises(RuntimeError, match="velocity"):
-        compile_text(TEXT, 1).address("velocity")
+        compile_text(TEXT).address("velocity")

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import Phase, given, settings
 
 from mbd_sim.compiler import packing, split_functions
-from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import (
     MULTIPLY_ADD,
@@ -25,6 +24,7 @@ from mbd_sim.compiler.like_operations import like_operations
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.packed_lowering import lower_packed
 from mbd_sim.compiler.packing import in_order
+from mbd_sim.compiler.python_callable import function_of_addresses
 from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import derive
@@ -91,7 +91,7 @@ def test_steps_of_legs():
         y, inputs = equations.start_state.copy(), np.zeros(equations.rates.nnz_in(2))
         assert kernel.advance(y.ctypes.data, inputs.ctypes.data, 0, 1e-3, 20)
         states.append(y.tobytes())
-        keys.add(kernel.code.keys)
+        keys.add(kernel.code.key)
     assert len(keys) == 2
     assert states[0] == states[1]
 

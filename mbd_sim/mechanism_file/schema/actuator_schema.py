@@ -18,7 +18,6 @@ from mbd_sim.mechanism_file.quantity import (
     TorsionDamping,
 )
 from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.mechanism_file.schema.later import ByType
 from mbd_sim.mechanism_file.schema.law_schema import FrictionTorque
 
 PositiveRatio = Annotated[float, Quantity("", above=0)]
@@ -236,4 +235,6 @@ class PneumaticCylinderSpec(CylinderSpec):
         return self
 
 
-AnyActuatorSpec = Annotated[EffortActuatorSpec | DcMotorSpec | HydraulicCylinderSpec | PneumaticCylinderSpec, ByType()]
+AnyActuatorSpec = Annotated[
+    EffortActuatorSpec | DcMotorSpec | HydraulicCylinderSpec | PneumaticCylinderSpec, Field(discriminator="type")
+]

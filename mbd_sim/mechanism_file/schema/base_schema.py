@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Any
 
 from pydantic import (
@@ -11,6 +12,7 @@ from pydantic import (
     Discriminator,
     StringConstraints,
     Tag,
+    TypeAdapter,
     WithJsonSchema,
     model_validator,
 )
@@ -68,6 +70,12 @@ class Spec(BaseModel):
     def _current_key(cls, key: str, data: dict[str, Any]) -> str:
         current = FORMER_KEYS.get(key, key)
         return current if current in cls.model_fields and current not in data else key
+
+
+@cache
+def validator_of(kind: Any) -> TypeAdapter[Any]:
+    """What reads values of a type, and knows its schema."""
+    return TypeAdapter(kind)
 
 
 def _exactly_one(record: Spec, *keys: str) -> None:

@@ -11,7 +11,6 @@ from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism_file.expression_field import ExpressionField, LengthOfTime
 from mbd_sim.mechanism_file.quantity import Number, PositiveLength, Quantity, Restitution
 from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec
-from mbd_sim.mechanism_file.schema.later import ByType
 
 Coordinate = Annotated[str, StringConstraints(min_length=1)]
 SurfaceExpression = Annotated[TimeExpression, ExpressionField("", ("x", "y", "z", "t"))]
@@ -276,5 +275,5 @@ AnyConstraintSpec = Annotated[
     | KnifeEdgeSpec
     | CableSpec
     | ClutchSpec,
-    ByType(),
+    Field(discriminator="type"),
 ]

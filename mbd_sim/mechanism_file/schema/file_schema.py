@@ -18,6 +18,7 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveTime,
     Quantity,
 )
+from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.base_schema import (
     Color,
     Name,
@@ -28,18 +29,14 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     Vector,
     written_as,
 )
-from mbd_sim.mechanism_file.schema.deferred_types import (
-    AnyActuatorSpec,
-    AnyBaseSpec,
-    AnyConstraintSpec,
-    AnyForceSpec,
-    AnySensorSpec,
-    AnyShapeSpec,
-    ContactSpec,
-    Seed,
-    TableSpec,
-)
+from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
+from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
+from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec, Seed
+from mbd_sim.mechanism_file.schema.shape_schema import AnyShapeSpec
+from mbd_sim.mechanism_file.schema.table_schema import TableSpec
+from mbd_sim.mechanism_file.schema.wheeled_base_schema import AnyBaseSpec
 
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 

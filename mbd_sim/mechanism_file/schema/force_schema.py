@@ -26,7 +26,6 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     TorsionDamping3,
     TorsionStiffness3,
 )
-from mbd_sim.mechanism_file.schema.later import ByType
 from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPowerSpec
 
 SYMMETRIC = 1e-12  # relative difference of two numbers that count as equal
@@ -184,5 +183,5 @@ AnyForceSpec = Annotated[
     | CoupleSpec
     | EffortSpec
     | PotentialSpec,
-    ByType(),
+    Field(discriminator="type"),
 ]

@@ -32,17 +32,15 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     TorsionStiffness3,
     Vector,
 )
-from mbd_sim.mechanism_file.schema.deferred_types import (
-    AngleDrive,
+from mbd_sim.mechanism_file.schema.drive_schema import AngleDrive, LengthDrive
+from mbd_sim.mechanism_file.schema.law_schema import (
     ForceCurveSpec,
-    LengthDrive,
     LinearFrictionSpec,
     LinearPowerSpec,
     TorqueCurveSpec,
     TorsionFrictionSpec,
     TorsionPowerSpec,
 )
-from mbd_sim.mechanism_file.schema.later import ByType
 from mbd_sim.mechanism_file.schema.limits_schema import AngleLimitsSpec, LengthLimitsSpec
 
 Stiffness6 = tuple[
@@ -271,5 +269,5 @@ AnyJointSpec = Annotated[
     | SphericalJointSpec
     | FixedJointSpec
     | FreeJointSpec,
-    ByType(),
+    Field(discriminator="type"),
 ]

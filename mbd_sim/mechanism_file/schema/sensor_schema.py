@@ -10,7 +10,6 @@ from pydantic import AfterValidator, Field, model_validator
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import Angle, PositiveLength, Quantity
 from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec
-from mbd_sim.mechanism_file.schema.later import ByType
 
 Frequency = Annotated[float, Quantity("Hz", above=0)]
 Delay = Annotated[float, Quantity("s", at_least=0)]
@@ -256,5 +255,5 @@ AnySensorSpec = Annotated[
     | PoseSpec
     | TwistSpec
     | OdometrySpec,
-    ByType(),
+    Field(discriminator="type"),
 ]

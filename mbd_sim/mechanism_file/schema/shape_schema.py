@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import Mass, PositiveDensity, PositiveLength
 from mbd_sim.mechanism_file.schema.base_schema import Color, Direction, Name, RotationSpec, Spec, Vector
-from mbd_sim.mechanism_file.schema.later import ByType
 
 
 class ShapeSpec(Spec):
@@ -110,5 +109,5 @@ class SphereSpec(PlacedShapeSpec):
 
 AnyShapeSpec = Annotated[
     RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec,
-    ByType(),
+    Field(discriminator="type"),
 ]

@@ -8,7 +8,6 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from mbd_sim.mechanism_file.quantity import PositiveLength
 from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.mechanism_file.schema.later import ByType
 
 
 def _as_list(value: Any) -> Any:
@@ -61,4 +60,4 @@ class CarBaseSpec(BaseSpec):
     steering: JointNames = Field(description="the steering joint in the middle, or [left, right]")
 
 
-AnyBaseSpec = Annotated[DifferentialBaseSpec | MecanumBaseSpec | CarBaseSpec, ByType()]
+AnyBaseSpec = Annotated[DifferentialBaseSpec | MecanumBaseSpec | CarBaseSpec, Field(discriminator="type")]
