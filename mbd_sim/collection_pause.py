@@ -46,7 +46,7 @@ def paused_collection(*, lasting: bool = False) -> Iterator[None]:
         search takes a twentieth: they are not counted.
     """
     was_on = gc.isenabled()
-    if was_on:
+    if was_on and not gc.get_freeze_count():  # a node that runs must not wait for a search
         _aged.search_if_many()
     gc.disable()
     try:

@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from mbd_sim.errors import CommandError, counted, listed
 from mbd_sim.messages.publication_schedule import rate_remark
+from mbd_sim.messages.snapshot import Due
 from mbd_sim.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros import realtime
 from mbd_sim.ros.build_progress import BuildProgress
@@ -87,6 +88,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             clock=self.rates.clock > 0.0,
             step_size=simulation.step_size,
         )
+        self.publishing_thread.prepare(self.stepping_thread.run.output.snapshot(Due.NEW))
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, log)
@@ -145,7 +147,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 log.error(f"{answer} The run is not recorded.")
             else:
                 log.info(f"recording to {answer}")
-        self.publishing_thread.start(self.stepping_thread.output, simulation.live)
+        self.publishing_thread.start(self.stepping_thread.run.output, simulation.live)
         self.diagnostics.restart()
         self.stepping_thread.start()
         self._prioritize()
@@ -156,6 +158,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         for companion in self.companions:
             companion.stop()
         self.publishing_thread.join()
+        self.diagnostics.collection.close()
         energies = self.publishing_thread.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
         pacer = self.stepping_thread.pacer
