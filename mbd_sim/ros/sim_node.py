@@ -62,9 +62,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         with BuildProgress(self):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
-        self._apply_initial(
-            parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
-        )
+        given = parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
+        self._apply_initial(given)
         self._unknown_parameters = parameters.finish()
         self.commands = command_buffer(parameters, simulation)
         names, timeout = simulation.model.part_names, self.commands.timeout
