@@ -9,6 +9,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, fields
 
 MAX_SHOWN = 20  # problems listed in the text of one error
+MAX_KEY, MAX_TEXT = 200, 800  # characters of a key, and of a message or a remedy, in which names may be of any length
 MAX_COMPARED = 500  # names compared with a misspelled one
 MAX_SUGGESTIONS = 2 * MAX_SHOWN  # searches for similar names in one file, each of which may take milliseconds
 
@@ -33,7 +34,8 @@ class Problem:
     def __post_init__(self) -> None:
         for field in fields(self):
             if field.name != "file" and isinstance(text := getattr(self, field.name), str):
-                object.__setattr__(self, field.name, printable(text))
+                most = MAX_KEY if field.name == "key" else MAX_TEXT
+                object.__setattr__(self, field.name, printable(shortened(text, most)))
 
     def __str__(self) -> str:
         position = ":".join(str(part) for part in (printable(self.file), self.line) if part)
@@ -66,8 +68,8 @@ class InputError(MbdSimError, ValueError):
         self.message, self.remedy, self.value = message, remedy, value
 
     def __str__(self) -> str:
-        text = f"{self.message}. {self.remedy}" if self.remedy else f"{self.message}."
-        return printable(text, keep="\n")
+        message, remedy = shortened(self.message, MAX_TEXT), shortened(self.remedy, MAX_TEXT)
+        return printable(f"{message}. {remedy}" if remedy else f"{message}.", keep="\n")
 
 
 class MechanismError(MbdSimError):
@@ -140,6 +142,11 @@ def printable(text: str, keep: str = "") -> str:
         letter if letter.isprintable() or letter in keep else letter.encode("unicode_escape").decode()
         for letter in text
     )
+
+
+def shortened(text: str, most: int) -> str:
+    """The text, without its middle if it has more than `most` characters."""
+    return text if len(text) <= most else f"{text[: most * 3 // 4]} … {text[-most // 4 :]}"
 
 
 def quoted(value: object, max_length: int = 60) -> str:

@@ -70,3 +70,22 @@ def test_names_of_a_command_are_compared_in_proportion_to_their_number():
     with pytest.raises(CommandError, match=r"^'7' is named twice\. Name each once\.$"):
         require_each_once([*names, CountedName(7), CountedName(5)], "Name each once.")
     assert 0 < CountedName.comparisons < 2 * len(names)
+
+
+LONG = "x" * 200_000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'<robot name="r"><link name="{LONG}"/><link name="a"/></robot>',
+        f'<robot name="r"><link name="a"><inertial><mass value="{"9" * 200_000}x"/></inertial></link></robot>',
+        f'<robot name="r"><link name="a"/><joint name="{LONG}" type="{LONG}"><parent link="{LONG}"/></joint></robot>',
+        f"mechanism: m\nparts: {{a: {{mass: 1}}}}\n? {LONG}\n: 1\n",
+    ],
+)
+def test_long_names_do_not_make_long_messages(text):
+    """A message of 200 kB for one wrong name; a number of so many digits took minutes."""
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(text)
+    assert len(str(caught.value)) < 10_000

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.sensors import Encoder
 from mbd_sim.messages.sensor_messages import sensor_writer
 from mbd_sim.messages.topics import for_each_sensor
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.sensor_model import INDEX, SensorModel, SensorReading
-from mbd_sim.simulation.sensor_samples import Arrival
+from mbd_sim.simulation.sensor_samples import Arrival, StateSample
 
 
 class Measured(NamedTuple):
@@ -31,6 +32,11 @@ class SensorMessages:
         self.names = [topic.name for topic in for_each_sensor(sensors.sensors)]
         self.writers = [sensor_writer(sensors, number, frame_prefix) for number in range(len(sensors.sensors))]
         self._delays_ns = [timing.delay * round(step_size * 1e9) for timing in sensors.timings]
+
+    def prepare(self, y: Array, inputs: Array) -> None:
+        """Derive and import everything that measurements need, by those of one state."""
+        for number, writer in enumerate(self.writers):
+            writer.payload(self._sensors.reading(number, StateSample(0, y, inputs)), 0)
 
     def measured(self, arrivals: Sequence[Arrival], clock_ns: int) -> Iterator[Measured]:
         """The measurements that arrive at a time in ns; the stamp of their messages is the time of the sample."""

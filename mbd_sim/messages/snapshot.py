@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, auto
@@ -30,7 +31,8 @@ class Snapshot:
     `ticks` counts the steps since the node or the recording started, across resets. `clock_ns` is the simulated clock,
     `time` the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts
     first, and `live` the live values by key. `repeated` says that nothing has changed since the last snapshot.
-    `arrivals` are measurements of sensors that arrive at this tick.
+    `arrivals` are measurements of sensors that arrive at this tick. `taken` is the time in s of the steady clock, where
+    a state that is published late may be left out for a newer one; infinite, where all are published.
     """
 
     ticks: int
@@ -43,3 +45,4 @@ class Snapshot:
     repeated: bool = False
     arrivals: Sequence[Arrival] = ()
     live: Mapping[str, float] = field(default_factory=dict)
+    taken: float = math.inf

@@ -127,7 +127,22 @@ def joint_reactions(model: Model, frame_prefix: str) -> StateWriter:
     return StateWriter(message, write)
 
 
-def part_pose(model: Model, frame_prefix: str, part: str) -> StateWriter:
+class SharedPoses:
+    """The poses of all parts in the last snapshot, for the messages of one thread."""
+
+    def __init__(self) -> None:
+        self._snapshot: Snapshot | None = None
+        self._rows = np.empty((0, 7))
+
+    def rows(self, model: Model, snapshot: Snapshot) -> Array:
+        """(parts, 7): see `ros_poses`."""
+        if snapshot is not self._snapshot:
+            self._rows = ros_poses(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs))
+            self._snapshot = snapshot
+        return self._rows
+
+
+def part_pose(model: Model, frame_prefix: str, part: str, poses: SharedPoses) -> StateWriter:
     """The pose of one part in ground's frame."""
     builder = MessageBuilder()
     builder.header(frame_prefix + GROUND)
@@ -136,7 +151,7 @@ def part_pose(model: Model, frame_prefix: str, part: str) -> StateWriter:
     values, index = message.view(place), model.part_names.index(part)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        values[:] = ros_poses(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs))[index]
+        values[:] = poses.rows(model, snapshot)[index]
 
     return StateWriter(message, write)
 

@@ -259,9 +259,9 @@ TOPICS = (
 
 def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence[str]) -> Iterator[OutputTopic]:
     """An entry with `<part>` in its name as one entry for each of some of the mechanism's parts."""
-    tokens = topic_names(part_names)
+    tokens, poses = topic_names(part_names), state_messages.SharedPoses()
     for part in parts:
-        writer = partial(state_messages.part_pose, part=part)
+        writer = partial(state_messages.part_pose, part=part, poses=poses)
         yield replace(topic, name=topic.name.replace(PART, tokens[part]), on_state=writer)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import time
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from mbd_sim.messages.publication_schedule import attained_rate
 from mbd_sim.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.pacing import DurationSummary
 from mbd_sim.ros.publishing_thread import PublishingThread
+from mbd_sim.ros.realtime import CollectionTime, waiting_time
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions, printable
 from mbd_sim.ros.topic_publisher import TopicPublisher
@@ -29,7 +29,11 @@ MAX_SLOWNESS = 0.01  # relative shortfall of the real-time factor
 MAX_RESIDUAL = 1e-6  # energy residual, relative to the energies
 MAX_VIOLATION = 1e-6  # of the constraints, in m and m/s
 MAX_WAITING = 1000  # snapshots that may wait to be published
-BUSY = "other programs are using the processor, or publish_rate is too high"
+LARGE_SHARE = 0.1  # of the last second, from which something counts as the cause of lost time
+BUSY = "other programs are using the processor"
+PUBLISHING = "publishing takes {share:.0%} of the time: lower publish_rate, or request fewer outputs"
+COLLECTING = "Python's garbage collector searched for {seconds:.2g} s, after requests that made many objects"
+UNKNOWN = "requests to this node, or a stall of the machine, kept the interpreter busy"
 STEPS_TOO_EXPENSIVE = "stepping uses all available time: use a larger step or a cheaper method"
 
 
@@ -48,6 +52,8 @@ class CounterSample:
     rejected: int
     limited: int
     dropped: int
+    collecting: float
+    waiting: float
 
 
 class Diagnostics:
@@ -64,6 +70,7 @@ class Diagnostics:
         self.subscriptions = subscriptions
         self.model: Model = stepping_thread.simulation.model
         self.notes: list[str] = []
+        self.collection = CollectionTime()
         self._node = node
         self._name = node.get_fully_qualified_name()
         self._publisher = TopicPublisher(node, DIAGNOSTICS).publisher
@@ -79,17 +86,9 @@ class Diagnostics:
         return self.stepping_thread.pacer.overruns - self._last.overruns
 
     def publish(self) -> None:
-        """Collect garbage, and publish."""
-        began = time.perf_counter()
-        gc.collect()
-        collecting = time.perf_counter() - began
+        """Publish."""
         now = self._sample()
-        statuses = [
-            self._timing(now, collecting),
-            self._mechanics(),
-            self._commands(now),
-            self._output(now),
-        ]
+        statuses = [self._timing(now), self._mechanics(), self._commands(now), self._output(now)]
         self._last = now
         message = DiagnosticArray(status=statuses)
         seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
@@ -110,10 +109,17 @@ class Diagnostics:
             overruns=pacer.overruns,
             rejected=self.subscriptions.rejected,
             limited=self.subscriptions.commands.limited,
-            dropped=stepping_thread.counters.dropped + (recorder.dropped if recorder else 0),
+            dropped=self._dropped + (recorder.dropped if recorder else 0),
+            collecting=self.collection.seconds,
+            waiting=waiting_time(stepping_thread.thread_id),
         )
 
-    def _timing(self, now: CounterSample, collecting: float) -> DiagnosticStatus:
+    @property
+    def _dropped(self) -> int:
+        """The states that were not published."""
+        return self.stepping_thread.counters.dropped + self.publishing_thread.left_out
+
+    def _timing(self, now: CounterSample) -> DiagnosticStatus:
         last, pacer = self._last, self.stepping_thread.pacer
         elapsed = now.time - last.time
         stepping = (now.stepping - last.stepping) / elapsed
@@ -141,7 +147,7 @@ class Diagnostics:
             "overruns": str(now.overruns),
             "load of stepping (%)": f"{100.0 * stepping:.2f}",
             "load of publishing (%)": f"{100.0 * (now.publishing - last.publishing) / elapsed:.2f}",
-            "garbage collection (us)": _microseconds(collecting),
+            "garbage collection (us)": _microseconds(now.collecting - last.collecting),
         })  # fmt: skip
 
     def _timing_problem(self, now: CounterSample, text: str, factor: float, stepping: float) -> str:
@@ -150,10 +156,22 @@ class Diagnostics:
         # Only a schedule that was restarted has lost time: pauses, resets and changes of the factor have not.
         if overruns := now.overruns - self._last.overruns:
             slow = factor < requested * (1.0 - MAX_SLOWNESS) and not self.stepping_thread.paused
-            cause = BUSY if stepping < 0.5 else STEPS_TOO_EXPENSIVE
+            cause = STEPS_TOO_EXPENSIVE if stepping >= 0.5 else self._cause(now)
             lost = f"{text} instead of {requested:g}" if slow else f"{text}, but time was lost"
             return f"{lost}, and the schedule was restarted {overruns} times: {cause}"
         return self._clock_problem(text)
+
+    def _cause(self, now: CounterSample) -> str:
+        """What has most likely kept the steps from being taken in time since the last sample."""
+        last, elapsed = self._last, now.time - self._last.time
+        seconds, share = now.collecting - last.collecting, (now.publishing - last.publishing) / elapsed
+        shares = {
+            COLLECTING.format(seconds=seconds): seconds / elapsed,
+            BUSY: (now.waiting - last.waiting) / elapsed,
+            PUBLISHING.format(share=share): share - 0.5,  # its thread may use all time that is left
+        }
+        cause = max(shares, key=shares.__getitem__)
+        return cause if shares[cause] >= LARGE_SHARE else UNKNOWN
 
     def _clock_problem(self, text: str) -> str:
         """The problem with the clock that the node publishes or follows, or ""."""
@@ -229,7 +247,8 @@ class Diagnostics:
         rates, step_size = self.stepping_thread.rates, self.stepping_thread.simulation.step_size
         values = {
             "waiting": str(waiting),
-            "dropped before publishing": str(self.stepping_thread.counters.dropped),
+            "dropped before publishing": str(self._dropped),
+            "age of the last state (ms)": f"{1e3 * self.publishing_thread.age:.1f}",
             "publish_rate (Hz)": f"{attained_rate(rates.publish, step_size):g}",
             "clock_rate (Hz)": f"{attained_rate(rates.clock, step_size):g}",
             "marker_rate (Hz)": f"{attained_rate(rates.markers, step_size):g}",
@@ -246,7 +265,9 @@ class Diagnostics:
         if viewer is not None:
             values["dropped from Rerun"] = str(viewer.dropped)
         if not problem and (dropped := now.dropped - self._last.dropped) > 0:
-            problem = f"{counted(dropped, 'message')} dropped in the last second: lower publish_rate"
+            age = f", and states are {1e3 * self.publishing_thread.age:.0f} ms old when they are published"
+            problem = f"{counted(dropped, 'message')} dropped in the last second"
+            problem += f"{age if self.publishing_thread.left_out else ''}: lower publish_rate, or request fewer outputs"
         elif not problem and waiting > MAX_WAITING and self.stepping_thread.rates.real_time_factor:
             problem = f"{waiting} states wait to be published: lower publish_rate"
         return self._status("output", problem or text, bool(problem), values)

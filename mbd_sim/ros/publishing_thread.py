@@ -1,13 +1,16 @@
 """The thread that publishes: each message is serialized once, then published, recorded and shown.
 
-It decouples the stepping thread from DDS, disks and viewers, so that stepping never waits for any of them.
+It decouples the stepping thread from DDS, disks and viewers, so that stepping never waits for any of them. If it cannot
+keep up in real time, it leaves out states, markers and samples for the viewer, so that those that it publishes are new.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
@@ -25,6 +28,7 @@ from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.message_template import STAMP, MessageTemplate
 from mbd_sim.ros.node_recordings import NodeRecordings
 from mbd_sim.ros.snapshots import Item
+from mbd_sim.ros.stepping_output import SteppingOutput
 from mbd_sim.ros.topic_publisher import TopicPublisher
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.events import ERRORS, Event, EventKind
@@ -34,8 +38,16 @@ if TYPE_CHECKING:
     from mbd_sim.viewer import Viewer
 
 
+PATIENCE = 1.0  # s by which publishing may be late, as after a stall of the machine, before states are left out
+IMPATIENCE = 0.02  # s, the same until that long none has been left out
+
+
 class PublishingThread:
-    """Publishes, records and shows the snapshots and events that the stepping thread emits."""
+    """Publishes, records and shows the snapshots and events that the stepping thread emits.
+
+    `age` is that of the last state in s when it was published, in real time, and `left_out` the number of states that
+    were not published because a newer one was waiting.
+    """
 
     def __init__(
         self,
@@ -58,7 +70,10 @@ class PublishingThread:
         self.viewer: Viewer | None = None
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
-        self.busy = 0.0  # s spent in publishing
+        self.busy = self.age = 0.0  # s; spent in publishing
+        self.left_out = 0
+        self._left_out_at = -math.inf  # s of the steady clock
+        self._output: SteppingOutput | None = None
         self._log = node.get_logger()
         self._topics = {topic.name: TopicPublisher(node, topic) for topic in requested}
         self._state_writers = {t.name: t.on_state(model, frame_prefix) for t in requested if t.on_state is not None}
@@ -105,12 +120,25 @@ class PublishingThread:
         """The recorder of the present recording, or of the last one."""
         return self.recordings.recorder if self.recordings else None
 
-    def start(self, queue: SimpleQueue[Item], live: Mapping[str, float]) -> None:
+    def prepare(self, snapshot: Snapshot) -> None:
+        """Derive, compile and import everything that messages of a state need: none of it happens in the run."""
+        model = self.model
+        energies = model.energies(snapshot.time, snapshot.y, snapshot.start_energy, snapshot.inputs)
+        for writer in self._state_writers.values():
+            writer.payload(snapshot, energies)
+        if model.row_names:
+            model.violation(snapshot.time, snapshot.y, snapshot.inputs)  # for the diagnostics
+        self._sensors.prepare(snapshot.y, snapshot.inputs)
+        self._markers = Markers(model, self._frame_prefix)
+        self._markers.payload(snapshot)
+
+    def start(self, output: SteppingOutput, live: Mapping[str, float]) -> None:
         """Publish the first messages, with the given live values; then start to publish from the queue until None."""
+        self._output = output
         for name, publisher in self._topics.items():
             if publisher.topic.at_start is not None:
                 self._send(name, publisher.topic.at_start(self.model, live), 0, 0)
-        self._thread = threading.Thread(target=self._run, args=(queue,), name="outputs", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(output.queue,), name="outputs", daemon=True)
         self._thread.start()
 
     def join(self) -> None:
@@ -143,6 +171,9 @@ class PublishingThread:
                 if self._clock is not None:
                     self._clock.publisher.publish(self._clock_message.payload())
         self.latest = snapshot
+        if self._is_outdated(snapshot):
+            self.left_out += 1
+            snapshot = replace(snapshot, due=snapshot.due & (Due.CLOCK | Due.SENSORS))
         if Due.STATE in snapshot.due or Due.VIEW in snapshot.due:
             self._publish_state(snapshot)
         for one in self._sensors.measured(snapshot.arrivals, snapshot.clock_ns):
@@ -153,6 +184,20 @@ class PublishingThread:
             self._publish_markers(snapshot)
         if self.recordings is not None:
             self.recordings.check_limits(snapshot.clock_ns)
+
+    def _is_outdated(self, snapshot: Snapshot) -> bool:
+        """Whether the state is so old that it is left out, because a newer one waits."""
+        if Due.STATE not in snapshot.due:
+            return False
+        now = time.perf_counter()
+        age = max(0.0, now - snapshot.taken)
+        patience = IMPATIENCE if now - self._left_out_at < PATIENCE else PATIENCE
+        newest = self._output.newest if self._output is not None else None
+        if age > patience and newest is not None and newest.ticks > snapshot.ticks:
+            self._left_out_at = now
+            return True
+        self.age = age
+        return False
 
     def _publish_state(self, snapshot: Snapshot) -> None:
         """Publish, record and show the state, as far as each of them is due."""
@@ -168,8 +213,7 @@ class PublishingThread:
     def _publish_markers(self, snapshot: Snapshot) -> None:
         """Publish markers if there is a subscriber."""
         if self._marker_publisher.get_subscription_count():
-            if self._markers is None:
-                self._markers = Markers(self.model, self._frame_prefix)
+            assert self._markers is not None
             self._marker_publisher.publish(self._markers.payload(snapshot))
 
     def _publish_event(self, event: Event) -> None:

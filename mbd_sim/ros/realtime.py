@@ -10,24 +10,56 @@ import queue
 import resource
 import sys
 import threading
+import time
 from collections.abc import Sequence
+from pathlib import Path
 
 # The time (s) after which a waking thread may claim the interpreter from another one (default: 5 ms).
 SWITCH_INTERVAL = 5e-5
+NEW_OBJECTS = 10_000  # more than there were at the last search that set off one, among these only
+OLDER_GENERATIONS = 1000  # such searches until one goes through what they left
 THREADS_BY_PRIORITY = ("stepper", "outputs", "executor")  # names of threads; all others rank below them
 SIGNAL_CHECK_PERIOD = 0.2  # s
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4  # of Linux, sys/mman.h
 
 
 def freeze_memory() -> None:
-    """Exclude all present objects from garbage collection, and stop the automatic collector.
+    """Exclude all present objects from garbage collection, and let nothing that a running node does set it off.
 
-    From then on the caller runs `gc.collect()` now and then, which looks only at objects created since.
+    A running node keeps as many objects as it had, so that the number that sets off a search is never reached, unless
+    requests leave cycles behind: then one of a millisecond removes them.
     """
     sys.setswitchinterval(SWITCH_INTERVAL)
     gc.collect()
     gc.freeze()
-    gc.disable()
+    gc.set_threshold(NEW_OBJECTS, OLDER_GENERATIONS, OLDER_GENERATIONS)
+
+
+class CollectionTime:
+    """The time in s that searches of Python's garbage collector have taken in this process since this was made."""
+
+    def __init__(self) -> None:
+        self.seconds, self._began = 0.0, 0.0
+        gc.callbacks.append(self._note)
+
+    def close(self) -> None:
+        """Count no longer."""
+        gc.callbacks.remove(self._note)
+
+    def _note(self, phase: str, info: dict[str, int]) -> None:
+        if phase == "start":
+            self._began = time.perf_counter()
+        else:
+            self.seconds += time.perf_counter() - self._began
+
+
+def waiting_time(thread_id: int) -> float:
+    """The time in s for which a thread of this process was ready to run, but had no processor; 0 if unknown."""
+    try:
+        content = Path(f"/proc/self/task/{thread_id}/schedstat").read_text(encoding="utf-8")
+        return 1e-9 * int(content.split()[1])
+    except (OSError, IndexError, ValueError):
+        return 0.0
 
 
 def lock_memory() -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
@@ -45,7 +43,6 @@ SERVICES = (
     ("~/seek", "std_srvs/srv/Trigger: jump to the time seek_to"),
 )
 THREADS_BY_PRIORITY = ("player", "reader", "executor")
-GARBAGE_COLLECTION_PERIOD = 10.0  # s; the automatic collector is off
 
 
 class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
@@ -82,7 +79,6 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
         if 0.0 < parameters["end"] < parameters["start"]:
             raise ValueError(f"end is {parameters['end']:g} s, before start, {parameters['start']:g} s")
         self._warn_of_gaps(unknown)
-        self.create_timer(GARBAGE_COLLECTION_PERIOD, gc.collect, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
         self.create_service(Trigger, "~/seek", self._on_seek)

@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from mbd_sim.errors import CommandError, counted, listed
 from mbd_sim.messages.publication_schedule import rate_remark
+from mbd_sim.messages.snapshot import Due
 from mbd_sim.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros import realtime
 from mbd_sim.ros.build_progress import BuildProgress
@@ -61,9 +62,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         with BuildProgress(self):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
-        self._apply_initial(
-            parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
-        )
+        given = parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
+        self._apply_initial(given)
         self._unknown_parameters = parameters.finish()
         self.commands = command_buffer(parameters, simulation)
         names, timeout = simulation.model.part_names, self.commands.timeout
@@ -87,6 +87,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             clock=self.rates.clock > 0.0,
             step_size=simulation.step_size,
         )
+        self.publishing_thread.prepare(self.stepping_thread.run.output.snapshot(Due.NEW))
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, log)
@@ -145,7 +146,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 log.error(f"{answer} The run is not recorded.")
             else:
                 log.info(f"recording to {answer}")
-        self.publishing_thread.start(self.stepping_thread.output, simulation.live)
+        self.publishing_thread.start(self.stepping_thread.run.output, simulation.live)
         self.diagnostics.restart()
         self.stepping_thread.start()
         self._prioritize()
@@ -156,6 +157,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         for companion in self.companions:
             companion.stop()
         self.publishing_thread.join()
+        self.diagnostics.collection.close()
         energies = self.publishing_thread.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
         pacer = self.stepping_thread.pacer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -47,6 +48,7 @@ class SteppingOutput:
         self.queue: SimpleQueue[Item] = SimpleQueue()
         self.counters = Counters()
         self.last_emitted = -1  # the tick of the last state
+        self.newest: Snapshot | None = None  # with a state
         self._simulation, self._clock = simulation, clock
         self._last_viewed = -1  # the tick of the last sample for the viewer
         self._emitted_at = 0.0  # s of the steady clock
@@ -70,8 +72,11 @@ class SteppingOutput:
         steps = simulation.steps_to_arrival(at_most)
         return rates.steps_until_due(self._clock.whole_steps, simulation.step_size, at_most=steps)
 
-    def emit(self, due: Due, repeated: bool = False) -> None:
-        """Put the present state into the queue, or count it as dropped if the queue is too long."""
+    def emit(self, due: Due, repeated: bool = False, *, in_real_time: bool = False) -> None:
+        """Put the present state into the queue, or count it as dropped if the queue is too long.
+
+        :param in_real_time: whether the state may be left out if it is published late.
+        """
         if self._silent:
             return
         if self.queue.qsize() >= MAX_WAITING:
@@ -83,19 +88,26 @@ class SteppingOutput:
             self.last_emitted, self._emitted_at = self._clock.ticks, time.perf_counter()
         if Due.VIEW in due:
             self._last_viewed = self._clock.ticks
-        self.queue.put(
-            Snapshot(
-                ticks=self._clock.ticks,
-                clock_ns=self._clock.ns,
-                time=self._simulation.time,
-                y=self._simulation.state,
-                inputs=self._simulation.inputs.copy(),
-                start_energy=self._simulation.start_energy,
-                due=due,
-                repeated=repeated,
-                arrivals=self._simulation.arrivals if Due.SENSORS in due else (),
-                live=self._simulation.live,
-            )
+        snapshot = self.snapshot(due, repeated, time.perf_counter() if in_real_time else math.inf)
+        if Due.STATE in due:
+            self.newest = snapshot
+        self.queue.put(snapshot)
+
+    def snapshot(self, due: Due, repeated: bool = False, taken: float = math.inf) -> Snapshot:
+        """The present state."""
+        simulation = self._simulation
+        return Snapshot(
+            ticks=self._clock.ticks,
+            clock_ns=self._clock.ns,
+            time=simulation.time,
+            y=simulation.state,
+            inputs=simulation.inputs.copy(),
+            start_energy=simulation.start_energy,
+            due=due,
+            repeated=repeated,
+            arrivals=simulation.arrivals if Due.SENSORS in due else (),
+            live=simulation.live,
+            taken=taken,
         )
 
     def report(self, kind: EventKind, payload: Payload = None) -> Event:

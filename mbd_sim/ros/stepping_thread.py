@@ -48,6 +48,7 @@ class SteppingThread:
         self._output = self.run.output
         self.output, self.counters = self._output.queue, self._output.counters
         self.pacer = Pacer()
+        self._remarks = simulation.remarks  # whose search imports the schema
         self.paused, self.followed = paused, followed
         self.followers = Followers()  # threads of this program that follow this clock
         self._wake = threading.Event()
@@ -158,7 +159,7 @@ class SteppingThread:
         self.followers.take(self.clock.ns)
         if self.followed is None:
             self._output.emit(Due.NEW)
-        for remark in self.simulation.remarks:
+        for remark in self._remarks:
             self._output.report(EventKind.NOTE, remark)
         self.pacer.anchor()
 
@@ -240,13 +241,16 @@ class SteppingThread:
         while (self.output.qsize() > BACKLOG or self.followers.are_far_behind) and not self._stopping:
             time.sleep(1e-3)
 
+    @property
+    def _pace(self) -> float:
+        """The real-time factor; 0 where a clock or requests decide: those to a paused run are served at full speed."""
+        return self.rates.real_time_factor if self.followed is None and not self.paused else 0.0
+
     def _steps_until_due(self) -> int:
         """Steps to take at once: none beyond the next publication or sample, and in real time one wake-up period."""
-        in_real_time = self.followed is None and not self.paused  # paused, steps are taken on request, at full speed
-        factor = self.rates.real_time_factor if in_real_time else 0.0
         steps = FAST_BATCH
-        if factor > 0.0:
-            steps = min(steps, max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)))
+        if pace := self._pace:
+            steps = min(steps, max(1, round(WAKE_UP_PERIOD * pace / self.simulation.step_size)))
         return self._output.steps_until_due(self.rates, at_most=self.run.commands.steps_to_sample(self.ticks, steps))
 
     def _advance(self, steps: int) -> str:
@@ -259,7 +263,7 @@ class SteppingThread:
             return str(error)
         self.followers.take(self.clock.ns)
         if due := self._output.due(self.rates):
-            self._output.emit(due)
+            self._output.emit(due, in_real_time=self._pace > 0.0)
         return ""
 
     def _set_paused(self, paused: bool) -> None:

@@ -163,6 +163,10 @@ class Model(ActuatedModel, LoadedModel):
         given = self.with_contact_forces(time, y, inputs)
         return self._motion_readers.parts(time, y, given, self.poses(time, y, inputs))
 
+    def motion_rows(self, time: float, y: Array, inputs: Array) -> Array:
+        """(parts, 4, 3): velocity, angular velocity and their rates, of each part in ground's frame and axes."""
+        return self._motion_readers.rows(time, y, self.with_contact_forces(time, y, inputs))
+
     def drives(self, time: float, y: Array, inputs: Array) -> Array:
         """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""
         given = self.with_contact_forces(time, y, inputs)

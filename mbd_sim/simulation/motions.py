@@ -56,10 +56,13 @@ class MotionReaders:
         """The first ones of arrays that stay where they are, as a callable: see `CompiledFunction.bound`."""
         return self._readers.bound_to("accelerations", clock, (y, inputs), slice(count))
 
+    def rows(self, time: float, y: Array, inputs: Array) -> Array:
+        """(parts, 4, 3): velocity, angular velocity and their rates."""
+        return self._readers.read("part_motions", time, y, inputs).reshape(-1, 4, 3)
+
     def parts(self, time: float, y: Array, inputs: Array, poses: Mapping[str, Pose]) -> dict[str, PartMotion]:
         """The motion of each part, with its pose."""
-        rows = self._readers.read("part_motions", time, y, inputs).reshape(-1, 4, 3)
         return {
             name: PartMotion(poses[name], *(vector.copy() for vector in row))
-            for name, row in zip(self._part_names, rows, strict=True)
+            for name, row in zip(self._part_names, self.rows(time, y, inputs), strict=True)
         }

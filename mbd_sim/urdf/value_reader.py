@@ -18,7 +18,7 @@ from mbd_sim.urdf.xml_elements import Element
 
 LONGEST_NAME = 60
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 
 class Reading:

@@ -109,8 +109,8 @@ def test_joint_reactions(simulation):
 
 
 def test_poses_of_parts(simulation):
-    name = simulation.model.part_names[-1]
-    payload = written(simulation, state_messages.part_pose(simulation.model, "", name))
+    name, poses = simulation.model.part_names[-1], state_messages.SharedPoses()
+    payload = written(simulation, state_messages.part_pose(simulation.model, "", name, poses))
     for message in read("geometry_msgs/msg/PoseStamped", payload):
         at = message.pose.position
         assert [at.x, at.y, at.z] == list(simulation.poses()[name].position)

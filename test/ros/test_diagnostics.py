@@ -38,4 +38,6 @@ def test_dropped_messages_are_those_of_the_last_second_also_when_a_recording_has
         for before in (now.dropped + 5, now.dropped, now.dropped - 1):
             diagnostics._last = replace(now, dropped=before)
             messages.append(str(diagnostics._output(now).message))
-        assert messages == ["not recorded"] * 2 + ["1 message dropped in the last second: lower publish_rate"]
+        assert messages == ["not recorded"] * 2 + [
+            "1 message dropped in the last second: lower publish_rate, or request fewer outputs"
+        ]
