@@ -12,7 +12,7 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import InputError, MechanismError, Problem, listed, nearest
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism
-from mbd_sim.mechanism_file.override import require_unit
+from mbd_sim.mechanism_file.override import number_at
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 EXAMPLE = "Write for example crank=0:360deg, or crank=0:360deg:73 for 73 positions."
@@ -102,9 +102,7 @@ def parameter_number(text: str, key: str, value: str, mechanism: Mechanism) -> f
     :raises MechanismError: there is no such key.
     """
     try:
-        number = parse_value(_plain(value), mechanism.parameters, None)
-        require_unit(mechanism, key, split_unit(value)[1])
-        return number
+        return number_at(mechanism, key, _plain(value), mechanism.parameters)
     except InputError as error:
         raise InputError(f"{text}: '{value}' {error.message}", error.remedy) from error
 

@@ -62,7 +62,9 @@ class ExpressionField:
         if isinstance(value, str) and parameters.unknown_in(value):
             return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
         expression, unit = split_unit(str(value))
+        parameters.require_unit(expression, None if unit else self.unit)
         expression = parameters.functions.expanded(expression)
+        parameters.require_clear(expression)
         used = names_in(expression, values)
         if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
             what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"

@@ -12,9 +12,8 @@ import numpy as np
 from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.override import require_unit, value_of
-from mbd_sim.mechanism_file.units import factor
-from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
+from mbd_sim.mechanism_file.override import number_at, value_of
+from mbd_sim.mechanism_file.value_parser import parse_value
 
 EFFORT = "efforts."  # the prefix of a joint's name for a constant effort on it
 MAX_RUNS = 10_000_000
@@ -71,9 +70,10 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
 
     def number(word: str) -> float:
         try:
-            found = parse_value(_plain(word), mechanism.parameters, None)
-            _require_unit(name, split_unit(word)[1], mechanism)
-            return found
+            if not name.startswith(EFFORT):
+                return number_at(mechanism, name, _plain(word), mechanism.parameters)
+            unit = mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*")
+            return parse_value(_plain(word), mechanism.parameters, unit)
         except InputError as error:
             raise CommandError(f"{text}: '{word.strip()}' {error.message}. {error.remedy}") from error
 
@@ -125,17 +125,6 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
         raise CommandError(f"'{name}' {problem.message}. {problem.remedy}") from error
     if value is None:
         raise CommandError(f"'{name}' is not a number in the file. Name a number, for example joints.elbow.damping.")
-
-
-def _require_unit(name: str, unit: str, mechanism: Mechanism) -> None:
-    """Refuse a unit that does not fit a varied value or an effort.
-
-    :raises InputError: it is another one.
-    """
-    if not name.startswith(EFFORT):
-        require_unit(mechanism, name, unit)
-    elif unit:
-        factor(unit, mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*"))
 
 
 def _random(name: str, distribution: str, numbers: list[float], text: str) -> Random:
