@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import COUNT, ProgressBar, positive_number, print_undrawn_meshes, read_run_table
+from mbd_sim.cli.common import COUNT, ProgressBar, positive_in, positive_number, print_undrawn_meshes, read_run_table
 from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
 from mbd_sim.errors import counted
 
@@ -55,7 +55,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--rate",
-        type=float,
+        type=positive_in("Hz"),
         metavar="HZ",
         help="recorded states per simulated second (default 100, but at most one per step)",
     )

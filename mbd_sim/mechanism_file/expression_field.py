@@ -35,7 +35,8 @@ class ExpressionField:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         unit = f"in {self.unit}, " if self.unit else ""
-        return {"type": ["number", "string"], "description": f"{unit}an expression of {self._variables_in_words()}"}
+        found: dict[str, Any] = {"type": ["number", "string"], **({"x-unit": self.unit} if self.unit else {})}
+        return {**found, "description": f"{unit}an expression of {self._variables_in_words()}"}
 
     def _variables_in_words(self) -> str:
         own = "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
+from mbd_sim.mechanism_file.key_synonyms import synonym
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS, as_written
 from mbd_sim.mechanism_file.units import factor, si_factor
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
@@ -154,8 +155,8 @@ def location_of(mechanism: Mechanism, key: str) -> Location:
     if len(location) == 1 and location[0] in (data.get("parameters") or {}):
         return ("parameters", *location)
     if not location or location[0] not in _SECTIONS:
-        first = str(location[0]) if location else ""
-        raise InputError("is not a key of this file", nearest(first, [*(data.get("parameters") or {}), *_SECTIONS]))
+        first, known = str(location[0]) if location else "", [*(data.get("parameters") or {}), *_SECTIONS]
+        raise InputError("is not a key of this file", _similar(first, known))
     return tuple(location)
 
 
@@ -251,11 +252,16 @@ def _entry(container: Any, step: str | int) -> Any:
     if isinstance(container, Mapping):
         if step in container:
             return container[step]
-        raise InputError(f"there is no '{step}'", nearest(step, container))
+        raise InputError(f"there is no '{step}'", _similar(step, container))
     keys = getattr(type(container), "model_fields", {})
     if (key := as_written(step, keys)) in keys:
         return getattr(container, key)
-    raise InputError(f"has no '{step}'", nearest(step, keys))
+    raise InputError(f"has no '{step}'", _similar(step, keys))
+
+
+def _similar(word: str, known: Collection[str]) -> str:
+    """A remedy that names a key which a word stands for, or resembles."""
+    return f"Did you mean '{found}'?" if (found := synonym(word, known)) else nearest(word, known)
 
 
 def _replaced(data: Any, location: Location, value: float | str) -> Any:

@@ -12,7 +12,8 @@ import numpy as np
 from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.override import number_at, value_of
+from mbd_sim.mechanism_file.bare_angles import bare_argument_remark, is_angle
+from mbd_sim.mechanism_file.override import location_of, number_at, value_of
 from mbd_sim.mechanism_file.value_parser import parse_value
 
 EFFORT = "efforts."  # the prefix of a joint's name for a constant effort on it
@@ -87,6 +88,16 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
     if ":" in rest:
         raise CommandError(f"{text}: a range needs START:STOP:COUNT. {_EXAMPLES}")
     return Grid(name, tuple(number(word) for word in rest.split(",")))
+
+
+def bare_variation_remark(text: str, mechanism: Mechanism) -> str:
+    """A sentence if the text of a variation has an angle beyond a full turn without a unit, or ""."""
+    name, _, rest = (part.strip() for part in text.partition("="))
+    called, parts = _CALL.fullmatch(rest), rest.split(":")
+    words = called[2].split(",") if called else parts[:2] if len(parts) > 1 else rest.split(",")
+    if name.startswith(EFFORT) or not is_angle(mechanism.source, location_of(mechanism, name)):
+        return ""
+    return bare_argument_remark(text, [_plain(word) for word in words])
 
 
 def plan(variations: Sequence[Grid | Random], draws: int = 1, seed: int = 0) -> Plan:
