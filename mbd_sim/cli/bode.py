@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import positive_number
+from mbd_sim.cli.common import positive_in
 from mbd_sim.cli.linearize import add_signals
 from mbd_sim.cli.working_point import add_working_point, simulation_at, state_text
 
@@ -29,9 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_working_point(parser)
     add_signals(parser)
     parser.add_argument(
-        "--from", dest="least", type=positive_number, default=FROM, metavar="HZ", help=f"(default {FROM:g})"
+        "--from", dest="least", type=positive_in("Hz"), default=FROM, metavar="HZ", help=f"(default {FROM:g})"
     )
-    parser.add_argument("--to", dest="most", type=positive_number, default=TO, metavar="HZ", help=f"(default {TO:g})")
+    parser.add_argument("--to", dest="most", type=positive_in("Hz"), default=TO, metavar="HZ", help=f"(default {TO:g})")
     parser.add_argument(
         "--points",
         type=int,

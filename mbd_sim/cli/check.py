@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
 
 HELP = "report parts, joints, degrees of freedom, constraints and energies of a mechanism"
-DESCRIPTION = "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies."
+DESCRIPTION = (
+    "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies. The status is 1 "
+    "if it has problems, or if its dynamics is not defined because something has no mass."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -136,7 +139,7 @@ def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
 
 
 def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argparse.Namespace) -> int:
-    """Report what needs no masses.
+    """Report what needs no masses; the status is 1, because the mechanism cannot be run.
 
     :raises NoInertiaError: more was requested.
     """
@@ -159,4 +162,4 @@ def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argp
     print(json.dumps(content, indent=2) if options.json else kinematic_text(content))
     if options.inertia and not options.json:
         print(f"\n{inertia_text(content['inertia'])}")
-    return 0
+    return 1

@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -44,17 +44,19 @@ def add_duration(parser: argparse.ArgumentParser) -> None:
     """Declare `--time`."""
     parser.add_argument(
         "--time",
-        type=positive_number,
+        type=positive_in("s"),
         default=DURATION,
         metavar="S",
-        help=f"seconds to simulate (default {DURATION:g})",
+        help=f"seconds to simulate (default {DURATION:g}), or a value with a unit, such as 200ms",
     )
 
 
 def add_method_and_step(parser: argparse._ActionsContainer, default: str) -> None:
     """Declare `--method` and `--step`; `default` says where they come from when they are not given."""
     parser.add_argument("--method", help=f"integration method (default: {default})")
-    parser.add_argument("--step", type=positive_number, metavar="S", help=f"time step in seconds (default: {default})")
+    parser.add_argument(
+        "--step", type=positive_in("s"), metavar="S", help=f"time step in seconds (default: {default}), or such as 2ms"
+    )
 
 
 def add_quiet(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +73,24 @@ def positive_number(text: str) -> float:
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not a positive number")
     return value
+
+
+def positive_in(si_unit: str) -> Callable[[str], float]:
+    """The type of an argument that is a positive quantity: a number in its SI unit, or a value with its unit."""
+
+    def quantity(text: str) -> float:
+        from mbd_sim.errors import InputError
+        from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
+
+        if not split_unit(text)[1]:
+            return positive_number(text)
+        try:
+            value = parse_value(text, {}, si_unit)
+        except InputError as error:
+            raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+        return positive_number(repr(value))
+
+    return quantity
 
 
 def seed_number(text: str) -> int:

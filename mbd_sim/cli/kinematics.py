@@ -171,10 +171,10 @@ def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
 
 def _ranges(texts: Sequence[str], mechanism: Mechanism) -> list[tuple[DriveRange, int | None]]:
     """The ranges of `--drive` with their numbers of positions; angles that were probably meant in degrees are noted."""
-    from mbd_sim.kinematic_analysis.prescribed_drives import bare_angle_remark, drive_range
+    from mbd_sim.kinematic_analysis.prescribed_drives import bare_range_remark, drive_range
 
     found = [drive_range(text, mechanism) for text in texts]
-    print_notes(remark for text in texts if (remark := bare_angle_remark(text, mechanism)))
+    print_notes(remark for text in texts if (remark := bare_range_remark(text, mechanism)))
     return found
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import COUNT, ProgressBar, add_quiet
+from mbd_sim.cli.common import COUNT, ProgressBar, add_quiet, print_notes
 from mbd_sim.cli.working_point import EQUILIBRIUM, START, add_working_point, simulation_at, state_text
 
 if TYPE_CHECKING:
@@ -115,6 +115,7 @@ def _varied(options: argparse.Namespace) -> int:
     from mbd_sim.linear_analysis.plots import draw_locus
     from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
+    from mbd_sim.sweep.sweep_plan import bare_variation_remark
 
     if options.at not in (EQUILIBRIUM, START):
         raise InputError(
@@ -130,6 +131,7 @@ def _varied(options: argparse.Namespace) -> int:
     simulation = build_simulation(options)
     efforts = dict(zip(simulation.coordinate_names, simulation.efforts.tolist(), strict=True))
     values = dict(_values(text, simulation.mechanism) for text in options.vary)
+    print_notes(remark for text in options.vary if (remark := bare_variation_remark(text, simulation.mechanism)))
     total = float(np.prod([len(one) for one in values.values()]))
     with ProgressBar("eigenvalues", options.quiet, total=total, amount=COUNT) as progress:
         locus = eigenvalue_locus(simulation.mechanism, values, options.at, efforts, progress.advance)

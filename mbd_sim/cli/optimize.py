@@ -65,8 +65,9 @@ def execute(options: argparse.Namespace) -> int:
     """Search, print the values found, and write and draw the mechanism; returns 1 if the search did not converge."""
     from mbd_sim.errors import InputError
     from mbd_sim.kinematic_analysis.motion_picture import require_picture_suffix
-    from mbd_sim.kinematic_analysis.prescribed_drives import bare_angle_remark, drive_range, drive_speed
+    from mbd_sim.kinematic_analysis.prescribed_drives import bare_range_remark, drive_range, drive_speed
     from mbd_sim.load import load_mechanism
+    from mbd_sim.sweep.sweep_plan import bare_variation_remark
     from mbd_sim.synthesis import synthesize
     from mbd_sim.synthesis.design_text import design_text, draw_design, write_mechanism
     from mbd_sim.synthesis.goal_arguments import bounds_of, goal_of
@@ -77,11 +78,14 @@ def execute(options: argparse.Namespace) -> int:
         raise InputError(f"{options.out} is not a mechanism file", "Use a file name that ends in .yaml.")
     mechanism = load_mechanism(options.mechanism)
     drive, count = drive_range(options.drive, mechanism)
-    print_notes(remark for remark in [bare_angle_remark(options.drive, mechanism)] if remark)
+    bounds = bounds_of(options.vary, mechanism)
+    bare = [bare_range_remark(options.drive, mechanism)]
+    bare += [bare_variation_remark(text, mechanism) for text in options.vary]
+    print_notes(remark for remark in bare if remark)
     speed = drive_speed(options.speed, mechanism, [drive])
     goal = goal_of(options, mechanism, drive, count, speed)
     norm: Norm = options.norm or ("peak" if options.least_effort else "rms")
-    design = synthesize(mechanism, drive.name, goal, bounds_of(options.vary, mechanism), norm=norm)
+    design = synthesize(mechanism, drive.name, goal, bounds, norm=norm)
     print(design_text(mechanism, design, goal, norm))
     if options.out is not None:
         write_mechanism(options.out, design)

@@ -15,7 +15,7 @@ from mbd_sim.cli.common import (
     SECONDS,
     ProgressBar,
     add_method_and_step,
-    positive_number,
+    positive_in,
     temporary_file,
 )
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
@@ -44,7 +44,7 @@ def add_run(
     else:
         parser.add_argument("recording", metavar="RUN", help=kinds)
     group = parser.add_argument_group("options for a mechanism that is run first")
-    group.add_argument("--time", type=positive_number, metavar="S", help=f"seconds to simulate (default {DURATION:g})")
+    group.add_argument("--time", type=positive_in("s"), metavar="S", help=f"seconds to simulate (default {DURATION:g})")
     if changes:
         add_method_and_step(group, "from the file")
         add_set(group, SET_HELP)

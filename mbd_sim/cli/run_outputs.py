@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from mbd_sim.cli.common import (
     COUNT,
     ProgressBar,
+    positive_in,
     positive_number,
     print_undrawn_meshes,
     read_run_table,
@@ -61,7 +62,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--rate",
-        type=float,
+        type=positive_in("Hz"),
         metavar="HZ",
         help="recorded states per simulated second (default 100, but at most one per step)",
     )

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.cli.common import add_mechanism, add_method_and_step, print_notes, split_assignment
-from mbd_sim.errors import InputError, nearest
+from mbd_sim.errors import InputError, MechanismError, nearest
 
 if TYPE_CHECKING:
     from mbd_sim.c_code.exported_model import ExportedModel
@@ -34,7 +34,7 @@ def add_start(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="JOINT=VALUE",
-        help="constant effort on a joint, in N or N·m; repeatable",
+        help="constant effort on a joint, in N or N·m or with a unit; repeatable",
     )
 
 
@@ -91,7 +91,7 @@ def changes_of(assignments: Iterable[str]) -> dict[str, Any]:
 
     :raises InputError: one is not of the form KEY=VALUE.
     """
-    return {key: _value(text) for key, text in _pairs("--set", assignments, "joints.elbow.damping=0.2")}
+    return {key: _value(text, f"--set {key}") for key, text in _pairs("--set", assignments, "joints.elbow.damping=0.2")}
 
 
 def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) -> Simulation:
@@ -113,7 +113,7 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
         step=options.step if with_changes else None,
         set=changes,
     )
-    simulation.set_efforts(dict(_effort(text) for text in options.effort))
+    simulation.set_efforts(dict(_effort(text, mechanism) for text in options.effort))
     return simulation
 
 
@@ -128,17 +128,33 @@ def _pairs(option: str, assignments: Iterable[str], example: str) -> list[tuple[
     return pairs
 
 
-def _value(text: str) -> float | str:
+def _value(text: str, option: str) -> Any:
+    """The value of an option as a file has it: a number, a list or a mapping, or a text."""
     try:
         return float(text)
     except ValueError:
-        return text
+        if not text.lstrip().startswith(("[", "{")):
+            return text
+    from mbd_sim.mechanism_file.yaml_reader import parse_source
+
+    source = parse_source(text, option)
+    if source.problems:
+        raise MechanismError(source.problems)
+    return source.data
 
 
-def _effort(text: str) -> tuple[str, float]:
+def _effort(text: str, mechanism: Mechanism) -> tuple[str, float]:
+    from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
+
     ((name, value),) = _pairs("--effort", [text], "elbow=2.5")
     try:
-        return name, float(value)
+        if not split_unit(value)[1]:
+            return name, float(value)
+        known = name in mechanism.coordinate_names
+        unit = mechanism.coordinate(name).effort_unit.replace("·", "*") if known else None
+        return name, parse_value(value, {}, unit)
+    except InputError as error:
+        raise InputError(f"--effort {text}: {error.message}", error.remedy) from None
     except ValueError:
         raise InputError(f"--effort {text}: '{value}' is not a number", "Write for example elbow=2.5.") from None
 
@@ -151,11 +167,11 @@ def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) ->
         joint, number = _coordinate(mechanism, name)
         key = f"joints.'{joint}'.position"
         if number is None:
-            found[key] = _value(text)
+            found[key] = _value(text, f"--start {name}")
             continue
         record = mechanism.all_joints[joint]
         values = lists.setdefault(key, record.position[: record.kind.quaternion].tolist())
-        values[number] = _value(text)
+        values[number] = _value(text, f"--start {name}")
     return found | lists
 
 

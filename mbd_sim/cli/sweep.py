@@ -15,7 +15,8 @@ from mbd_sim.cli.common import (
     add_mechanism,
     add_method_and_step,
     add_quiet,
-    positive_number,
+    positive_in,
+    print_notes,
     seed_number,
 )
 from mbd_sim.errors import counted
@@ -50,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_duration(parser)
     parser.add_argument(
         "--every",
-        type=positive_number,
+        type=positive_in("s"),
         metavar="S",
         help=f"sampling interval of the results in seconds, at least one step (default: TIME / {SAMPLES})",
     )
@@ -99,7 +100,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.sweep.quantities import named_quantities
     from mbd_sim.sweep.result_tables import SUFFIXES, write
     from mbd_sim.sweep.sweep_picture import draw, require_column
-    from mbd_sim.sweep.sweep_plan import plan, variation
+    from mbd_sim.sweep.sweep_plan import bare_variation_remark, plan, variation
     from mbd_sim.sweep.sweep_runs import Settings, chunks, result_names
 
     for path in (options.out, options.histories):
@@ -111,6 +112,7 @@ def execute(options: argparse.Namespace) -> int:
         require_packages("matplotlib", purpose="A plot of a sweep")
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)
+    print_notes(remark for text in options.vary if (remark := bare_variation_remark(text, mechanism)))
     settings = Settings(
         text=mechanism_text(mechanism.source),
         file=mechanism.source.file,

@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import ProgressBar, add_quiet, positive_number, print_notes
+from mbd_sim.cli.common import ProgressBar, add_quiet, positive_in, print_notes
 from mbd_sim.cli.recorded_run import add_run, recorded_run
 from mbd_sim.errors import counted
 
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--rate",
-        type=positive_number,
+        type=positive_in("Hz"),
         default=RATE,
         metavar="HZ",
         help=f"states per simulated second (default {RATE:g})",
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--trace-time",
-        type=positive_number,
+        type=positive_in("s"),
         default=1.0,
         metavar="S",
         help="length of the paths in seconds (default 1)",

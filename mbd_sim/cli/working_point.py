@@ -64,13 +64,14 @@ def _rounded(value: float) -> float:
 
 def _time(text: str) -> float:
     from mbd_sim.errors import InputError
+    from mbd_sim.mechanism_file.value_parser import parse_value
 
     try:
-        value = float(text)
-    except ValueError:
+        value = parse_value(text, {}, "s")
+    except InputError:
         value = -1.0
-    if not 0.0 < value < float("inf"):
+    if value <= 0.0:
         raise InputError(
-            f"--at {text}: neither equilibrium, start nor a positive time in s", "Write for example --at 2.5."
+            f"--at {text}: neither equilibrium, start nor a positive time", "Write for example --at 2.5, or --at 20ms."
         )
     return value

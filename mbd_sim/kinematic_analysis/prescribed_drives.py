@@ -12,7 +12,8 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import InputError, MechanismError, Problem, listed, nearest
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism
-from mbd_sim.mechanism_file.override import require_unit
+from mbd_sim.mechanism_file.bare_angles import bare_argument_remark
+from mbd_sim.mechanism_file.override import number_at
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 EXAMPLE = "Write for example crank=0:360deg, or crank=0:360deg:73 for 73 positions."
@@ -52,19 +53,13 @@ def drive_range(text: str, mechanism: Mechanism) -> tuple[DriveRange, int | None
     return DriveRange(name, values[0], values[-1]), count
 
 
-def bare_angle_remark(text: str, mechanism: Mechanism) -> str:
+def bare_range_remark(text: str, mechanism: Mechanism) -> str:
     """A sentence if the text of a range has an angle beyond a full turn without a unit, or ""."""
     name, _, rest = (part.strip() for part in text.partition("="))
     values = [_plain(word.strip()) for word in rest.split(":")[:2]]
     if any(split_unit(value)[1] for value in values if isinstance(value, str)) or not is_rotation(mechanism, name):
         return ""
-    large = [value for value in values if isinstance(value, float) and abs(value) > 2.0 * math.pi]
-    if not large:
-        return ""
-    return (
-        f"{text}: {large[-1]:g} is in rad ({math.degrees(large[-1]):.4g}°), because it has no unit. "
-        f"Write {large[-1]:g}deg or {large[-1]:g}rad."
-    )
+    return bare_argument_remark(text, values)
 
 
 def drive_speed(text: str, mechanism: Mechanism, drives: Sequence[DriveRange]) -> float:
@@ -102,9 +97,7 @@ def parameter_number(text: str, key: str, value: str, mechanism: Mechanism) -> f
     :raises MechanismError: there is no such key.
     """
     try:
-        number = parse_value(_plain(value), mechanism.parameters, None)
-        require_unit(mechanism, key, split_unit(value)[1])
-        return number
+        return number_at(mechanism, key, _plain(value), mechanism.parameters)
     except InputError as error:
         raise InputError(f"{text}: '{value}' {error.message}", error.remedy) from error
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from mbd_sim.errors import InputError, may_suggest, nearest, quoted
 from mbd_sim.geometry.pose import Pose, identity_pose
 
+GROUND_WORDS = ("world", "earth", "environment", "inertial")
 PointsByPart = Mapping[str, Mapping[str, Pose] | None]  # None: the part's points are unknown, any name is accepted
 
 
@@ -38,4 +39,4 @@ def _known_part(name: str, points_by_part: PointsByPart, may_be_point: bool) -> 
         for part, points in points_by_part.items():
             if name in (points or {}):
                 return f"Did you mean its point '{part}.{name}'?"
-    return nearest(name, points_by_part)
+    return "Did you mean 'ground'?" if name.lower() in GROUND_WORDS else nearest(name, points_by_part)

@@ -95,6 +95,16 @@ class Source:
         return next((self.repetitions[location[:n]] for n in lengths if location[:n] in self.repetitions), "")
 
 
+def value_at(data: Any, location: Location) -> Any:
+    """What a file's data have at a location, None if nothing."""
+    for step in location:
+        if isinstance(data, list) and isinstance(step, int):
+            data = data[step]
+        else:
+            data = data.get(step) if isinstance(data, Mapping) else None
+    return data
+
+
 def dotted(location: Location) -> str:
     """`('parts', 'rod', 'center', 2)` as `parts.rod.center[2]`."""
     text = ""

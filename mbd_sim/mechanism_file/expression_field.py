@@ -35,7 +35,8 @@ class ExpressionField:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         unit = f"in {self.unit}, " if self.unit else ""
-        return {"type": ["number", "string"], "description": f"{unit}an expression of {self._variables_in_words()}"}
+        found: dict[str, Any] = {"type": ["number", "string"], **({"x-unit": self.unit} if self.unit else {})}
+        return {**found, "description": f"{unit}an expression of {self._variables_in_words()}"}
 
     def _variables_in_words(self) -> str:
         own = "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)
@@ -62,7 +63,9 @@ class ExpressionField:
         if isinstance(value, str) and parameters.unknown_in(value):
             return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
         expression, unit = split_unit(str(value))
+        parameters.require_unit(expression, None if unit else self.unit)
         expression = parameters.functions.expanded(expression)
+        parameters.require_clear(expression)
         used = names_in(expression, values)
         if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
             what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"

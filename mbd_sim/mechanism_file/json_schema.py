@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import create_model
 from pydantic.json_schema import GenerateJsonSchema
 
-from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism.source import Location, value_at
 from mbd_sim.mechanism_file.schema.base_schema import SUFFIX, Spec, validator_of
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS
@@ -88,7 +88,7 @@ def _nodes_of(data: Any, location: Location) -> list[SchemaNode]:
         tagged = [inner for node in nodes if "discriminator" in node and kind for inner in _below(node, str(kind))]
         nodes = [form for node in tagged or nodes for form in _forms(node, schema)]
         nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner, schema)]
-        data = data[step]
+        data = value_at(data, (step,))
     return nodes
 
 

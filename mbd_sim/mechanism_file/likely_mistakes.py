@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_file.key_synonyms import synonym
 
 Words = tuple[str, ...]
 
@@ -22,6 +23,9 @@ _KEYS: Mapping[str, Mapping[Words, str]] = {
         ("drives", "motions"): "A drive is a key of its joint: 'drive'.",
     },
     "joints": {
+        ("parent", "child", "from", "to", "body1", "body2"): "Write 'between: [parent, child]', with the names of two "
+        "parts or points.",
+        ("ratio", "pitch"): "Write 'lead', the travel for one turn.",
         ("effort", "torque", "force"): "An effort that acts is an entry of forces, '{type: effort, coordinate: …, "
         "effort: …}', or if it is commanded, of actuators, '{type: effort, joint: …}'. The largest is 'effort_limit'.",
         ("motor", "actuator", "servo", "controller", "pid"): _MOTOR,
@@ -103,9 +107,11 @@ def remedy_for_key(location: Location, known: Collection[str]) -> str:
     if section == "sensors" and key in _ERRORS and (own := [name for name in known if name in _QUANTITIES]):
         return f"Give it for a quantity: '{own[0]}: {{noise_density: …}}'."
     remedy = _found(_KEYS, section, key)
-    if section == "limits" or not remedy.startswith("Write '"):
+    if section == "limits" or (remedy and not remedy.startswith("Write '")):
         return remedy
-    return remedy if remedy.split("'")[1].partition(":")[0] in known else ""
+    if remedy and remedy.split("'")[1].partition(":")[0] in known:
+        return remedy
+    return f"Write '{found}'." if (found := synonym(key, known)) else ""
 
 
 def remedy_for_lone_key(key: str, known: Collection[str]) -> str:

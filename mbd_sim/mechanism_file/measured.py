@@ -37,7 +37,8 @@ class MeasuredQuantity(Quantity):
     def _parsed(self, value: Any, parameters: Parameters) -> float:
         number = Measured(super()._parsed(value, parameters))
         if isinstance(value, str) and not parameters.unknown_in(value):
-            number.unit, number.written = split_unit(value)[1], value
+            expression, unit = split_unit(value)
+            number.unit, number.written = unit or parameters.unit_of(expression), value
         return number
 
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
+from mbd_sim.mechanism_file.key_synonyms import synonym
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS, as_written
 from mbd_sim.mechanism_file.units import factor, si_factor
-from mbd_sim.mechanism_file.value_parser import split_unit
+from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
@@ -155,8 +156,8 @@ def location_of(mechanism: Mechanism, key: str) -> Location:
     if len(location) == 1 and location[0] in (data.get("parameters") or {}):
         return ("parameters", *location)
     if not location or location[0] not in _SECTIONS:
-        first = str(location[0]) if location else ""
-        raise InputError("is not a key of this file", nearest(first, [*(data.get("parameters") or {}), *_SECTIONS]))
+        first, known = str(location[0]) if location else "", [*(data.get("parameters") or {}), *_SECTIONS]
+        raise InputError("is not a key of this file", _similar(first, known))
     return tuple(location)
 
 
@@ -189,13 +190,16 @@ def _value_in(file: MechanismFile, mechanism: Mechanism, key: str) -> float | No
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def require_unit(mechanism: Mechanism, key: str, unit: str) -> None:
-    """Refuse a unit that does not fit a value: that of the file, converted to this unit, must be valid in its place.
+def number_at(mechanism: Mechanism, key: str, value: object, names: Mapping[str, float]) -> float:
+    """The number in SI units that a value of a key stands for: a number, or a text such as `"30 deg"` or `"2*l"`.
 
-    :raises InputError: it is another one.
+    :param names: the values of the names that an expression may refer to.
+    :raises InputError: it is no number, or its unit is not one of this key: that of the file, converted to it, must be
+        valid in its place.
     """
+    number, unit = parse_value(value, names, None), split_unit(value)[1] if isinstance(value, str) else ""
     if not unit:
-        return
+        return number
     present = value_of(mechanism, key)
     if present is None:
         raise InputError(f"'{key}' is not a number in the file", "Name a number, such as joints.elbow.damping.")
@@ -203,6 +207,9 @@ def require_unit(mechanism: Mechanism, key: str, unit: str) -> None:
         with_values(mechanism, {key: f"{present / si_factor(unit)!r} {unit}"})
     except MechanismError as error:
         raise InputError(error.problems[0].message, error.problems[0].remedy) from error
+    from mbd_sim.mechanism_file.json_schema import unit_at  # with the schema
+
+    return parse_value(value, names, unit_at(mechanism.source.data, location_of(mechanism, key)) or None)
 
 
 def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
@@ -246,11 +253,16 @@ def _entry(container: Any, step: str | int) -> Any:
     if isinstance(container, Mapping):
         if step in container:
             return container[step]
-        raise InputError(f"there is no '{step}'", nearest(step, container))
+        raise InputError(f"there is no '{step}'", _similar(step, container))
     keys = getattr(type(container), "model_fields", {})
     if (key := as_written(step, keys)) in keys:
         return getattr(container, key)
-    raise InputError(f"has no '{step}'", nearest(step, keys))
+    raise InputError(f"has no '{step}'", _similar(step, keys))
+
+
+def _similar(word: str, known: Collection[str]) -> str:
+    """A remedy that names a key which a word stands for, or resembles."""
+    return f"Did you mean '{found}'?" if (found := synonym(word, known)) else nearest(word, known)
 
 
 def _replaced(data: Any, location: Location, value: float | str) -> Any:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
-from mbd_sim.mechanism.arithmetic import HIDEABLE, RESERVED
-from mbd_sim.mechanism.expression import names_in
+from mbd_sim.mechanism.arithmetic import CONSTANTS, HIDEABLE, RESERVED
+from mbd_sim.mechanism.expression import TIME, names_in
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism.tables import Table
 from mbd_sim.mechanism_file.coordinate_names import CoordinateNames
 from mbd_sim.mechanism_file.dependencies import dependencies_first, users
 from mbd_sim.mechanism_file.functions import Functions, resolve_functions
+from mbd_sim.mechanism_file.units import factor, si_factor
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 
@@ -22,11 +23,14 @@ from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 class Parameters:
     """The values of a file's parameters in SI units, the names of those that have none, and why they have none.
 
-    `functions` are those of the same file, and so are `coordinates` and `tables`, of which `unreadable_tables` are
-    invalid.
+    `units` are those with which parameters are written. `functions` are those of the same file, and so are
+    `coordinates` and `tables`, of which `unreadable_tables` are invalid. `ambiguous` are the names of joints that mean
+    something else in expressions.
     """
 
     values: dict[str, float] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    ambiguous: frozenset[str] = frozenset()
     unresolved: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
     functions: Functions = field(default_factory=Functions)
@@ -43,6 +47,38 @@ class Parameters:
             names_in(self.functions.expanded(expression), self.unresolved) & self.unresolved
         )
 
+    def require_clear(self, expression: str) -> None:
+        """Refuse an expression with a name that is a constant or the time, and a joint as well.
+
+        :raises InputError: which one.
+        """
+        if found := sorted(self.ambiguous and names_in(expression, self.ambiguous) & self.ambiguous):
+            what = "the time" if found[0] == TIME else "a constant"
+            message = f"'{found[0]}' is {what} in expressions, and the name of a joint"
+            raise InputError(message, f"Rename the joint, or write {found[0]}.position for its coordinate.")
+
+    def unit_of(self, expression: str) -> str:
+        """The unit of the parameter for which an expression stands, perhaps with a sign; "" if it is anything else."""
+        return self.units.get(expression.strip("()+- "), "")
+
+    def require_unit(self, expression: str, si_unit: str | None) -> None:
+        """Refuse an expression that is a parameter with a unit that does not fit the quantity.
+
+        :raises InputError: the parameter has another dimension, or another angle: a lead is per turn.
+        """
+        if si_unit is None or not (unit := self.unit_of(expression)):
+            return
+        name = expression.strip("()+- ")
+        try:
+            fits = factor(unit, si_unit) == si_factor(unit)
+        except InputError as error:
+            raise InputError(f"the parameter '{name}': {error.message}", error.remedy) from error
+        if not fits:
+            message = (
+                f"the parameter '{name}' is in {unit}, and so counts per rad; a value in {si_unit} is expected here"
+            )
+            raise InputError(message, f"Write the parameter in {si_unit.partition('/')[0]}, without the angle.")
+
     def among(self, names: Collection[str]) -> dict[str, float]:
         """The values of those of the names that are parameters, in the order in which they were resolved."""
         return {name: self.values[name] for name in sorted(self.values.keys() & names, key=self._positions.__getitem__)}
@@ -55,8 +91,10 @@ class Parameters:
 def resolve_parameters(source: Source) -> Parameters:
     """Evaluate the file's `parameters`, each after those that it refers to."""
     functions = resolve_functions(source)
-    result = Parameters(problems=list(functions.problems), functions=functions)
-    written = source.data.get("parameters")
+    joints, written = source.data.get("joints"), source.data.get("parameters")
+    joint_names = frozenset(joints if isinstance(joints, dict) else ())
+    ambiguous = joint_names & {*CONSTANTS, TIME} - (written.keys() if isinstance(written, dict) else set())
+    result = Parameters(problems=list(functions.problems), functions=functions, ambiguous=ambiguous)
     if not isinstance(written, dict):
         return result
 
@@ -67,7 +105,7 @@ def resolve_parameters(source: Source) -> Parameters:
     uses: dict[str, set[str]] = {}
     for name, value in written.items():
         try:
-            uses[name] = _used_names(name, value, written, functions)
+            uses[name] = _used_names(name, value, written, result)
         except InputError as error:
             fail(name, error)
     for name in dependencies_first(uses):
@@ -78,6 +116,8 @@ def resolve_parameters(source: Source) -> Parameters:
             continue
         try:
             result.values[name] = parse_value(value, result.values, si_unit=None, functions=functions.expanded)
+            if isinstance(value, str) and (unit := _unit(value, result)):
+                result.units[name] = unit
         except InputError as error:
             fail(name, error)
     left = {name: used for name, used in uses.items() if name not in result.values and name not in result.unresolved}
@@ -90,10 +130,17 @@ def resolve_parameters(source: Source) -> Parameters:
     return result
 
 
-def _used_names(name: str, value: object, written: Mapping[str, object], functions: Functions) -> set[str]:
+def _unit(value: str, parameters: Parameters) -> str:
+    expression, unit = split_unit(value)
+    return unit or parameters.unit_of(expression)
+
+
+def _used_names(name: str, value: object, written: Mapping[str, object], parameters: Parameters) -> set[str]:
     if (name in RESERVED and name != HIDEABLE) or keyword.iskeyword(name):
         raise InputError(f"'{name}' is reserved in expressions", "Choose another name.")
-    used = names_in(functions.expanded(split_unit(value)[0]), written) if isinstance(value, str) else set()
+    expression = parameters.functions.expanded(split_unit(value)[0]) if isinstance(value, str) else "0"
+    parameters.require_clear(expression)
+    used = names_in(expression, written)
     unknown = sorted(other for other in used if other not in written)
     if unknown:
         remedy = nearest(unknown[0], (other for other in written if other != name)) or "Define it under 'parameters'."

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.parameters import Parameters
-from mbd_sim.mechanism_file.value_parser import parse_value
+from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 # Beyond these, products such as density · r³ · r² would overflow or vanish. A smaller value that may be 0 becomes 0.
 LARGEST, SMALLEST = 1e40, 1e-60
@@ -54,6 +54,11 @@ class Quantity:
     def _parsed(self, value: Any, parameters: Parameters) -> float:
         if isinstance(value, str) and parameters.unknown_in(value):
             return math.nan  # the problem is reported at the parameter, not at each use of it
+        if isinstance(value, str):
+            expression, _ = split_unit(value)
+            if parameters.ambiguous:
+                parameters.require_clear(parameters.functions.expanded(expression))
+            parameters.require_unit(expression, self.unit)
         number = parse_value(value, parameters.values, self.unit, parameters.functions.expanded)
         if abs(number) < SMALLEST and not (self.above is not None and number > 0.0):
             number = 0.0
@@ -79,6 +84,8 @@ AngularVelocity = Annotated[float, Quantity("rad/s")]
 PositiveAngularVelocity = Annotated[float, Quantity("rad/s", above=0)]
 Length = Annotated[float, Quantity("m")]
 PositiveLength = Annotated[float, Quantity("m", above=0)]
+Lead = Annotated[float, Quantity("m/turn")]
+PositiveLead = Annotated[float, Quantity("m/turn", above=0)]
 Velocity = Annotated[float, Quantity("m/s")]
 PositiveVelocity = Annotated[float, Quantity("m/s", above=0)]
 Acceleration = Annotated[float, Quantity("m/s**2")]

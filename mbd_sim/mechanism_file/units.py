@@ -1,4 +1,8 @@
-"""Values with units, converted to SI by pint."""
+"""Values with units, converted to SI by pint.
+
+An angle is a dimension of its own: `Hz` is no unit of rad/s, nor `rpm` one of a rate. Where the unit of a quantity has
+an angle in its denominator, as N*m/rad or the m/turn of a screw, it may be left out: N*m, mm.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,7 @@ nano- = 1e-9 = n-
 meter = [length] = m = metre
 second = [time] = s = sec
 gram = [mass] = g
-radian = [] = rad
+radian = [angle] = rad
 pi = 3.141592653589793
 degree = pi / 180 * radian = deg = °
 turn = 2 * pi * radian = rev = revolution
@@ -85,6 +89,7 @@ USUAL = {
     "mH": ("H", 1e-3),
     "g0": ("m/s**2", 9.80665),
 }
+_SAME = {"N*m/A": "V*s/rad"}  # the constant of a motor's torque is that of its back-EMF, which is per angle
 UNIT_WORDS = (
     "m, mm, in, ft, kg, g, lb, s, ms, rad, deg, rpm, N, lbf, Pa, bar, J, W, A, V, ohm, H and products such as N*m/rad"
 )
@@ -121,14 +126,44 @@ def factor(unit: str, si_unit: str) -> float:
     :raises InputError: an unknown unit, or one of another dimension.
     """
     usual_unit, usual = USUAL.get(_power(unit), (None, 0.0))
-    if usual_unit == si_unit:
+    if usual_unit in (si_unit, si_unit.removesuffix("/rad"), si_unit.removesuffix("/turn")):
         return usual
-    given, wanted = _unit(unit), _unit(si_unit) if si_unit else _registry().parse_units("")
+    given = _unit(unit)
+    wanted = _unit(_SAME.get(si_unit, si_unit)) if si_unit else _registry().parse_units("")
+    if _angles(wanted) < 0 and not _angles(given):
+        wanted = _without_angles(wanted)
     if given.dimensionality != wanted.dimensionality:
-        here = f"a value in {si_unit}" if si_unit else "a plain number"
-        remedy = f"Write for example {f'0.5 {si_unit}'.strip()}."
-        raise InputError(f"the unit {quoted(unit)} does not fit: {here} is expected here", remedy)
+        raise _misfit(unit, si_unit, given, wanted)
     return _finite(lambda: float(_registry().Quantity(1.0, given).to(wanted).magnitude), unit)
+
+
+def _angles(unit: Any) -> float:
+    """The power of the angle in a unit."""
+    return float(unit.dimensionality.get("[angle]", 0))
+
+
+def _without_angles(unit: Any) -> Any:
+    registry = _registry()
+    named = {name: power for name, power in unit._units.items() if not _angles(registry.Unit(name))}
+    return math.prod((registry.Unit(name) ** power for name, power in named.items()), start=registry.parse_units(""))
+
+
+def _misfit(unit: str, si_unit: str, given: Any, wanted: Any) -> InputError:
+    """The error for a unit of another dimension than that of `si_unit`."""
+    here = f"a value in {si_unit}" if si_unit else "a plain number"
+    message, example = f"the unit {quoted(unit)} does not fit: {here} is expected here", f"0.5 {si_unit}".strip()
+    excess, turn = _angles(given) - _angles(wanted), _registry().parse_units("turn")
+    if not excess or (given / turn ** int(excess)).dimensionality != wanted.dimensionality:
+        return InputError(message, f"Write for example {example}.")
+    if excess < 0 < _angles(wanted):
+        remedy = f"It has no angle. Write for example {example}, or {example.replace('rad', 'rev')} for turns."
+    elif excess > 0 and not _angles(wanted):
+        counted = _registry().Quantity(1.0, given / turn ** int(excess)).to(wanted).magnitude
+        in_turns = f"{counted:.6g} {si_unit}".strip()
+        remedy = f"It has an angle. Write for example {example}; in turns, 1 {unit} is {in_turns}."
+    else:
+        remedy = f"It has an angle that does not belong there. Write for example {example}."
+    return InputError(message, remedy)
 
 
 @functools.lru_cache(maxsize=1024)

@@ -6,10 +6,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in_order
 from mbd_sim.mechanism_file.coordinate_names import coordinate_names
+from mbd_sim.mechanism_file.key_synonyms import synonym
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
 from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
@@ -23,6 +24,7 @@ from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
 from mbd_sim.mechanism_file.schema.table_schema import TableSpec
 from mbd_sim.mechanism_file.validation_problems import problem_of
 
+REQUIRED = ("mechanism", "parts", "joints", "urdf")
 MANY = 1000  # problems beyond which no further ones are searched for
 
 
@@ -33,12 +35,7 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
         contacts and actuators that it accepts are then checked too, so that one run reports all problems (of a file
         with fewer than a thousand).
     """
-    if not isinstance(source.data, dict):
-        message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"
-        remedy = "Begin with a line such as 'mechanism: pendulum'."
-        if isinstance(source.data, str) and source.data.endswith(SUFFIXES):
-            remedy = "This is a path: load_mechanism reads files, parse_mechanism parses text."
-        raise MechanismError([source.problem((), message, remedy, source.data)])
+    _require_mechanism(source)
     parameters = _all_names(source)
     problems = source.problems + parameters.problems
     file = None
@@ -51,6 +48,26 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     if problems or file is None:
         raise MechanismError(in_order(problems + _reference_problems(source, parameters)))
     return file, parameters.values
+
+
+def _require_mechanism(source: Source) -> None:
+    """Refuse a file that describes something else.
+
+    :raises MechanismError: with its only problem.
+    """
+    data, remedy = source.data, "Begin with a line such as 'mechanism: pendulum'."
+    if isinstance(data, dict):
+        if any(key in data or any(synonym(str(word), [key]) for word in data) for key in REQUIRED):
+            return
+        message = f"this is not a mechanism file: it has none of {listed([f'{key!r}' for key in REQUIRED])}"
+        if any(isinstance(entry, dict) and "ros__parameters" in entry for entry in data.values()):
+            remedy = "These are parameters of ROS nodes: start a node with --params-file and this file."
+        raise MechanismError([source.problem((), message, f"Its keys are {listed(list(map(str, data)))}. {remedy}")])
+    if isinstance(data, str) and data.endswith(SUFFIXES):
+        remedy = "This is a path: load_mechanism reads files, parse_mechanism parses text."
+    message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"
+    message = f"the file is empty, but {message}" if data is None else message
+    raise MechanismError([source.problem((), message, remedy, data)])
 
 
 def _all_names(source: Source) -> Parameters:

@@ -11,15 +11,21 @@ from mbd_sim.errors import InputError, Problem, counted, listed, nearest, quoted
 from mbd_sim.mechanism.expression import QUOTE_COMMAS, is_cut
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
+from mbd_sim.mechanism_file.key_synonyms import synonym
 from mbd_sim.mechanism_file.likely_mistakes import remedy_for_key, remedy_for_lone_key, remedy_for_type
 from mbd_sim.mechanism_file.spelling import NAME_PATTERN, as_written
 
-# Other words that users may write for a type.
+# Other words that users may write for a type: the first of the types that is valid at this place.
 _SYNONYMS = {
-    "hinge": "revolute", "pin": "revolute", "rotation": "revolute", "continuous": "revolute",
-    "slider": "prismatic", "translation": "prismatic", "weld": "fixed", "rigid": "fixed", "floating": "free",
-    "bar": "rod", "disk": "disc", "wheel": "disc", "hoop": "ring", "box": "block", "cuboid": "block",
-    "ball": "sphere", "point": "particle", "rectangle": "plate",
+    "hinge": ("revolute",), "pin": ("revolute",), "rotation": ("revolute",), "continuous": ("revolute",),
+    "rotary": ("revolute",), "rotational": ("revolute",), "slider": ("prismatic",), "translation": ("prismatic",),
+    "slide": ("prismatic",), "linear": ("prismatic", "spring"), "translational": ("prismatic",), "weld": ("fixed",),
+    "rigid": ("fixed",), "floating": ("free",), "ball": ("spherical", "sphere"), "socket": ("spherical",),
+    "cardan": ("universal",), "hooke": ("universal",), "helical": ("screw",), "lead_screw": ("screw",),
+    "bar": ("rod",), "capsule": ("cylinder",), "disk": ("disc",), "wheel": ("disc",), "hoop": ("ring",),
+    "box": ("block",), "cuboid": ("block",), "cube": ("block",), "point": ("particle",), "point_mass": ("particle",),
+    "mass": ("particle",), "rectangle": ("plate",), "rope": ("cable",), "link": ("distance", "rod"),
+    "pulley": ("cable",), "gears": ("gear",), "mimic": ("coupling",), "roll": ("rolling",),
 }  # fmt: skip
 
 
@@ -44,7 +50,7 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
         case "missing" if value is None:
             return source.problem(location, "has no value", "Give it a value.")
         case "missing":
-            return source.problem(location, f"'{leaf}' is missing", "Add it.")
+            return source.problem(location, f"'{leaf}' is missing", _in_place_of(value, leaf))
         case "union_tag_not_found":
             return source.problem(location, "'type' is missing", nearest("", known_types(loc)))
         case "union_tag_invalid":
@@ -59,14 +65,20 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
     return source.problem(location, message or details["msg"], remedy, value)
 
 
+def _in_place_of(value: Any, key: str) -> str:
+    """What to do about a missing key of a mapping: perhaps another word stands in its place."""
+    words = [str(word) for word in value] if isinstance(value, dict) else []
+    return next((f"Write it in place of '{word}'." for word in words if synonym(word, [key])), "Add it.")
+
+
 def _unknown_type(source: Source, location: Location, loc: PydanticLocation, value: object) -> Problem:
     where, types = (*location, "type"), known_types(loc)
     tag = value.get("type") if isinstance(value, dict) else None
     if tag is None:
         return source.problem(where, "has no value", nearest("", types))
     remedy = remedy_for_type(location, str(tag)) or nearest(str(tag), types)
-    if isinstance(tag, str) and _SYNONYMS.get(tag) in types:
-        remedy = f"Did you mean '{_SYNONYMS[tag]}'? Valid: {listed(types)}."
+    if meant := [word for word in _SYNONYMS.get(str(tag), ()) if word in types]:
+        remedy = f"Did you mean '{meant[0]}'? Valid: {listed(types)}."
     return source.problem(where, f"unknown type {quoted(tag)}", remedy)
 
 
@@ -94,6 +106,11 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
         case "model_type" | "model_attributes_type" | "dict_type" if loc[:1] == ("actuators",) and loc[-1] == "command":
             return "must be a mapping of channels to values", "Write for example '{position: 0.5}' or '{effort: 2}'."
         case "model_type" | "model_attributes_type" | "dict_type":
+            if isinstance(value, list) and len(loc) == 1:
+                return (
+                    "must be a mapping of keys to values",
+                    "Write each entry with its name: 'rod: {mass: 1}'.",
+                )
             keys = known_keys(loc)
             remedy = f"Its keys: {listed(keys)}." if keys else "Write 'name: value'."
             return "must be a mapping of keys to values", remedy

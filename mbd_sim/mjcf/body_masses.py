@@ -9,7 +9,7 @@ import numpy as np
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from mbd_sim.mjcf.compiler_options import Compiler, Context
-from mbd_sim.mjcf.geoms import COMPILED, UNKNOWN, Geom, mass_of
+from mbd_sim.mjcf.geoms import UNKNOWN, Geom, mass_of
 from mbd_sim.mjcf.items import Item
 
 NOTHING = MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -33,15 +33,18 @@ def _of_geoms(geoms: Sequence[Geom]) -> MassProperties:
     known = []
     for geom in massive:
         if geom.kind in UNKNOWN:
-            geom.item.report("", f"a {geom.kind} has a mass that depends on another file", f"{REMEDY} {COMPILED}")
+            geom.item.report("", f"a {geom.kind} has a mass that depends on another file", REMEDY)
         elif geom.item.text("shellinertia") == "true":
-            geom.item.report("shellinertia", "the mass of shells is not computed", f"{REMEDY} {COMPILED}")
+            geom.item.report("shellinertia", "the mass of shells is not computed", REMEDY)
         else:
             known.append(mass_of(geom))
     return composite(known)
 
 
-REMEDY = 'Give the body an <inertial>, or the geom mass="0".'
+REMEDY = (
+    'Give the body an <inertial>, or the geom mass="0". Of a mujoco.MjModel, body_mass, body_ipos, body_iquat and '
+    "body_inertia are its mass, pos, quat and diaginertia."
+)
 
 
 def _inertial(context: Context, inertial: Item) -> MassProperties:

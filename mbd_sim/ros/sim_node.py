@@ -34,7 +34,7 @@ from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.run_services import SERVICES, RunServices
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
-from mbd_sim.ros.start_values import named_starts, start_values
+from mbd_sim.ros.start_values import bare_angles_of, named_starts, start_values
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import SUBSCRIBED, Subscriptions
 from mbd_sim.ros.trajectory_action import serve_trajectory_action
@@ -193,6 +193,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         :raises CommandError: it does not fit the mechanism.
         """
         self.stepping_thread.run.start_values = start_values(values["start"], values, self.simulation.model)
+        for remark in bare_angles_of(values["start"], values, self.simulation.mechanism):
+            self.get_logger().warning(remark)
 
     def _problem_of_start(self, values: Mapping[str, Any]) -> str:
         """The problem with the start of all parameters, or ""."""

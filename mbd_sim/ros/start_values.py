@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from rclpy.node import Node
 
 from mbd_sim.errors import CommandError, InputError, nearest, quoted
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.bare_angles import bare_argument_remark
 from mbd_sim.mechanism_file.value_parser import parse_value
 from mbd_sim.ros.node_parameters import ParameterSpec
 from mbd_sim.simulation.compiled_model import Model
@@ -16,6 +18,7 @@ from mbd_sim.simulation.state_values import StateValues, checked_values
 
 PREFIX = "starts."
 _SPEED = ".velocity"
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def named_starts(node: Node) -> list[ParameterSpec]:
@@ -67,6 +70,16 @@ def _entry(text: str, model: Model) -> tuple[str, float, bool]:
         return name, parse_value(value, {}, f"{unit}/s" if is_speed and unit else unit), is_speed
     except InputError as error:
         raise CommandError(f"start: {name} = {quoted(value)}: {error.message}. {error.remedy}") from error
+
+
+def bare_angles_of(text: str, parameters: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
+    """A sentence on each angle of a start that exceeds a full turn and has no unit."""
+    units = coordinate_units(mechanism)
+    entries = str(parameters.get(PREFIX + text.strip(), text)).split(",")
+    pairs = [tuple(part.strip() for part in entry.partition("=")[::2]) for entry in entries]
+    angles = [(name, value) for name, value in pairs if units.get(name) == "rad" and _NUMBER.fullmatch(value)]
+    found = [bare_argument_remark(f"start: {name} = {value}", [float(value)]) for name, value in angles]
+    return [remark for remark in found if remark]
 
 
 def coordinate_units(mechanism: Mechanism) -> dict[str, str]:

@@ -5,10 +5,12 @@ For the stepping thread, which decides when to step and how far.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
 from mbd_sim.errors import CommandError, DivergedError
+from mbd_sim.mechanism_file.bare_angles import TURN
 from mbd_sim.ros.applied_commands import apply_commands
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.command_ranges import CommandRanges
@@ -92,6 +94,10 @@ class SteppedRun:
         self._forget_problems()
         self.output.report_new_state()
         self.output.report(EventKind.NOTE, f"state set: {given}")
+        for name, value in given.positions.items():
+            if abs(value) > TURN and self.simulation.mechanism.coordinate(name).rotation:
+                text = f"{name} = {value:g} is in rad ({math.degrees(value):.4g}°), as all angles in messages are"
+                self.output.report(EventKind.NOTE, text)
         return ""
 
     def live_change(self, prepared: PreparedValues) -> Callable[[], str]:

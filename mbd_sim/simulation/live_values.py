@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from mbd_sim import dynamics
 from mbd_sim.errors import CommandError, InputError, MechanismError, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.override import location_of, require_unit, value_of, values_of, with_values
-from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
+from mbd_sim.mechanism.source import Location, value_at
+from mbd_sim.mechanism_file.override import location_of, number_at, value_of, values_of, with_values
+from mbd_sim.mechanism_file.value_parser import parse_value
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.live_search import live_numbers
 
@@ -173,7 +173,7 @@ class LiveValues:
         written, parameters = self._mechanism.source.data, self._parameters()
 
         def follows(location: Location, key: str) -> bool:
-            text = _written(written, location)
+            text = value_at(written, location)
             if not isinstance(text, str):
                 return self.current[key] == self._of_file[key]
             try:
@@ -244,12 +244,9 @@ class LiveValues:
         """
         value = value.tolist() if hasattr(value, "tolist") else value  # a number of NumPy
         try:
-            number = parse_value(value, {}, None)
-            if isinstance(value, str):
-                require_unit(self._mechanism, key, split_unit(value)[1])
+            return number_at(self._mechanism, key, value, {})
         except InputError as error:
             raise CommandError(f"{key}: {error.message} (got {quoted(value)}). {error.remedy}".strip()) from error
-        return number
 
     def _remedy(self, key: str) -> str:
         """How a value becomes live, or what the key is meant to be."""
@@ -262,16 +259,6 @@ class LiveValues:
             f"To change it during a run, name it at the start: Simulation(..., {listed}), or the parameter `live` "
             "of sim_node."
         )
-
-
-def _written(data: Any, location: Location) -> Any:
-    """What a file has at a location, None if nothing."""
-    for step in location:
-        if isinstance(data, list) and isinstance(step, int):
-            data = data[step]
-        else:
-            data = data.get(step) if isinstance(data, Mapping) else None
-    return data
 
 
 def require_closed(changes: Mapping[str, float], gap: float, before: float) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from mbd_sim.errors import listed
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.bare_angles import large_bare_angles
+from mbd_sim.mechanism_file.bare_angles import bare_angle_remarks
 from mbd_sim.simulation.compiled_model import Model
 
 
@@ -17,18 +15,9 @@ def remarks(model: Model) -> tuple[str, ...]:
         model.method_remark,
         limits_remark(model.mechanism),
         friction_remark(model),
-        *angle_remarks(model.mechanism),
+        *bare_angle_remarks(model.mechanism.source),
     )
     return tuple(remark for remark in found if remark)
-
-
-def angle_remarks(mechanism: Mechanism) -> list[str]:
-    """A sentence on each angle that exceeds a full turn and has no unit."""
-    return [
-        f"{key} is {value:g} rad ({math.degrees(value):.4g}°), because it has no unit. "
-        f"Write {value:g} deg or {value:g} rad."
-        for key, value in large_bare_angles(mechanism.source)
-    ]
 
 
 def friction_remark(model: Model) -> str:

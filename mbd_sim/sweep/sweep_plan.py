@@ -12,9 +12,9 @@ import numpy as np
 from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.override import require_unit, value_of
-from mbd_sim.mechanism_file.units import factor
-from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
+from mbd_sim.mechanism_file.bare_angles import bare_argument_remark, is_angle
+from mbd_sim.mechanism_file.override import location_of, number_at, value_of
+from mbd_sim.mechanism_file.value_parser import parse_value
 
 EFFORT = "efforts."  # the prefix of a joint's name for a constant effort on it
 MAX_RUNS = 10_000_000
@@ -71,9 +71,10 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
 
     def number(word: str) -> float:
         try:
-            found = parse_value(_plain(word), mechanism.parameters, None)
-            _require_unit(name, split_unit(word)[1], mechanism)
-            return found
+            if not name.startswith(EFFORT):
+                return number_at(mechanism, name, _plain(word), mechanism.parameters)
+            unit = mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*")
+            return parse_value(_plain(word), mechanism.parameters, unit)
         except InputError as error:
             raise CommandError(f"{text}: '{word.strip()}' {error.message}. {error.remedy}") from error
 
@@ -87,6 +88,16 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
     if ":" in rest:
         raise CommandError(f"{text}: a range needs START:STOP:COUNT. {_EXAMPLES}")
     return Grid(name, tuple(number(word) for word in rest.split(",")))
+
+
+def bare_variation_remark(text: str, mechanism: Mechanism) -> str:
+    """A sentence if the text of a variation has an angle beyond a full turn without a unit, or ""."""
+    name, _, rest = (part.strip() for part in text.partition("="))
+    called, parts = _CALL.fullmatch(rest), rest.split(":")
+    words = called[2].split(",") if called else parts[:2] if len(parts) > 1 else rest.split(",")
+    if name.startswith(EFFORT) or not is_angle(mechanism.source, location_of(mechanism, name)):
+        return ""
+    return bare_argument_remark(text, [_plain(word) for word in words])
 
 
 def plan(variations: Sequence[Grid | Random], draws: int = 1, seed: int = 0) -> Plan:
@@ -125,17 +136,6 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
         raise CommandError(f"'{name}' {problem.message}. {problem.remedy}") from error
     if value is None:
         raise CommandError(f"'{name}' is not a number in the file. Name a number, for example joints.elbow.damping.")
-
-
-def _require_unit(name: str, unit: str, mechanism: Mechanism) -> None:
-    """Refuse a unit that does not fit a varied value or an effort.
-
-    :raises InputError: it is another one.
-    """
-    if not name.startswith(EFFORT):
-        require_unit(mechanism, name, unit)
-    elif unit:
-        factor(unit, mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*"))
 
 
 def _random(name: str, distribution: str, numbers: list[float], text: str) -> Random:

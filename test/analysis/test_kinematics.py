@@ -57,12 +57,12 @@ def test_its_dynamics_say_what_is_missing(gripper):
 def test_check_reports_and_draws_it(capsys, tmp_path):
     file, picture = tmp_path / "gripper.urdf", tmp_path / "gripper.png"
     file.write_text(GRIPPER, encoding="utf-8")
-    assert main(["check", str(file), "--draw", str(picture), "--inertia"]) == 0
+    assert main(["check", str(file), "--draw", str(picture), "--inertia"]) == 1
     out = capsys.readouterr().out
     assert "Degrees of freedom  2  (coordinates: lift, turn)" in out
     assert f"Dynamics            not defined: {file}:2: joint[lift]: nothing that this joint moves has mass" in out
     assert picture.stat().st_size > 5000
-    assert main(["check", str(file), "--json"]) == 0
+    assert main(["check", str(file), "--json"]) == 1
     assert len(json.loads(capsys.readouterr().out)["dynamics"]) == 2
     assert main(["run", str(file), "--quiet"]) == 1
 

@@ -174,6 +174,31 @@ def test_wrong_numbers_are_usage_errors(capsys, text, words):
     assert words in capsys.readouterr().err
 
 
+def test_quantities_of_options_may_have_their_units(capsys):
+    plain = ["run", "rod_pendulum", "--quiet", "--time", "0.1", "--step", "0.002", "--effort", "pin=0.003"]
+    units = ["run", "rod_pendulum", "--quiet", "--time", "100 ms", "--step", "2ms", "--effort", "pin=3 N*mm"]
+    results = []
+    for arguments in (plain, units):
+        assert main(arguments) == 0
+        results.append([line for line in capsys.readouterr().out.splitlines() if "computed" not in line])
+    assert results[0] == results[1]
+    with pytest.raises(SystemExit, match="2"):
+        main(["run", "rod_pendulum", "--time", "2 m"])
+    assert "the unit 'm' does not fit: a value in s is expected here" in capsys.readouterr().err
+    assert main(["run", "rod_pendulum", "--time", "1ms", "--effort", "pin=3 N"]) == 1
+    assert "a value in N*m is expected here" in capsys.readouterr().err
+    assert main(["linearize", "rod_pendulum", "--at", "20 ms"]) == 0
+    assert "at 0.02 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("gravity", ["[0,0,-1.62]", "[0, 0, -1.62 m/s^2]"])
+def test_a_list_is_set_as_in_a_file(capsys, gravity):
+    assert main(["check", "rod_pendulum", "--set", f"gravity={gravity}"]) == 0
+    assert "Gravity             [0, 0, -1.62] m/s²" in capsys.readouterr().out
+    assert main(["check", "rod_pendulum", "--set", "gravity=[0,0,-1.62"]) == 1
+    assert "--set gravity:1: not valid YAML" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", [["c-code", "--out", "x"], ["fmu", "--sources-only", "--out", "x.fmu"]])
 def test_a_file_that_cannot_be_written_is_named_without_a_traceback(command, tmp_path, capsys):
     (tmp_path / "file").write_text("no folder")

@@ -196,3 +196,57 @@ def test_live_parameters_act_within_these_expressions():
     simulation.step(500)
     other.step(500)
     assert simulation.state[:2] == pytest.approx(other.state[:2], rel=1e-13)
+
+
+RENAMED = """
+mechanism: names
+parameters: {PARAMETER}
+parts: {rod: {mass: 1, inertia: [1, 1, 1]}, disc: {mass: 1, inertia: [1, 1, 1]}}
+joints:
+  JOINT: {type: revolute, between: [ground, rod], axis: [0, 0, 1], position: 0.25}
+  other: {type: revolute, between: [ground, disc], axis: [0, 0, 1], DRIVE}
+forces: {f: {type: effort, coordinate: JOINT, effort: "EFFORT"}}
+"""
+
+
+def renamed(joint, effort, parameter="k: 2", drive="position: 0"):
+    texts = {"JOINT": joint, "EFFORT": effort, "PARAMETER": parameter, "DRIVE": drive}
+    text = RENAMED
+    for word, value in texts.items():
+        text = text.replace(word, value)
+    return parse_mechanism(text)
+
+
+@pytest.mark.parametrize("name", ["e", "pi", "t"])
+def test_a_joint_is_never_a_constant_or_the_time_without_a_word(name):
+    """A force -2*e on a joint named e was -2*2.718."""
+    meaning = "the time" if name == "t" else "a constant"
+    for wrong in (
+        {"effort": f"-2*{name}"},
+        {"effort": "0", "parameter": f"k: 2*{name}"},
+        {"effort": "0", "drive": f'drive: "0.1*{name}"'},
+        {"effort": "0", "drive": f"position: 2*{name}"},
+    ):
+        with pytest.raises(MechanismError, match=f"'{name}' is {meaning} in expressions, and the name of a joint"):
+            renamed(name, **wrong)
+    simulation = Simulation(renamed(name, f"-2*{name}.position"), method="euler", step=1e-3)
+    simulation.step(1)
+    assert simulation.u[0] == pytest.approx(-0.5e-3)
+
+
+@pytest.mark.parametrize("name", ["sin", "tanh", "where", "table", "min"])
+def test_a_joint_named_like_a_function_is_that_joint(name):
+    simulation = Simulation(renamed(name, f"-2*{name}"), method="euler", step=1e-3)
+    simulation.step(1)
+    assert simulation.u[0] == pytest.approx(-0.5e-3)
+
+
+def test_a_parameter_with_the_name_of_a_constant_is_the_parameter_or_refused():
+    simulation = Simulation(renamed("hinge", "-e", parameter="e: 3"), method="euler", step=1e-3)
+    simulation.step(1)
+    assert simulation.u[0] == pytest.approx(-3e-3)
+    for name in ("pi", "sin"):
+        with pytest.raises(MechanismError, match=f"'{name}' is reserved in expressions"):
+            renamed("hinge", "0", parameter=f"{name}: 3")
+    with pytest.raises(MechanismError, match="the parameter 't' hides the time"):
+        renamed("hinge", "t", parameter="t: 3")

@@ -9,7 +9,8 @@ from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.attachments import PointsByPart, resolve_reference
 from mbd_sim.mechanism.records import Attachment
-from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism.source import Location, Source, value_at
+from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
 
 
 @dataclass
@@ -23,6 +24,23 @@ class BuildContext:
     def report(self, location: Location, message: str, remedy: str = "") -> None:
         """Add a problem at a location of the file."""
         self.problems.append(self.source.problem(location, message, remedy))
+
+    def has_unit(self, location: Location, *si_units: str) -> bool:
+        """Whether a value of the file that is written with a unit has one of the dimension of any of these SI units.
+
+        Otherwise the problem is added. The schema cannot check it where the dimension depends on other keys.
+        """
+        data = value_at(self.source.data, location)
+        errors = []
+        for si_unit in si_units if isinstance(data, str) else ():
+            try:
+                if written := split_unit(data)[1]:
+                    unit_factor(written, si_unit)
+                return True
+            except InputError as error:
+                errors.append(InputError(error.message, error.remedy, data))
+        self.problems += [self.source.problem_of(location, error) for error in errors[:1]]
+        return not errors
 
     def frame(self, location: Location, reference: str) -> tuple[str, Pose] | None:
         """The part and the frame that a reference names; None, with a problem, if there are none."""

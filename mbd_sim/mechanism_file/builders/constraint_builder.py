@@ -161,6 +161,9 @@ class _ConstraintBuilder:
         """
         if not self._couples(name, factors, written):
             return None
+        units = self._units(factors) if isinstance(spec, schema.CouplingSpec) else ["m"]
+        for quantity in ("value", "backlash"):
+            self._context.has_unit(("constraints", name, quantity), *units)
         play = None if spec.backlash is None else Play(0.5 * spec.backlash, spec.restitution or 0.0)
         if not isinstance(spec, schema.CouplingSpec):
             return c.Coupling(name, dict(factors), value, spec.type, play)
@@ -174,8 +177,20 @@ class _ConstraintBuilder:
     def _clutch(self, name: str, spec: schema.ClutchSpec) -> c.Clutch | None:
         if not self._couples(name, spec.terms, ("terms", tuple(spec.terms))):
             return None
+        efforts = {"rad": "N*m", "m": "N"}
+        self._context.has_unit(("constraints", name, "capacity"), *(efforts[unit] for unit in self._units(spec.terms)))
         law = ContactLaw() if spec.one_way else None
         return c.Clutch(name, dict(spec.terms), spec.capacity, spec.static, law)
+
+    def _units(self, coordinates: Iterable[str]) -> list[str]:
+        """The units that a sum of coordinates can have: factors may have dimensions where these differ."""
+        known = {
+            label: coordinate.unit
+            for joint in self._joints.values()
+            if joint
+            for label, coordinate in zip(joint.motion_names, joint.kind.coordinates, strict=True)
+        }
+        return list(dict.fromkeys(known[name] for name in coordinates))
 
     def _couples(self, name: str, factors: Mapping[str, float], written: tuple[str, tuple[str, ...]]) -> bool:
         """Whether coordinates can be coupled with these factors; if not, problems are reported.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -17,6 +18,7 @@ from mbd_sim.mechanism_file.builders.contact_shapes import edges, round_body
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import PartSpec
 from mbd_sim.mechanism_file.schema.shape_schema import AnyShapeSpec
+from mbd_sim.mechanism_file.value_parser import split_unit
 
 
 def build_contacts(
@@ -58,10 +60,22 @@ class _ContactBuilder:
             pairs += self._on_face(where, spec, face)
         elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
             pairs += self._on_cam(where, spec, cam)
+        self._check_stiffness(where, spec)
         if len(self._context.problems) > before:
             return []
         law = contact_law(spec)
         return [Contact(name, *pair, law, spec.inside) for pair in pairs]
+
+    def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
+        """Refuse a stiffness with a unit that does not fit the exponent."""
+        if spec.stiffness is None or math.isnan(spec.exponent):
+            return
+        if spec.exponent.is_integer():
+            self._context.has_unit((*where, "stiffness"), f"N/m**{spec.exponent:.0f}")
+        elif split_unit(str(self._context.source.data["contacts"][where[1]]["stiffness"]))[1]:
+            message = f"no unit stands for N/m^{spec.exponent:g}, that of the stiffness with this exponent"
+            remedy = "Write it as a number without a unit, or add 'exponent: 1'."
+            self._context.report((*where, "stiffness"), message, remedy)
 
     def _pairs(
         self, where: Location, key: str, references: list[str], inside: bool

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import TypeVar, assert_never
 
 import numpy as np
@@ -111,6 +112,10 @@ def _bushing(name: str, spec: schema.BushingSpec, context: BuildContext) -> Bush
     if not ends or frames[0] is None or frames[1] is None:
         return None
     axes = frames[0][1].rotation, frames[1][1].rotation
+    for key, time in (("stiffness_matrix", ""), ("damping_matrix", "*s")):
+        for row, column in product(range(6), repeat=2):
+            unit = f"N{'' if row < 3 else '*m'}{time}/{'m' if column < 3 else 'rad'}"
+            context.has_unit(("forces", name, key, row, column), unit)
     stiffness = _matrix(spec.stiffness_matrix, spec.stiffness, spec.rotational_stiffness)
     damping = _matrix(spec.damping_matrix, spec.damping, spec.rotational_damping)
     return Bushing(name, ends[0], ends[1], *axes, stiffness, damping)

@@ -8,7 +8,7 @@ from typing import assert_never
 
 from pydantic import BaseModel
 
-from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
+from mbd_sim.errors import Problem, listed, nearest, quoted
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import sensors as records
 from mbd_sim.mechanism.actuators import Actuator, DcMotor
@@ -19,7 +19,6 @@ from mbd_sim.mechanism.sensors import AnySensor, ErrorModel, Sampling, SensorFra
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.schema import sensor_schema as schema
-from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
 
 POINT = "."
 Joints = Mapping[str, Joint | None]  # None: refused already; with the name "" if the file has others
@@ -170,7 +169,7 @@ class _SensorBuilder:
         coordinate, kind = found
         unit = kind.unit if isinstance(spec, schema.EncoderSpec) else f"{kind.unit}/s"
         keys = ("bias", "bias_walk", "noise_density", "resolution", "limit", "index")
-        wrong_units = [key for key in keys if not self._has_unit((*where, key), unit)]
+        wrong_units = [key for key in keys if not self._context.has_unit((*where, key), unit)]
         if wrong_units:
             return None
         if isinstance(spec, schema.TachometerSpec):
@@ -205,20 +204,6 @@ class _SensorBuilder:
         remedy = f"Name one of {listed(list(scalar))}." if scalar else f"A {joint.type} joint has none; use a 'pose'."
         self._context.report(where, problem, remedy)
         return None
-
-    def _has_unit(self, where: Location, unit: str) -> bool:
-        """Whether a value that is written with a unit has one that fits; the schema does not know the joint."""
-        data = self._context.source.data
-        for key in where:
-            data = data.get(key) if isinstance(data, dict) else None
-        try:
-            if isinstance(data, str) and (written := split_unit(data)[1]):
-                unit_factor(written, unit)
-        except InputError as error:
-            problem = InputError(error.message, error.remedy, data)
-            self._context.problems.append(self._context.source.problem_of(where, problem))
-            return False
-        return True
 
 
 def _errors(*specs: BaseModel | None) -> tuple[ErrorModel, ...]:

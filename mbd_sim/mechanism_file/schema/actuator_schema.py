@@ -12,6 +12,7 @@ from mbd_sim.mechanism_file.measured import AmountFromZero, AnyAmount, PositiveA
 from mbd_sim.mechanism_file.quantity import (
     Length,
     PositiveAngularVelocity,
+    PositiveLead,
     PositiveLength,
     PositiveTime,
     Quantity,
@@ -108,7 +109,7 @@ class MotorSpec(ActuatorSpec):
     """The keys of all motors: their gear and their rotor."""
 
     gear_ratio: PositiveRatio = Field(1.0, description="revolutions of the rotor for one of the gear's output")
-    lead: PositiveLength | None = Field(
+    lead: PositiveLead | None = Field(
         None, description="travel for one revolution of the gear's output, where the actuator moves along a line"
     )
     rotor_inertia: RotorInertia = Field(0.0, description="about the rotor's axis; it adds gear_ratio² times itself")

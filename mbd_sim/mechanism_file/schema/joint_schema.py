@@ -11,6 +11,7 @@ from mbd_sim.mechanism_file.expression_field import AngleOfTime, LengthOfTime
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     AngularVelocity,
+    Lead,
     Length,
     LinearDamping,
     LinearStiffness,
@@ -153,7 +154,7 @@ class ScrewJointSpec(DriveableJointSpec):
 
     type: Literal["screw"]
     axis: Direction
-    lead: Length
+    lead: Lead
     position: Angle = 0.0
     velocity: AngularVelocity = 0.0
     stiffness: TorsionStiffness = 0.0
