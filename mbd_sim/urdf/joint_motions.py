@@ -80,7 +80,8 @@ def _type(joint: Joint, rotation: int) -> str:
 def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:
     """The mimics for constant couplings of two coordinates; no coordinate mimics one that mimics another."""
     found: dict[str, Mimic] = {}
-    single = {name for joint in mechanism.joints.values() if joint.axis.any() for name in joint.coordinate_names}
+    joints = [joint for joint in mechanism.joints.values() if joint.axis.any() and not joint.splits]
+    single = {name for joint in joints for name in joint.coordinate_names}
     for constraint in mechanism.constraints:
         if not isinstance(constraint, Coupling) or len(constraint.factors) != 2 or not _is_constant(constraint):
             continue
