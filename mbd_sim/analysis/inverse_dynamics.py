@@ -64,7 +64,7 @@ class InverseDynamics:
         self.actuated = names if actuated is None else tuple(actuated)
         self._indices = [names.index(name) for name in self.actuated]
         loaded, parameters = (equations.inputs.loaded, equations.parameters) if equations else ((), None)
-        self._direct = len(self._indices) == len(names) and not (mechanism.closing or two_sided(mechanism.constraints))
+        self._direct = len(self._indices) == len(names) and not (mechanism.closures or two_sided(mechanism.constraints))
         step = None if equations is None else equations.step
         traced = trace(mechanism, loaded, parameters, step)
         self._tree, self._input_size = _tree_function(traced), traced.input_layout.size

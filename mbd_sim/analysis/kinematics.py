@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.assembly import close_loops
-from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.initial_conditions import assemble
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import trace
@@ -44,9 +43,9 @@ class Kinematics:
         self.rows, self.constraints = tuple(assembly.equations.rows), assembly.functions
         self.assembled = assembly.start
         self.start = assembly.start.q
-        self.part_names = tuple(link.joint.outboard for link in traced.links)
+        self.part_names = traced.part_names
         inputs = [traced.state.t, traced.state.q, traced.parameters.symbols]
-        self._poses = ca.Function("poses", inputs, [ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))])
+        self._poses = ca.Function("poses", inputs, [traced.flat_poses[: 12 * len(self.part_names)]])
         self._values = traced.parameters.base
 
     def poses(self, q: Sequence[float] | Array | None = None, time: float = 0.0) -> Mapping[str, Pose]:

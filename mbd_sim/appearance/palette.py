@@ -70,7 +70,7 @@ def series_colors(mechanism: Mechanism) -> list[Color]:
     Where a part has several degrees of freedom, their curves would share a color: then colors go by coordinate.
     """
     joints = [joint for joint in mechanism.joints.values() for _ in joint.coordinate_names]
-    movers = [joint.outboard for joint in joints]
+    movers = [joint.outboard_part for joint in joints]
     if len(set(movers)) < len(movers) or GROUND in movers:
         return [PARTS[index % len(PARTS)] for index in range(len(movers))]
     colors = part_colors(mechanism)

@@ -11,7 +11,7 @@ from mbd_sim.mechanism.records import Attachment, Mechanism, Part
 def default_traces(mechanism: Mechanism) -> dict[str, Attachment]:
     """The tips of the parts at the ends of the kinematic chains, by the names of the parts."""
     inboard = {joint.inboard for joint in mechanism.tree_joints()}
-    ends = [joint.outboard for joint in mechanism.tree_joints() if joint.outboard not in inboard]
+    ends = [joint.outboard for joint in mechanism.tree_joints() if joint.outboard not in inboard and not joint.splits]
     return {name: Attachment(name, tip_of(mechanism.parts[name])) for name in ends}
 
 

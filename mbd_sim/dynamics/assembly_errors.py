@@ -93,7 +93,7 @@ def _loop_of(mechanism: Mechanism, owner: Location) -> str:
     """The names of the joints in the loop that a joint closes, or "" for a constraint."""
     if owner[0] != "joints":
         return ""
-    joint = mechanism.closing[str(owner[1])]
+    joint = mechanism.closures[str(owner[1])]
     paths: list[list[str]] = []
     inward = {tree_joint.outboard: tree_joint for tree_joint in mechanism.joints.values()}
     for part in (joint.parent, joint.child):

@@ -82,7 +82,7 @@ def constraint_equations(traced: TracedMechanism, own_axes: Collection[str] = ()
     mechanism, bodies, time = traced.mechanism, BodySymbols(traced.links), ca.SX.sym("time")
     rows = constraint_rows(mechanism, bodies, time, own_axes)
     checks = [
-        check for joint in mechanism.closing.values() for check in branch_checks(joint, *joint_frames(joint, bodies))
+        check for joint in mechanism.closures.values() for check in branch_checks(joint, *joint_frames(joint, bodies))
     ]
     return equations_of_rows(traced, bodies, time, rows, checks)
 

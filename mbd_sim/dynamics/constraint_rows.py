@@ -54,7 +54,7 @@ class ConstraintRow:
 def constraint_rows(
     mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, own_axes: Collection[str] = ()
 ) -> list[ConstraintRow]:
-    """The rows of all closing joints and constraints, except one-sided ones: see `contact_rows`.
+    """The rows of all closing joints, welds of split parts and constraints, except one-sided ones: see `contact_rows`.
 
     The gap of a loop is measured along the axes of the part from which both branches of the loop start: there a plane
     loop stays in its plane, however that plane moves. For the joints in `own_axes` it is measured along the axes of
@@ -64,7 +64,7 @@ def constraint_rows(
     """
     rows = [
         ConstraintRow(("joints", joint.name), equation.quantity, equation.position, unit=equation.unit)
-        for joint in mechanism.closing.values()
+        for joint in mechanism.closures.values()
         for equation in _loop(joint, bodies, joint.name in own_axes)
     ]
     writer = RowWriter(bodies, time)

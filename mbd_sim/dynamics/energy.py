@@ -28,9 +28,9 @@ def _kinetic_energy(inertia: ca.SX, velocity: ca.SX) -> ca.SX:
 
 def gravitational_potential(mechanism: Mechanism, links: Sequence[Link], poses: Sequence[SymbolicPose]) -> ca.SX:
     """-Σ m g·r over the centers of mass in J, which is zero with all of them at ground's origin."""
-    potential, gravity = ca.SX(1, 1), constant(mechanism.gravity)
+    potential, gravity, bodies = ca.SX(1, 1), constant(mechanism.gravity), mechanism.bodies
     for link, X_WB in zip(links, poses, strict=True):
-        part = mechanism.parts[link.joint.outboard]
+        part = bodies[link.joint.outboard]
         potential -= _work(ca.SX(part.mass), gravity, X_WB.position, X_WB.rotation, constant(part.center))
     return potential
 

@@ -280,7 +280,7 @@ def _packaged(
         constraints=assembly.functions,
         start=assembly.start,
         start_state=start,
-        part_names=tuple(link.joint.outboard for link in traced.links),
+        part_names=traced.part_names,
         measurements=Measurements(traced, motion, assembly.equations, partial(reactions_at, *loads)),
         joint_linearization=linearized,
         trace_multipliers=functions.trace_multipliers,

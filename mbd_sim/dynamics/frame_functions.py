@@ -36,7 +36,7 @@ def frame_function(traced: TracedMechanism, part: str, quantity: FrameQuantity) 
 
 def center_function(traced: TracedMechanism, quantity: FrameQuantity) -> ca.Function:
     """The same for the center of mass of all parts, with three components instead of six; its `pose` is (3,)."""
-    point, parts = ca.SX.sym("point", 3), traced.mechanism.parts
+    point, parts = ca.SX.sym("point", 3), traced.mechanism.bodies
     links = [parts[link.joint.outboard] for link in traced.links]
     total = sum((part.mass for part in links), ca.SX(0))
     position, velocity, jacobian = ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, traced.layout.nv)

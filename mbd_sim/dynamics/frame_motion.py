@@ -77,8 +77,8 @@ def coordinate_accelerations(traced: TracedMechanism, u_rates: ca.SX) -> ca.SX:
 def part_motions(traced: TracedMechanism, accelerations: Sequence[ca.SX]) -> ca.SX:
     """(12, parts) in ground's axes: the velocity of each part's origin, ω, the acceleration of the origin, and ω'."""
     columns = []
-    for link, X_WB in zip(traced.links, traced.poses, strict=True):
-        motion = frame_motion(traced, accelerations, link.joint.outboard)
+    for name, X_WB in zip(traced.part_names, traced.poses, strict=False):
+        motion = frame_motion(traced, accelerations, name)
         to_ground = X_WB.rotation
         acceleration = to_ground @ motion.specific_force + constant(traced.mechanism.gravity)
         vectors = (to_ground @ motion.velocity, to_ground @ motion.omega, acceleration, to_ground @ motion.omega_rate)

@@ -70,7 +70,7 @@ def kernel_functions(
     return KernelFunctions(
         rates=merged_function("rates", commanded, y_rates, *margin),
         energies=merged_function("energies", plain, ca.vertcat(traced.kinetic_energy, potential)),
-        poses=merged_function("poses", plain, traced.flat_poses),
+        poses=merged_function("poses", plain, traced.flat_poses[: 12 * len(traced.part_names)]),
         drives=merged_function("drives", commanded, ca.vec(motion.drives)),
         # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
         project=None if projected is None else merged_function("settle", plain, projected),

@@ -175,10 +175,10 @@ def _energies(
     """The energies of the parts and of the force elements."""
     zero = ca.SX(1, 1)
     energies = _Energies(zero, zero, zero, ca.SX(kinematics.q.shape[0], 1))
-    gravity = constant(mechanism.gravity)
+    gravity, bodies = constant(mechanism.gravity), mechanism.bodies
     for name, X_WB in kinematics.poses.items():
         if moments is None:
-            _add_part(energies, kinematics, X_WB, mechanism.parts[name], gravity)
+            _add_part(energies, kinematics, X_WB, bodies[name], gravity)
         else:
             _add_moments(energies, kinematics, X_WB, moments[name], gravity)
     for spring in mechanism.springs:

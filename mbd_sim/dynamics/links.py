@@ -56,12 +56,13 @@ def build_links(mechanism: Mechanism) -> list[Link]:
     result: list[Link] = []
     index = {GROUND: -1}
     X_LB = {GROUND: identity_pose()}
+    bodies = mechanism.bodies
     for joint in mechanism.tree_joints():
         inboard_pose, outboard_pose = joint.parent_pose, joint.child_pose
         if joint.reversed:
             inboard_pose, outboard_pose = outboard_pose, inboard_pose
         alignment, axes = _aligned(joint)
-        part = mechanism.parts[joint.outboard]
+        part = bodies[joint.outboard]
         X_LB[part.name] = own = (outboard_pose @ alignment).inverse()
         center = _cleaned(own.position + own.rotation @ part.center)
         inertia = _cleaned(own.rotation @ part.inertia @ own.rotation.T)

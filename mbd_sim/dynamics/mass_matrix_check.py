@@ -27,12 +27,13 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
     :raises NoInertiaError: the joints that make it singular are named.
     """
     positions, rotations = unpack_poses(poses)
+    bodies = mechanism.bodies
     carried = [_CarriedInertia(0.0, np.zeros(3), 0.0)] * len(links)
     refused = [False] * len(links)  # the link's joint, or one outboard of it
     problems: list[Problem] = []
     for index in reversed(range(len(links))):
         link, p_WB, R_WB = links[index], positions[index], rotations[index]
-        part = mechanism.parts[link.joint.outboard]
+        part = bodies[link.joint.outboard]
         carried[index] += _CarriedInertia(part.mass, p_WB + R_WB @ part.center, float(np.trace(part.inertia)))
         moves = link.u.stop > link.u.start
         if moves and carried[index].mass == 0.0 and carried[index].trace == 0.0:
@@ -71,7 +72,8 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
     for index, link in enumerate(links):
         if index in joints or link.parent in moved:
             moved.add(index)
-    parts = [mechanism.parts[links[index].joint.outboard] for index in sorted(moved)]
+    bodies = mechanism.bodies
+    parts = [bodies[links[index].joint.outboard] for index in sorted(moved)]
     points = [f"'{part.name}'" for part in parts if part.mass > 0.0 and _is_particle(part)]
     message = f"the joints {listed(names)} together can move without moving any inertia"
     remedy = "Give the parts that they move an inertia, or fix or drive one of the joints."
@@ -95,7 +97,7 @@ def _is_moment(joint: Joint) -> list[bool]:
 def _massless(mechanism: Mechanism, link: Link) -> Problem:
     message = f"nothing that this joint moves has mass: '{link.joint.outboard}' is a massless chain end"
     remedy = "Give the part a mass, fix it to a part that has one, or give the joint a drive."
-    if mechanism.closing:
+    if mechanism.closures:
         remedy += " In place of a massless rod between two parts of a loop, write the constraint 'distance'."
     return mechanism.source.problem(("joints", link.joint.name), message, remedy)
 

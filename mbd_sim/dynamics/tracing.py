@@ -89,6 +89,11 @@ class TracedMechanism:
         return ca.densify(ca.vertcat(*map(flat_pose, self.poses)))
 
     @property
+    def part_names(self) -> tuple[str, ...]:
+        """The parts of the first links; those after them carry pieces of split parts."""
+        return tuple(link.joint.outboard for link in self.links if not link.joint.splits)
+
+    @property
     def numeric_links(self) -> Sequence[Link]:
         """The links without symbols."""
         return build_links(self.numeric) if len(self.parameters.base) else self.links

@@ -7,7 +7,7 @@ frame in another: `x_outer = position + rotation @ x_inner`. SI units throughout
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
@@ -17,6 +17,7 @@ import numpy as np
 from mbd_sim.errors import quoted
 from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.rotation import aligning_z
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointCoordinate, JointKind, JointType
@@ -108,6 +109,8 @@ class Joint:
     takes the elongation q - rest, the laws `damper` and `friction` the speed; only revolute and prismatic joints have
     them. A `reversed` joint leads from child to parent in the spanning tree. `velocity_limit` is not simulated, only
     passed on to URDF.
+    A joint that `splits` its outboard part closes a loop, but has coordinates: it carries a piece of that part, which
+    is welded to the rest, see `Mechanism.bodies`.
     `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
     with `cut` closes a loop. Redundant joints share the load in inverse proportion to their relative `compliance`.
     """
@@ -137,6 +140,7 @@ class Joint:
     fixed_speeds: tuple[bool, ...] = ()
     cut: bool = False
     reversed: bool = False
+    splits: bool = False
     compliance: float = 1.0
 
     @property
@@ -145,9 +149,14 @@ class Joint:
         return JOINT_KINDS[self.type]
 
     @property
-    def outboard(self) -> str:
-        """The part that this joint adds to the spanning tree."""
+    def outboard_part(self) -> str:
+        """The part on the far side of this joint, seen from ground through the spanning tree."""
         return self.parent if self.reversed else self.child
+
+    @property
+    def outboard(self) -> str:
+        """The body that this joint adds to the spanning tree: the part on its far side, or a piece of that."""
+        return f"{self.outboard_part}/{self.name}" if self.splits else self.outboard_part
 
     @property
     def inboard(self) -> str:
@@ -195,8 +204,9 @@ class Attachment:
 class Mechanism:
     """A mechanism. `joints`, which form a tree, are in declared order, which is that of q, u and the efforts.
 
-    `tree` has their names from ground outwards. `closing` joints close loops; they have no coordinates. Contacts that
-    approach more slowly than `rest_speed` in m/s or rad/s do not rebound. `sensor_seed` selects the noise of `sensors`.
+    `tree` has their names from ground outwards, those that split parts last. `closing` joints close loops;
+    they have no coordinates. Contacts that approach more slowly than `rest_speed` in m/s or rad/s do not rebound.
+    `sensor_seed` selects the noise of `sensors`.
     """
 
     name: str
@@ -229,6 +239,31 @@ class Mechanism:
     def all_joints(self) -> Mapping[str, Joint]:
         """The joints of the tree, then those that close loops."""
         return {**self.joints, **self.closing}
+
+    @property
+    def bodies(self) -> Mapping[str, Part]:
+        """What the joints of the tree carry: the parts, and those that joints split, in equal pieces."""
+        pieces: dict[str, list[str]] = {}
+        for joint in self.joints.values():
+            if joint.splits:
+                pieces.setdefault(joint.outboard_part, [joint.outboard_part]).append(joint.outboard)
+        bodies = dict(self.parts)
+        for part, names in pieces.items():
+            whole = self.parts[part]
+            mass, inertia = whole.mass / len(names), whole.inertia / len(names)
+            bodies[part] = replace(whole, mass=mass, inertia=inertia)
+            bodies |= {name: Part(name, mass, whole.center, inertia) for name in names[1:]}
+        return bodies if pieces else self.parts
+
+    @property
+    def welds(self) -> Mapping[str, Joint]:
+        """Fixed joints between split parts and their pieces, by the names of the joints that split them."""
+        return {name: _weld(joint) for name, joint in self.joints.items() if joint.splits}
+
+    @property
+    def closures(self) -> Mapping[str, Joint]:
+        """Everything that closes loops: the closing joints, and the welds of split parts."""
+        return {**self.closing, **self.welds}
 
     @property
     def two_point_elements(self) -> tuple[TwoPointElement, ...]:
@@ -280,6 +315,16 @@ class Mechanism:
         ]
         found: Array = array(limits)
         return found
+
+
+def _weld(joint: Joint) -> Joint:
+    """The weld of the part that a joint splits, at the joint's frame there, with z along its axis."""
+    pose = joint.parent_pose if joint.reversed else joint.child_pose
+    if joint.axis.any():
+        pose = Pose(pose.position, pose.rotation @ aligning_z(joint.axis))
+    zeros = np.zeros(3)
+    none = dict.fromkeys(("position", "velocity", "stiffness", "rest", "damping"), np.zeros(0))
+    return Joint(joint.name, "fixed", joint.outboard_part, joint.outboard, pose, pose, zeros, zeros, **none)
 
 
 def require_mechanism(given: object) -> Mechanism:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mbd_sim.mechanism.records import GROUND, Joint, Part
 
@@ -14,7 +14,8 @@ class SpanningTree:
     """The joints of the tree by name from ground outwards, and the joints and parts outside it.
 
     `outboard` are the parts on the far side of each joint of the tree, seen from ground; `reversed_joints` have their
-    parent there. `closing` joints close loops; `unreached` parts are not connected to ground.
+    parent there. `closing` joints close loops; those among them that need coordinates split one of their parts, see
+    `Joint`: `split` has this part by the name of the joint. `unreached` parts are not connected to ground.
     """
 
     joints: tuple[str, ...]
@@ -22,6 +23,7 @@ class SpanningTree:
     reversed_joints: frozenset[str]
     closing: tuple[str, ...]
     unreached: tuple[str, ...]
+    split: Mapping[str, str] = field(default_factory=dict)
 
 
 def spanning_tree(

@@ -64,7 +64,7 @@ def written_bodies(mechanism: Mechanism, attached: Collection[str]) -> tuple[dic
     bodies: dict[str, WrittenBody] = {}
     pending: dict[str, WrittenBody] = {}  # of parts that are merged: what leads to them
     for joint in mechanism.tree_joints():
-        part = mechanism.parts[joint.outboard]
+        part = mechanism.bodies[joint.outboard]
         before = pending.get(joint.inboard)
         inner, outer = (
             (joint.child_pose, joint.parent_pose) if joint.reversed else (joint.parent_pose, joint.child_pose)

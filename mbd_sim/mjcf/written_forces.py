@@ -16,7 +16,7 @@ from mbd_sim.mjcf.written_loops import spatial_tendon
 
 def attached_parts(mechanism: Mechanism) -> set[str]:
     """The parts to which something besides the joints of the tree is attached."""
-    found = {part for joint in mechanism.closing.values() for part in (joint.parent, joint.child)}
+    found = {part for joint in mechanism.closures.values() for part in (joint.parent, joint.child)}
     for element in mechanism.two_point_elements:
         found |= {element.first.part, element.second.part}
     for constraint in mechanism.constraints:

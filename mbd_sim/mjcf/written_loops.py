@@ -31,7 +31,7 @@ UNBOUNDED = 1e10  # the other end of a one-sided range
 
 def add_loops(document: Document) -> None:
     """Write the joints that close loops, and the screws in the tree."""
-    for joint in document.mechanism.closing.values():
+    for joint in document.mechanism.closures.values():
         poses = (joint.parent_pose, joint.child_pose)
         match joint.type:
             case "fixed":

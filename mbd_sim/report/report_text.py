@@ -186,8 +186,9 @@ def _mobility(found: dict[str, Any]) -> list[str]:
             f"{counted(numbers['equations'], 'equation')} = {numbers['degrees_of_freedom']}"
             + ("" if same else f" (rank {numbers['rank_at_start']} at the start)")
         )
-    if found["closing_joints"]:
-        lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
+    closing = [*found["closing_joints"], *(f"{name} (within {part})" for name, part in found["split_parts"].items())]
+    if closing:
+        lines.append(f"  loops closed by   {', '.join(closing)}")
         lines += _assembly_modes(found)
     if numbers["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(numbers["redundant"])]

@@ -77,10 +77,10 @@ def _placement(mechanism: Mechanism) -> Placement:
         if joint.drive:
             offsets |= dict.fromkeys(joint.motion_names, 0.0)
         elif joint.kind.quaternion is None:
-            if not mechanism.closing:
+            if not mechanism.closures:
                 q[place] = 0.0
             offsets |= {name: float(value) for name, value in zip(joint.motion_names, q[place], strict=True)}
-        elif joint.type == "spherical" and not mechanism.closing:
+        elif joint.type == "spherical" and not mechanism.closures:
             q[place] = [1.0, 0.0, 0.0, 0.0]
     return Placement(kinematics.poses(q), offsets)
 
@@ -231,7 +231,7 @@ def _note_rest(document: Document) -> None:
         joint.name
         for joint in mechanism.joints.values()
         if np.any(joint.velocity)
-        or (not mechanism.closing and joint.kind.quaternion is None and np.any(joint.position))
+        or (not mechanism.closures and joint.kind.quaternion is None and np.any(joint.position))
     ]
     elements = [*mechanism.two_point_elements, *mechanism.applied]
     laws = [joint.name for joint in joints if joint.spring is not None or joint.damper is not None]
@@ -249,7 +249,7 @@ def _note_rest(document: Document) -> None:
         ("nonlinear springs and dampers of joints", laws),
         ("friction other than Coulomb's", other_friction),
         ("positions and velocities at the start", started),
-        ("coordinates, which count from the start", list(document.placement.offsets) if mechanism.closing else []),
+        ("coordinates, which count from the start", list(document.placement.offsets) if mechanism.closures else []),
         ("actuators", [actuator.name for actuator in mechanism.actuators]),
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),

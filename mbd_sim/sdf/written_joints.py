@@ -84,7 +84,7 @@ def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic
         if motion.type != "prismatic":
             step = Pose(np.zeros(3), about(motion.axis, value))
         frame = frame @ step
-        child = joint.outboard if last else f"{motion.name}_link"
+        child = joint.outboard_part if last else f"{motion.name}_link"
         place = outer if last else Pose(np.zeros(3), np.eye(3))
         axis = _axis(joint, motion.name, motion.axis, placement, mimics)
         single = len(motions) == 1

@@ -174,7 +174,7 @@ class DynamicsReadings(RunState):
 
     @cached_property
     def _is_open_chain(self) -> bool:
-        return not (self.mechanism.closing or two_sided(self.mechanism.constraints))
+        return not (self.mechanism.closures or two_sided(self.mechanism.constraints))
 
     @cached_property
     def _inverse(self) -> InverseDynamics:

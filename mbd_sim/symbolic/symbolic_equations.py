@@ -137,7 +137,7 @@ def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
     lagrange = lagrange_equations(mechanism, numbers, moments)
     one_sided = has_one_sided(mechanism)
     derived, others = None, []
-    if mechanism.closing or mechanism.constraints or one_sided:
+    if mechanism.closures or mechanism.constraints or one_sided:
         derived = derive(mechanism, parameters=numbers)
         others.append(constraint_function(derived))
     if derived is not None and derived.contact is not None:

@@ -123,6 +123,7 @@ def _followed(mimic: Mimic, mimics: Mapping[str, Mimic]) -> Mimic:
 
 def _is_mimic(coupling: Coupling, mechanism: Mechanism) -> bool:
     """Whether a coupling is an equation of two coordinates that are URDF joints, with a constant value."""
-    single = {name for joint in mechanism.joints.values() if joint.axis.any() for name in joint.coordinate_names}
+    joints = [joint for joint in mechanism.joints.values() if joint.axis.any() and not joint.splits]
+    single = {name for joint in joints for name in joint.coordinate_names}
     exact = coupling.play is None and coupling.bound is None and not coupling.value.variables
     return exact and len(coupling.factors) == 2 and single.issuperset(coupling.factors)

@@ -65,6 +65,8 @@ def _robot(mechanism: Mechanism) -> Element:
     sensors = [one for one in mechanism.sensors if not isinstance(one, FramelessSensor) and not one.at.is_of_part]
     names = {GROUND, *mechanism.parts, *map(frame_id, sensors)}
     for joint in mechanism.tree_joints():
+        if joint.splits:
+            continue
         motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in motions_of(joint)]
         _add_joint(robot, joint, motions, names)
         _add_link(robot, mechanism.parts[joint.outboard])
@@ -114,7 +116,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     gravity = [] if np.array_equal(mechanism.gravity, USUAL_GRAVITY) else [str(mechanism.gravity.tolist())]
     found = {
         "gravity": gravity,
-        "joints that close loops": [*mechanism.closing],
+        "joints that close loops": [*mechanism.closures],
         "constraints": [one.name for one in mechanism.constraints if one.name not in mimicked],
         "springs, dampers and forces": [element.name for element in elements],
         "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint) or joint.name in sprung],

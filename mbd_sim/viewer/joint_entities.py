@@ -36,7 +36,7 @@ def color_of(scene: SceneDescription, joint: Joint) -> Color:
     """The color of a joint, by whether it is driven, closes a loop, is on ground, or connects two parts."""
     if joint.drive:
         return palette.DRIVEN
-    if joint.name in scene.mechanism.closing:
+    if joint.name in scene.mechanism.closures:
         return palette.CLOSING
     return palette.STEEL if joint.parent == GROUND else palette.JOINT
 

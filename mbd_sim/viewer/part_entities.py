@@ -106,7 +106,7 @@ def about(scene: SceneDescription) -> rr.TextDocument:
         f"# {mechanism.name}",
         mechanism.description.strip(),
         f"{counted(len(mechanism.parts), 'part')}, {mechanism.mass:.4g} kg in all, {counted(free, 'coordinate')}, "
-        f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
+        f"{len(mechanism.closures) + len(mechanism.constraints)} loops and constraints; "
         f"by default {scene.method} with a step of {1e3 * mechanism.step:g} ms.",
         "| color | meaning |\n|---|---|\n"
         "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| gray, white | other joints |\n"

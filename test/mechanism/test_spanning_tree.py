@@ -103,15 +103,26 @@ def test_a_joint_with_a_drive_comes_before_one_with_a_guess():
     assert list(found.closing) == ["j3"]
 
 
-def test_where_all_joints_of_a_loop_need_their_coordinates_the_last_is_named():
-    (problem,) = refused(ring(*[{"damping": 1}] * 4))
-    assert "joints.j3: closes a loop, and so has no coordinate, but has damping" in problem
-    assert "cut: true" in problem
+def test_where_all_joints_of_a_loop_need_their_coordinates_the_last_splits_a_part():
+    found = mechanism(ring(*[{"damping": 1}] * 4))
+    assert not found.closing
+    assert found.coordinate_names == ("j0", "j1", "j2", "j3")
+    assert [name for name, joint in found.joints.items() if joint.splits] == ["j3"]
+    assert {name: body.mass for name, body in found.bodies.items()} == {"a": 1, "b": 1, "c": 0.5, "c/j3": 0.5}
+    assert found.parts["c"].mass == 1
 
 
-def test_a_cut_joint_that_needs_its_coordinate_is_named():
-    (problem,) = refused(ring({}, {"cut": True, "stiffness": 1}))
-    assert "joints.j1: closes a loop, and so has no coordinate, but has stiffness" in problem
+def test_a_cut_joint_that_needs_its_coordinate_splits_a_part():
+    found = mechanism(ring({}, {"cut": True, "stiffness": 1}))
+    assert found.joints["j1"].splits
+    assert found.tree[-1] == "j1"
+
+
+def test_a_part_that_two_joints_split_is_in_three_pieces():
+    twice = [(name, "a", "ground", {"damping": 1, "cut": True}) for name in ("j1", "j2")]
+    found = mechanism([("j0", "ground", "a", {}), *twice])
+    assert [body.mass for body in found.bodies.values()] == [1 / 3] * 3
+    assert found.mass == 1
 
 
 def test_a_free_joint_is_never_cut_by_itself():
@@ -121,10 +132,9 @@ def test_a_free_joint_is_never_cut_by_itself():
     assert len(found.coordinate_names) == 6
 
 
-def test_start_values_of_all_joints_of_a_loop_are_too_many():
-    (problem,) = refused(ring(*[{"position": 0.1}] * 4))
-    assert "joints.j3: closes a loop, and so has no coordinate whose start value could be given" in problem
-    assert "guess: true" in problem
+def test_start_values_of_all_joints_of_a_loop_may_be_too_many():
+    with pytest.raises(MechanismError, match=r"remains open here by .* with the given positions.*guess: true"):
+        derive(mechanism(ring(*[{"position": 0.1}] * 4)))
 
 
 def test_a_joint_that_holds_parts_alone_cannot_be_cut():

@@ -146,13 +146,6 @@ def test_parts_that_joints_join_only_to_each_other_are_unconnected():
     assert problems[0].message == "is connected only by ab, which does not lead to ground"
 
 
-def test_a_joint_that_closes_a_loop_and_has_a_spring_is_named():
-    again = "{type: revolute, between: [rod.tip, ground], axis: [0, 1, 0], cut: true, stiffness: 1}"
-    problem = problem_of(PENDULUM + f"  again: {again}\n")
-    assert (problem.line, problem.key) == (16, "joints.again")
-    assert "closes a loop, and so has no coordinate, but has stiffness" in problem.message
-
-
 def test_parameters_in_a_circle_are_named_and_those_that_use_them_are_not():
     text = changed(("  m: 2 kg\n", "  m: a\n  a: b\n  b: c + l\n  c: a\n  d: c\n"))
     problems = problems_of(text)

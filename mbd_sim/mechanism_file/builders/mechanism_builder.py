@@ -24,7 +24,7 @@ from mbd_sim.mechanism_file.builders.optional_sections import (
     build_force_elements,
     build_sensors,
     coupled_joints,
-    cut_coordinates,
+    measured_joints,
 )
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
@@ -64,23 +64,23 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     joints = elements.joints
     coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
     massive = {end.part for spring in elements.forces.springs if spring.mass for end in (spring.first, spring.second)}
-    tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), massive, source)
+    measured = measured_joints(elements.sensors, joints)
+    tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), measured, massive, source)
     if problems:
         raise MechanismError(in_order(problems))
-    if problems := cut_coordinates(elements.sensors, [joints[name] for name in tree.closing], source):
-        raise MechanismError(in_order(problems))
+    outboard = {**tree.outboard, **tree.split}
     in_tree = {
-        name: dataclasses.replace(joint, reversed=name in tree.reversed_joints)
+        name: dataclasses.replace(joint, reversed=outboard[name] == joint.parent, splits=name in tree.split)
         for name, joint in joints.items()
-        if name in tree.outboard
+        if name in outboard
     }
     return Mechanism(
         name=file.mechanism,
         description=file.description.strip(),
         parts=elements.parts,
         joints=in_tree,
-        closing={name: joints[name] for name in tree.closing},
-        tree=tree.joints,
+        closing={name: joints[name] for name in tree.closing if name not in tree.split},
+        tree=(*tree.joints, *tree.split),
         ground_points=elements.ground_points,
         gravity=array(file.gravity),
         method=file.integrator.method,
@@ -104,17 +104,18 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
 
 
 def _named_joints(elements: MechanismElements) -> set[str]:
-    """The joints on whose motion a force depends, or along whose coordinates one acts."""
+    """The joints on whose motion a force depends, or along whose coordinates one acts; and free joints with springs."""
     forces = elements.forces
+    sprung = {bushing.name for bushing in elements.joint_bushings if elements.joints[bushing.name].type == "free"}
     if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
-        return set()
+        return sprung
     from mbd_sim.mechanism.force_expressions import force_expressions
 
     with_expressions: tuple[ForceElement, ...] = (*forces.springs, *forces.applied, *forces.efforts, *forces.potentials)
     found = force_expressions(elements.joints.values(), with_expressions)
     names = {state.coordinate for one in found for state in one.expression.state}
     names |= {effort.coordinate for effort in forces.efforts}
-    return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)}
+    return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)} | sprung
 
 
 def in_order(problems: Iterable[Problem]) -> list[Problem]:

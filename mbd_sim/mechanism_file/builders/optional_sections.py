@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from mbd_sim.errors import Problem
 from mbd_sim.mechanism.records import Joint
-from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.elements import ForceElements
 
@@ -103,13 +101,13 @@ def build_sensors(
     return sensor_builder.build_sensors(specs, joints, actuators, step, context)
 
 
-def cut_coordinates(sensors: Sequence[AnySensor], closing: Sequence[Joint], source: Source) -> list[Problem]:
+def measured_joints(sensors: Sequence[AnySensor], joints: Mapping[str, Joint]) -> set[str]:
     """See `sensor_builder`."""
     if not sensors:
-        return []
+        return set()
     from mbd_sim.mechanism_file.builders import sensor_builder
 
-    return sensor_builder.cut_coordinates(sensors, closing, source)
+    return sensor_builder.measured_joints(sensors, joints)
 
 
 def build_bases(

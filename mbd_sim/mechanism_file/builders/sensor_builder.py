@@ -8,7 +8,7 @@ from typing import assert_never
 
 from pydantic import BaseModel
 
-from mbd_sim.errors import Problem, listed, nearest, quoted
+from mbd_sim.errors import listed, nearest, quoted
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import sensors as records
 from mbd_sim.mechanism.actuators import Actuator, DcMotor
@@ -16,7 +16,7 @@ from mbd_sim.mechanism.joint_types import JointCoordinate
 from mbd_sim.mechanism.records import Joint
 from mbd_sim.mechanism.sampling import SamplingError, steps_of
 from mbd_sim.mechanism.sensors import AnySensor, ErrorModel, Sampling, SensorFrame
-from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.schema import sensor_schema as schema
 
@@ -48,18 +48,10 @@ def build_sensors(
     return tuple(built)
 
 
-def cut_coordinates(sensors: Sequence[AnySensor], closing: Sequence[Joint], source: Source) -> list[Problem]:
-    """Sensors of coordinates that do not exist, because their joints close loops."""
-    cut = {name for joint in closing for name in joint.motion_names}
-    return [
-        source.problem(
-            ("sensors", sensor.name, "joint"),
-            f"the joint of {quoted(sensor.coordinate)} closes a loop, and so has no coordinate",
-            "Cut another joint of its loop with 'cut: true', or measure another joint.",
-        )
-        for sensor in sensors
-        if isinstance(sensor, records.CoordinateSensor) and sensor.coordinate in cut
-    ]
+def measured_joints(sensors: Sequence[AnySensor], joints: Mapping[str, Joint]) -> set[str]:
+    """The joints whose coordinates sensors measure."""
+    measured = {sensor.coordinate for sensor in sensors if isinstance(sensor, records.CoordinateSensor)}
+    return {joint.name for joint in joints.values() if measured & set(joint.motion_names)}
 
 
 def _check_sampling(where: Location, sampling: Sampling, step: float, context: BuildContext) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from mbd_sim.errors import Problem, listed
-from mbd_sim.mechanism.records import Joint, Part
-from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism.end_inertia import moves_no_inertia
+from mbd_sim.mechanism.records import GROUND, Joint, Part
+from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism.spanning_tree import SpanningTree, spanning_tree
 from mbd_sim.mechanism_file.builders.end_search import EndSearch
 
@@ -16,6 +18,7 @@ def build_tree(
     joints: Mapping[str, Joint],
     coupled: Collection[str],
     named: Collection[str],
+    measured: Collection[str],
     massive: Collection[str],
     source: Source,
 ) -> tuple[SpanningTree, list[Problem]]:
@@ -23,20 +26,26 @@ def build_tree(
 
     :param coupled: the joints whose coordinates a coupling or an actuator refers to; they need their coordinates.
     :param named: those that the expression of a force names, which need them too.
+    :param measured: those whose coordinates sensors measure.
     :param massive: the parts to which springs with mass are attached.
     """
     needed = {joint.name: _needs_coordinate(joint, coupled, named) for joint in joints.values()}
     preferred, cut = _by_priority(joints.values(), needed), _to_cut(joints.values())
     tree = spanning_tree(parts, joints.values(), preferred, cut)
-    stay = {name for name, joint in joints.items() if needed[name] or _has_given_start(joint) or joint.type == "free"}
-    tree = EndSearch(parts, joints, stay, coupled, massive).improved(tree, preferred, cut)
-    problems = [problem for name in tree.closing for problem in _cannot_close(source, joints[name], needed[name])]
+    free = {name for name, joint in joints.items() if joint.type == "free"}
+    stay = free | {name for name, joint in joints.items() if needed[name] or _has_given_start(joint)}
+    for kept in (stay, free) if stay != free else (free,):
+        tree = EndSearch(parts, joints, kept, coupled, massive).improved(tree, preferred, cut)
+    with_coordinates = {name for name in tree.closing if needed[name] or name in measured}
+    problems = [_restricts_nothing(source, name) for name in tree.closing if name in free - with_coordinates]
+    with_coordinates |= {name for name in tree.closing if _has_given_start(joints[name])}
+    split = {name: _split_part(parts, joints[name]) for name in tree.closing if name in with_coordinates}
     problems += [_cannot_be_cut(source, joint) for joint in joints.values() if joint.cut and joint.name in tree.joints]
     problems += _unconnected(source, tree.unreached, joints.values())
-    return tree, problems
+    return replace(tree, split=split), problems
 
 
-def _by_priority(joints: Collection[Joint], needed: Mapping[str, str]) -> list[str]:
+def _by_priority(joints: Collection[Joint], needed: Mapping[str, bool]) -> list[str]:
     """The joints that should have coordinates; those that require them come first."""
     candidates = [joint for joint in joints if not joint.cut]
     preferred = [joint.name for joint in candidates if needed[joint.name]]
@@ -53,35 +62,21 @@ def _to_cut(joints: Iterable[Joint]) -> set[str]:
     return {joint.name for joint in joints if joint.cut}
 
 
-def _needs_coordinate(joint: Joint, coupled: Collection[str], named: Collection[str]) -> str:
-    """The keys of a joint that refer to its coordinate, as a list in words; empty if there are none."""
-    has = {
-        "a drive": bool(joint.drive),
-        "stiffness": bool(joint.stiffness.any()),
-        "damping": bool(joint.damping.any()),
-        "a spring": joint.spring is not None,
-        "a damper": joint.damper is not None,
-        "friction": joint.friction is not None,
-        "limits": bool(joint.limits),
-        "an effort_limit": joint.effort_limit is not None,
-        "a coupling or an actuator": joint.name in coupled,
-        "a force that depends on it": joint.name in named,
-    }
-    return listed([what for what, true in has.items() if true])
+def _needs_coordinate(joint: Joint, coupled: Collection[str], named: Collection[str]) -> bool:
+    """Whether something refers to the coordinates of a joint."""
+    of_laws = joint.spring or joint.damper or joint.friction or joint.effort_limit is not None
+    of_numbers = joint.stiffness.any() or joint.damping.any()
+    return bool(joint.drive or joint.limits or of_laws or of_numbers or joint.name in coupled or joint.name in named)
 
 
-def _cannot_close(source: Source, joint: Joint, keys: str) -> Iterator[Problem]:
-    """Why a joint cannot close a loop, if it cannot; `keys` are those that refer to its coordinate."""
-    where: Location = ("joints", joint.name)
-    if keys:
-        remedy = "Cut another joint of its loop, one that needs no coordinate, with 'cut: true'."
-        yield source.problem(where, f"closes a loop, and so has no coordinate, but has {keys}", remedy)
-    elif _has_given_start(joint):
-        message = "closes a loop, and so has no coordinate whose start value could be given"
-        remedy = "Give start values for other joints of the loop, or write 'guess: true'."
-        yield source.problem(where, message, remedy)
-    elif joint.type == "free":
-        yield source.problem(where, "a free joint restricts nothing: it cannot close a loop", "Remove it.")
+def _split_part(parts: Mapping[str, Part], joint: Joint) -> str:
+    """The part of a joint of which the joint carries a piece: the second one, unless only the first has inertia."""
+    ends = [name for name in (joint.child, joint.parent) if name != GROUND]
+    return next((name for name in ends if not moves_no_inertia(joint, parts[name])), ends[0])
+
+
+def _restricts_nothing(source: Source, name: str) -> Problem:
+    return source.problem(("joints", name), "a free joint restricts nothing: it cannot close a loop", "Remove it.")
 
 
 def _cannot_be_cut(source: Source, joint: Joint) -> Problem:
