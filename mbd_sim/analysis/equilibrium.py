@@ -9,7 +9,6 @@ import numpy as np
 from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize
 from mbd_sim.dynamics.assembly import close_loops, is_short
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
@@ -75,7 +74,7 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
     """A configuration (nq,) some steps away from q, in a random free direction."""
     all_free, direction = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool), None
     for _ in range(steps):
-        free = null_space(constraints.gradient(0.0, q))
+        free = constraints.free_directions(0.0, q)
         components = random.normal(size=free.shape[1]) if direction is None else free.T @ direction
         direction = free @ components
         direction *= LONGEST_STEP / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
@@ -116,11 +115,11 @@ def _balanced(equations: Equations, q: Array, inputs: Array, far: bool = False) 
             break
         if size < least:
             best, least = q, size
-        free = null_space(constraints.gradient(0.0, q))
+        free = constraints.free_directions(0.0, q)
         slope = evaluated(equations.derivatives, 0.0, at_rest(q), inputs)[:nv, :nv].T @ free
         step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
         if best is q:
-            converged = not far or is_short(step, q)
+            converged = not far or is_short(constraints, step, q)
         factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         longest *= 2.0 if far and factor < 1.0 else 1.0
         q = constraints.displaced(q, factor * step)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.constraint_functions import scaled
 from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
@@ -39,14 +40,16 @@ def integrable_rows(equations: Equations) -> dict[int, bool]:
     values = [
         [np.array(value) for value in function(time, configuration)] for time, configuration in equations.start.nearby
     ]
+    scales = equations.constraints.scales
+    row_sizes = [equations.constraints.row_sizes(time, configuration) for time, configuration in equations.start.nearby]
     left, removed = set(rows), set(rows)
     while removed:
         kept = [index for index in range(len(equations.rows)) if index not in rows or index in left]
         removed = {
             index
-            for g, b, n, *jacobians in values
+            for sizes, (g, b, n, *jacobians) in zip(row_sizes, values, strict=True)
             for index, jacobian in zip(rows, jacobians, strict=True)
-            if index in left and not _closed(jacobian, _directions(g[kept], b[kept], n))
+            if index in left and not _closed(jacobian, _directions(g[kept], b[kept], n, sizes[kept], scales))
         }
         left -= removed
     return {index: index in left for index in rows}
@@ -63,7 +66,8 @@ def _largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _directions(gradient: Array, drift: Array, to_rates: Array) -> Array:
+def _directions(gradient: Array, drift: Array, to_rates: Array, row_sizes: Array, scales: Array) -> Array:
     """A basis (nq + 1, k) of the directions in coordinates and time that the constraints allow."""
-    basis = null_space(np.hstack([gradient, drift.reshape(-1, 1)]))
+    both, units = np.hstack([gradient, drift.reshape(-1, 1)]), np.append(scales, 1.0)
+    basis = units[:, None] * null_space(scaled(both, row_sizes, units))
     return np.vstack([to_rates @ basis[:-1], basis[-1:]])

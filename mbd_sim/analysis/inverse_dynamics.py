@@ -10,7 +10,6 @@ import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
-from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.dynamics_terms import tree_efforts
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
@@ -99,7 +98,7 @@ class InverseDynamics:
             return efforts
         assert self._equations is not None
         constraints = self._equations.constraints.with_values(inputs[self._equations.inputs.values])
-        free = null_space(constraints.gradient(t, q))
+        free = constraints.free_directions(t, q)
         shared = np.zeros_like(efforts)
         shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
         self._require_feasible(q, u, u_rates, t, shared, inputs)

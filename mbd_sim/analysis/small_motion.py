@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.analysis.turning_axes import steadier_before_joints, turning_of_parts
 from mbd_sim.dynamics.actuator_layout import require_continuous
-from mbd_sim.dynamics.constraint_rank import null_space
+from mbd_sim.dynamics.constraint_functions import scaled
+from mbd_sim.dynamics.constraint_rank import least_solution, null_space, rank_of
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
@@ -65,7 +66,8 @@ def small_motion(
     found = evaluated(equations.derivatives, t, y, inputs).T if derivatives is None else derivatives()
     states, drives = core.stop - core.start, STATES * len(equations.layout.drives)
     rates, drive_rates, constrained = found[:states], found[states : states + drives], found[states + drives :]
-    holonomic = equations.constraints.holonomic
+    holonomic, constraints = equations.constraints.holonomic, equations.constraints
+    row_sizes = constraints.with_values(inputs[equations.inputs.values]).row_sizes(t, y[:nq])
     if equations.has_contact(inputs):
         motion = ContactMotion(equations).at(t, y[:nq], y[nq : nq + nv], y[nq + nv : core.stop], inputs)
         rates = rates.copy()
@@ -75,6 +77,7 @@ def small_motion(
         closed = np.zeros((len(motion.gradient), columns.size))
         closed[:, columns.displacements], closed[:, columns.speeds] = motion.slopes @ motion.n, motion.gradient
         constrained = np.vstack([constrained, closed])
+        row_sizes = np.append(row_sizes, np.linalg.norm(motion.gradient * constraints.scales, axis=1))
         holonomic = np.concatenate([holonomic, motion.holonomic]).astype(bool)
     free = np.zeros((nv, columns.size))
     free[:, columns.speeds] = _identity(nv)
@@ -88,9 +91,9 @@ def small_motion(
     if not len(constrained):
         moving = np.concatenate((free, rates))
         return _split(moving, 2 * nv + states - nv, _identity(nv).copy(), _identity(nv).copy(), None, drive_rates)
-    gradient = constrained[:, columns.speeds]
-    displacements, speeds = null_space(gradient[holonomic]), null_space(gradient)
-    directions = _directions(equations, constrained, holonomic, displacements, speeds)
+    rows = _Rows(constrained[:, columns.speeds], row_sizes, constraints.scales)
+    displacements, speeds = rows.some(holonomic).free, rows.free
+    directions = _directions(equations, constrained, holonomic, rows)
     moving = np.vstack([displacements.T @ free, speeds.T @ rates[:nv], rates[nv:]])
     size = displacements.shape[1] + speeds.shape[1] + states - nv
     return _split(moving @ directions, size, displacements, speeds, directions, drive_rates)
@@ -108,15 +111,38 @@ def _split(
     return SmallMotion(both[:, :size], both[:, size:], displacements, speeds, directions, drive_rates)
 
 
-def _directions(
-    equations: Equations, constrained: Array, holonomic: Array, displacements: Array, speeds: Array
-) -> Array:
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The constraint matrix G (m, nv), the natural sizes (m,) of its rows, and the units (nv,) of speeds."""
+
+    gradient: Array
+    sizes: Array
+    scales: Array
+
+    def some(self, which: Array) -> _Rows:
+        """Some of the rows."""
+        return _Rows(self.gradient[which], self.sizes[which], self.scales)
+
+    @cached_property
+    def free(self) -> Array:
+        """An orthonormal basis (nv, k) of the null space."""
+        return null_space(self.gradient, rank_of(scaled(self.gradient, self.sizes, self.scales)))
+
+    def least(self, right: Array) -> Array:
+        """The solutions (nv, k) of least norm for right sides (m, k)."""
+        sizes = np.where(self.sizes > 0.0, self.sizes, np.inf)
+        matrix = scaled(self.gradient, self.sizes, self.scales)
+        found = self.scales[:, None] * least_solution(matrix, right / sizes[:, None])
+        return found - self.free @ (self.free.T @ found)
+
+
+def _directions(equations: Equations, constrained: Array, holonomic: Array, rows: _Rows) -> Array:
     """The changes (variables, n + given) of all variables with x and with what is given.
 
-    :param constrained: the derivatives (m, variables) of G u + b.
+    :param constrained: the derivatives (m, variables) of G u + b, whose derivatives by the speeds are the `rows`.
     """
     columns, nv = equations.derivative_layout, equations.layout.nv
-    gradient = constrained[:, columns.speeds]
+    displacements, speeds = rows.some(holonomic).free, rows.free
     given = slice(columns.acting.start, columns.size)
     k, own = displacements.shape[1], displacements.shape[1] + speeds.shape[1]
     rest = columns.size - 2 * nv  # states of actuators, and what is given
@@ -125,11 +151,11 @@ def _directions(
     found[2 * nv :, own:] = np.eye(rest)
     positions = _position_derivatives(equations, constrained)[:, given]
     if positions.any():
-        found[columns.displacements, -positions.shape[1] :] = _least(gradient[holonomic], -positions[holonomic])
+        found[columns.displacements, -positions.shape[1] :] = rows.some(holonomic).least(-positions[holonomic])
     remaining = constrained @ found
     remaining[:, k:own] = 0.0  # round-off
     if remaining.any():
-        found[columns.speeds] += _least(gradient, -remaining)
+        found[columns.speeds] += rows.least(-remaining)
     return found
 
 
@@ -142,7 +168,3 @@ def _position_derivatives(equations: Equations, constrained: Array) -> Array:
     for first in range(columns.drives.start, columns.drives.stop, STATES):
         found[:, first] = constrained[:, first + 1]
     return found
-
-
-def _least(matrix: Array, right: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])

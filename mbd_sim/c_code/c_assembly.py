@@ -11,12 +11,11 @@ from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.start_functions import StartFunctions
 from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
 from mbd_sim.dynamics.constraint_rank import RANK
-from mbd_sim.dynamics.constraint_rank import ROUND_OFF as ROW_ROUND_OFF
 from mbd_sim.dynamics.singular_start import ITERATIONS as BRANCH_ITERATIONS
 from mbd_sim.dynamics.singular_start import ROUND_OFF, SATISFIED, SLOPES, STARTS
 
 # The functions of (t, q, parameters) that closing loops and fitting speeds evaluate.
-CONSTRAINTS = ("position", "gradient", "drift", "mass_matrix", "branch_checks")
+CONSTRAINTS = ("position", "gradient", "row_sizes", "drift", "rate_of_drives", "mass_matrix", "branch_checks")
 
 ASSEMBLY_DECLARATION = """
 /*
@@ -115,7 +114,6 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 satisfied=literal(SATISFIED),
                 round_off=literal(ROUND_OFF),
                 slopes=literal(SLOPES),
-                row_round_off=literal(ROW_ROUND_OFF),
                 branch_starts=STARTS,
                 branch_iterations=BRANCH_ITERATIONS,
                 rows=len(equations.rows),
@@ -125,12 +123,12 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 fixed_speeds=_flags(start.fixed_speeds),
                 first=", ".join(str(first) for first, _ in start.coordinates),
                 count=", ".join(str(count) for _, count in start.coordinates),
-                closed=literal(CLOSED * traced.size),
+                scales=", ".join(map(literal, traced.scales.tolist())),
+                closed=literal(CLOSED),
                 iterations=ITERATIONS,
                 longest=literal(LONGEST_STEP),
                 stalled=literal(STALLED),
                 consistent=literal(CONSISTENT),
-                speed_size=literal(traced.size * 1e-3),
                 inputs=len(model.inputs),
             )
             for text in (WITH_CONSTRAINTS, BRANCH_OF_SPEEDS, START_OF_CONSTRAINED)

@@ -31,6 +31,7 @@ enum {{ ROWS = {rows}, NQ = {nq}, NV = {nv}, BRANCHES = {branches} }};
 static const unsigned char holonomic[] = {{ {holonomic} }};
 static const unsigned char fixed_in_assembly[] = {{ {fixed_in_assembly} }};
 static const unsigned char fixed_speeds[] = {{ {fixed_speeds} }};
+static const double scales[] = {{ {scales} }}; /* the natural units of speeds and displacements */
 static const int first_of[] = {{ {first} }}; /* in q, of what each speed moves, and how many there are */
 static const int count_of[] = {{ {count} }};
 
@@ -78,32 +79,41 @@ static double norm_of(const double *a, int size)
 
 /*
  * Add to x the least solution of a x = b in the sense of least squares; the rows are NV numbers of a and one of b, and
- * those up to `zero` of the largest count as zero.
+ * singular values up to `zero` count as zero.
  */
 static void add_least(double *a, int rows, double *x, double zero)
 {{
-    double largest = 0.0;
     int i, k;
 
     orthogonalize(a, rows, NV, NV + 1);
-    for (i = 0; i < rows; i++)
-        largest = fmax(largest, norm_of(a + i * (NV + 1), NV));
     for (i = 0; i < rows; i++) {{
         const double *row = a + i * (NV + 1);
         double size = norm_of(row, NV);
-        if (size > zero * largest)
+        if (size > zero)
             for (k = 0; k < NV; k++)
                 x[k] += row[k] * (row[NV] / size / size);
     }}
 }}
 
+/* Constraints in natural units; rows without a size are zero. */
+static void natural_rows(double t, const double *q, const double *v, const double *g, double *sizes, double *natural)
+{{
+    int i, k;
+
+    row_sizes(t, q, v, sizes);
+    for (i = 0; i < ROWS; i++)
+        for (k = 0; k < NV; k++)
+            natural[i * NV + k] = sizes[i] > 0.0 ? g[k * ROWS + i] * scales[k] / sizes[i] : 0.0;
+}}
+
 static int is_closed(double t, const double *q, const double *v, const double *gaps)
 {{
-    double branches[BRANCHES + 1];
+    double branches[BRANCHES + 1], sizes[ROWS];
     int i;
 
+    row_sizes(t, q, v, sizes);
     for (i = 0; i < ROWS; i++)
-        if (!(fabs(gaps[i]) <= {closed}))
+        if (!(fabs(gaps[i]) <= {closed} * sizes[i]))
             return 0;
     branch_checks(t, q, v, branches);
     for (i = 0; i < BRANCHES; i++)
@@ -116,6 +126,7 @@ static int is_closed(double t, const double *q, const double *v, const double *g
 static int close_loops(double t, double *q, const double *v, const unsigned char *fixed)
 {{
     double gaps[ROWS], next_gaps[ROWS], next_q[NQ], g[ROWS * NV], a[ROWS * (NV + 1)], move[NV];
+    double natural[ROWS * NV], sizes[ROWS];
     int sweep, half, i, k;
 
     position(t, q, v, gaps);
@@ -124,17 +135,18 @@ static int close_loops(double t, double *q, const double *v, const unsigned char
         if (norm == 0.0 || !isfinite(norm))
             break;
         gradient(t, q, v, g);
+        natural_rows(t, q, v, g, sizes, natural);
         for (i = 0; i < ROWS; i++) {{
             for (k = 0; k < NV; k++)
-                a[i * (NV + 1) + k] = holonomic[i] && !fixed[k] ? g[k * ROWS + i] : 0.0;
-            a[i * (NV + 1) + NV] = holonomic[i] ? -gaps[i] : 0.0;
+                a[i * (NV + 1) + k] = holonomic[i] && !fixed[k] ? natural[i * NV + k] : 0.0;
+            a[i * (NV + 1) + NV] = holonomic[i] && sizes[i] > 0.0 ? -gaps[i] / sizes[i] : 0.0;
         }}
         memset(move, 0, sizeof move);
         add_least(a, ROWS, move, {rank});
         for (k = 0; k < NV; k++)
             most = fmax(most, fabs(move[k]));
         for (k = 0; k < NV; k++)
-            move[k] *= fmin(1.0, {longest} / fmax(most, 1e-300));
+            move[k] *= scales[k] * fmin(1.0, {longest} / fmax(most, 1e-300));
         for (half = 0; half < 12; half++) {{
             displaced(q, move, v, next_q);
             position(t, next_q, v, next_gaps);
@@ -159,14 +171,17 @@ static int fit_speeds(
 {{
     double mass[NV * NV], axes[NV * 2 * NV], g[ROWS * NV], b[ROWS], rows[(ROWS + NV) * NV], right[ROWS + NV];
     double a[(ROWS + NV) * (NV + 1)], change[NV], found[NV], along[NV], size, largest = 0.0;
+    double natural[ROWS * NV], sizes[ROWS], rate;
     int count = ROWS, i, j, k, sweep;
 
     mass_matrix(t, q, v, mass);
     gradient(t, q, v, g);
+    natural_rows(t, q, v, g, sizes, natural);
     drift(t, q, v, b);
+    rate_of_drives(t, q, v, &rate);
     for (i = 0; i < NV; i++)
         for (k = 0; k < NV; k++) {{
-            axes[i * 2 * NV + k] = mass[k * NV + i];
+            axes[i * 2 * NV + k] = mass[k * NV + i] * scales[i] * scales[k];
             axes[i * 2 * NV + NV + k] = i == k ? 1.0 : 0.0;
         }}
     orthogonalize(axes, NV, NV, 2 * NV);
@@ -194,11 +209,11 @@ static int fit_speeds(
                 size = fmax(norm_of(axis, NV), 1e-12 * fmax(largest, 1e-300));
                 row[j] = 0.0;
                 for (k = 0; k < NV; k++)
-                    row[j] += rows[i * NV + k] * axis[NV + k] / sqrt(size);
+                    row[j] += rows[i * NV + k] * scales[k] * axis[NV + k] / sqrt(size);
             }}
             for (k = 0; k < NV; k++)
                 rest -= rows[i * NV + k] * change[k];
-            size = norm_of(rows + i * NV, NV) < 1e-12 ? INFINITY : norm_of(row, NV);
+            size = i < ROWS && norm_of(natural + i * NV, NV) <= {rank} ? INFINITY : norm_of(row, NV);
             for (j = 0; j < NV; j++)
                 row[j] /= size;
             row[NV] = rest / size;
@@ -209,17 +224,18 @@ static int fit_speeds(
             const double *axis = axes + j * 2 * NV;
             size = fmax(norm_of(axis, NV), 1e-12 * fmax(largest, 1e-300));
             for (k = 0; k < NV; k++)
-                change[k] += axis[NV + k] * along[j] / sqrt(size);
+                change[k] += scales[k] * axis[NV + k] * along[j] / sqrt(size);
         }}
     }}
     for (k = 0; k < NV; k++)
         found[k] = fixed[k] ? u[k] : old[k] + change[k];
+    for (k = 0; k < NV; k++)
+        rate = fmax(rate, fabs(found[k]) / scales[k]);
     for (i = 0; i < ROWS; i++) {{
         double error = b[i];
         for (k = 0; k < NV; k++)
             error += rows[i * NV + k] * found[k];
-        size = norm_of(rows + i * NV, NV) * norm_of(found, NV) + fabs(b[i]) + {speed_size};
-        if (!(fabs(error) <= {consistent} * size))
+        if (!(fabs(error) <= {consistent} * (sizes[i] * rate + fabs(b[i]))))
             return 0;
     }}
     memcpy(u, found, sizeof found);

@@ -24,22 +24,17 @@ static double energy_of(const double *mass, const double *one, const double *oth
 }}
 
 /* The null space of the transposed matrix a, of which the first `size` columns are given; returns its dimension. */
-static int null_rows(double *a, int rows, int size, double *found, int *rank)
+static int null_rows(double *a, int rows, int size, double *found)
 {{
     int width = size + rows, count = 0, i, k;
-    double largest = 0.0;
 
     for (i = 0; i < rows; i++)
         for (k = 0; k < rows; k++)
             a[i * width + size + k] = i == k ? 1.0 : 0.0;
     orthogonalize(a, rows, size, width);
     for (i = 0; i < rows; i++)
-        largest = fmax(largest, norm_of(a + i * width, size));
-    for (*rank = 0, i = 0; i < rows; i++) {{
-        *rank += norm_of(a + i * width, size) > {rank};
-        if (!(norm_of(a + i * width, size) > {rank} * largest))
+        if (!(norm_of(a + i * width, size) > {rank}))
             memcpy(found + rows * count++, a + i * width + size, rows * sizeof *found);
-    }}
     return count;
 }}
 
@@ -47,27 +42,32 @@ static int null_rows(double *a, int rows, int size, double *found, int *rank)
 static int is_singular(
     double t, const double *q, const double *v, const unsigned char *fixed, struct singularity *at)
 {{
-    double g[ROWS * NV], rows[ROWS * (NV + ROWS)], columns[NV * (ROWS + 2 * NV)], size;
-    int i, j, k, again, rank;
+    double g[ROWS * NV], natural[ROWS * NV], sizes[ROWS], rows[ROWS * (NV + ROWS)], columns[NV * (ROWS + 2 * NV)], size;
+    int i, j, k, again;
 
     gradient(t, q, v, g);
+    natural_rows(t, q, v, g, sizes, natural);
+    for (i = 0; i < ROWS; i++)
+        memcpy(rows + i * (NV + ROWS), natural + i * NV, NV * sizeof *rows);
+    at->stress_count = null_rows(rows, ROWS, NV, at->stresses);
+    if (ROWS - at->stress_count >= {usual_rank} || !at->stress_count)
+        return 0;
     memset(columns, 0, sizeof columns);
     for (i = 0; i < ROWS; i++) {{
-        for (size = 0.0, k = 0; k < NV; k++)
-            size += g[k * ROWS + i] * g[k * ROWS + i];
-        size = sqrt(size);
-        at->sizes[i] = size > {row_round_off} ? size : 1.0;
+        size = norm_of(natural + i * NV, NV);
+        at->sizes[i] = sizes[i] > 0.0 ? sizes[i] * (size > {rank} ? size : 1.0) : INFINITY;
         for (k = 0; k < NV; k++)
             columns[k * (ROWS + 2 * NV) + i] = rows[i * (NV + ROWS) + k] =
-                size > {row_round_off} ? g[k * ROWS + i] / size : 0.0;
+                size > {rank} ? natural[i * NV + k] / size : 0.0;
     }}
-    at->stress_count = null_rows(rows, ROWS, NV, at->stresses, &rank);
-    if (rank >= {usual_rank} || !at->stress_count)
-        return 0;
+    at->stress_count = null_rows(rows, ROWS, NV, at->stresses);
     for (k = 0; k < NV; k++)
         columns[k * (ROWS + 2 * NV) + ROWS + k] = fixed[k] ? 1.0 : 0.0;
-    at->direction_count = null_rows(columns, NV, ROWS + NV, at->directions, &rank);
+    at->direction_count = null_rows(columns, NV, ROWS + NV, at->directions);
     mass_matrix(t, q, v, at->mass);
+    for (i = 0; i < at->direction_count; i++)
+        for (k = 0; k < NV; k++)
+            at->directions[i * NV + k] *= scales[k];
     for (i = 0; i < at->direction_count; i++) {{
         double *one = at->directions + i * NV;
         for (again = 0; again < 2; again++)
@@ -97,7 +97,7 @@ static int is_branch(double t, const double *q, const double *v, struct singular
         for (k = 0; k < NV; k++)
             speeds[k] += change[i] * at->directions[i * NV + k];
     for (k = 0; k < NV; k++)
-        squared += speeds[k] * speeds[k];
+        squared += speeds[k] * speeds[k] / (scales[k] * scales[k]);
     bias(t, q, speeds, v, terms);
     for (i = 0; i < ROWS; i++)
         terms[i] /= at->sizes[i];
@@ -118,7 +118,7 @@ static int is_branch(double t, const double *q, const double *v, struct singular
 static void solve_branch(
     double t, const double *q, const double *v, struct singularity *at, const double *u, double *change)
 {{
-    double a[ROWS * (NV + 1)], step[NV], here[ROWS], ahead[ROWS], behind[ROWS], center;
+    double a[ROWS * (NV + 1)], step[NV], here[ROWS], ahead[ROWS], behind[ROWS], center, largest;
     int iteration, i, k;
 
     for (iteration = 0; iteration < {branch_iterations}; iteration++) {{
@@ -134,10 +134,11 @@ static void solve_branch(
             for (i = 0; i < at->stress_count; i++)
                 a[i * (NV + 1) + k] = (ahead[i] - behind[i]) / (2.0 * at->size);
         }}
+        largest = norm_of(a, at->stress_count * (NV + 1));
         for (i = 0; i < at->stress_count; i++)
             a[i * (NV + 1) + NV] = -here[i];
         memset(step, 0, sizeof step);
-        add_least(a, at->stress_count, step, {slopes});
+        add_least(a, at->stress_count, step, {slopes} * largest);
         for (k = 0; k < at->direction_count; k++)
             change[k] += step[k];
         if (norm_of(step, NV) <= 1e-15 * at->size)

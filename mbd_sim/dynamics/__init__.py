@@ -20,12 +20,10 @@ from typing import TYPE_CHECKING
 from mbd_sim.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.assembly import CONSISTENT as CONSISTENT
     from mbd_sim.dynamics.assembly import close_loops as close_loops
     from mbd_sim.dynamics.assembly import nearest_speeds as nearest_speeds
+    from mbd_sim.dynamics.assembly import tolerated_errors as tolerated_errors
     from mbd_sim.dynamics.cam_check import require_followable_cams as require_followable_cams
-    from mbd_sim.dynamics.constraint_rank import rank_of as rank_of
-    from mbd_sim.dynamics.constraint_rank import unit_rows as unit_rows
     from mbd_sim.dynamics.equations import derive as derive
     from mbd_sim.dynamics.evaluation import evaluated as evaluated
     from mbd_sim.dynamics.singular_start import speeds_of_a_branch as speeds_of_a_branch
@@ -37,9 +35,8 @@ else:
     __getattr__ = lazy_names(
         __name__,
         {
-            "assembly": ("CONSISTENT", "close_loops", "nearest_speeds"),
+            "assembly": ("close_loops", "nearest_speeds", "tolerated_errors"),
             "cam_check": ("require_followable_cams",),
-            "constraint_rank": ("rank_of", "unit_rows"),
             "equations": ("derive",),
             "evaluation": ("evaluated",),
             "singular_start": ("speeds_of_a_branch",),

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rank import RANK, null_space, row_sizes
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, scaled
+from mbd_sim.dynamics.constraint_rank import least_solution, row_is_zero
 from mbd_sim.geometry.pose import Array
 
-CLOSED = 1e-10  # tolerated gap, relative to the size of the mechanism
+CLOSED = 1e-10  # tolerated gap, relative to the natural size of its row
 CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
 ITERATIONS, ATTEMPTS = 60, 30
 FAR_ITERATIONS = 120
-LONGEST_STEP = 0.6  # m or rad
-CONVERGED = 1e-6  # step that may remain at a solution far away, relative to 1 + |q|
+LONGEST_STEP = 0.6  # rad, or the same share of the size of the mechanism
+CONVERGED = 1e-6  # step that may remain at a solution far away, relative to 1 + |q| in natural units
 STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
 
 
@@ -24,7 +24,7 @@ STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction i
 class ClosingStep:
     """A step from coordinates `q` (nq,): `factor` times that of least norm, or a `displacement` to another guess.
 
-    It moves no coordinate by more than `longest`, in m or rad.
+    It moves no coordinate by more than `longest`, in natural units.
     """
 
     q: Array
@@ -59,7 +59,7 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
     for attempt in range(ATTEMPTS):
         if best.closed or not free.any():
             break
-        scatter = random.normal(size=len(free)) * free * min(2.0, 0.1 * 1.3**attempt)
+        scatter = constraints.scales * random.normal(size=len(free)) * free * min(2.0, 0.1 * 1.3**attempt)
         other = _newton(constraints, t, constraints.displaced(q, scatter), free)
         if other.closed or not np.linalg.norm(best.gaps) <= np.linalg.norm(other.gaps):
             best = replace(other, path=(ClosingStep(q, scatter, 1.0), *other.path))
@@ -71,23 +71,26 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
 
 def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array) -> bool:
     """Whether Newton's next step is short; towards a solution at infinity, each one is about as long as q."""
-    slope = constraints.gradient(t, found.q)[constraints.holonomic][:, free]
-    if not np.all(np.isfinite(slope)):
-        return False
-    return is_short(_least_step(slope, found.gaps[constraints.holonomic]), found.q)
+    step = _least_step(constraints, t, found.q, found.gaps, free)
+    return step is not None and is_short(constraints, constraints.scales * step, found.q)
 
 
-def _least_step(slope: Array, gaps: Array) -> Array:
-    """The displacement of least norm that closes linearized gaps."""
-    if not slope.size:
-        return np.zeros(slope.shape[1])
-    return np.asarray(-np.linalg.lstsq(slope, gaps, rcond=RANK)[0], dtype=float)
+def _least_step(constraints: ConstraintFunctions, t: float, q: Array, gaps: Array, free: Array) -> Array | None:
+    """The displacement (nv,) in natural units, of least norm, that closes linearized gaps; None if it is undefined."""
+    slope, sizes = constraints.scaled_gradient(t, q), constraints.row_sizes(t, q)
+    rows = constraints.holonomic & (sizes > 0.0)
+    slope = slope[rows][:, free]
+    if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(slope))):
+        return None
+    step = np.zeros(len(free))
+    step[free] = -least_solution(slope, gaps[rows] / sizes[rows])
+    return step
 
 
-def is_short(step: Array, q: Array) -> bool:
-    """Whether a step is short enough for Newton's method to have converged at q, however far away."""
-    size = float(np.max(np.abs(step), initial=0.0))
-    return size <= CONVERGED * (1.0 + float(np.max(np.abs(q), initial=0.0)))
+def is_short(constraints: ConstraintFunctions, step: Array, q: Array) -> bool:
+    """Whether a step (nv,) is short enough for Newton's method to have converged at q, however far away."""
+    size = float(np.max(np.abs(step / constraints.scales), initial=0.0))
+    return size <= CONVERGED * (1.0 + float(np.max(np.abs(q / constraints.coordinate_scales), initial=0.0)))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -101,14 +104,12 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, f
         norm = float(np.linalg.norm(gaps))
         if norm == 0.0:
             break
-        slope = constraints.gradient(t, q)[constraints.holonomic][:, free]
-        if not (np.isfinite(norm) and np.all(np.isfinite(slope))):
+        step = _least_step(constraints, t, q, gaps, free)
+        if step is None:
             break
-        step = np.zeros(len(free))
-        step[free] = _least_step(slope, gaps[constraints.holonomic])
         factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         growing = far and factor < 1.0
-        step *= factor
+        step = factor * constraints.scales * step
         for _ in range(12):
             next_q = constraints.displaced(q, step)
             next_gaps = constraints.position(t, next_q)
@@ -124,7 +125,7 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, f
             longest *= 2.0
         elif np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
             break
-    closed = bool(np.all(np.abs(gaps) <= CLOSED * constraints.size))
+    closed = bool(np.all(np.abs(gaps) <= CLOSED * constraints.row_sizes(t, q)))
     right_branch = bool(np.all(constraints.branch_checks(t, q) > 0.0))
     return LoopClosure(q, gaps, closed and right_branch, tuple(path))
 
@@ -147,16 +148,18 @@ class FittedSpeeds:
 def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, fixed: Array) -> FittedSpeeds:
     """The speeds of least kinetic energy that satisfy the constraints and keep the `fixed` (nv,) entries of u."""
     gradient, drift = constraints.gradient(t, q), constraints.drift(t, q)
-    selection = np.eye(len(u))[fixed]
-    rows, right = np.vstack([gradient, selection]), np.concatenate([-drift, u[fixed]])
-    if not rows.size:
+    if not len(gradient) and not fixed.any():
         return FittedSpeeds(np.zeros(len(u)), np.zeros(0), True)
-    speeds = _least_energy_speeds(constraints.mass_matrix(t, q), rows, right)
+    speeds = _least_energy_speeds(constraints, t, q, fixed, np.concatenate([-drift, u[fixed]]))
     speeds[fixed] = u[fixed]
     errors = gradient @ speeds + drift
-    sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(speeds)
-    tolerance = CONSISTENT * (sizes + np.abs(drift) + constraints.size * 1e-3)
-    return FittedSpeeds(speeds, errors, bool(np.all(np.abs(errors) <= tolerance)))
+    return FittedSpeeds(speeds, errors, bool(np.all(np.abs(errors) <= tolerated_errors(constraints, t, q, speeds))))
+
+
+def tolerated_errors(constraints: ConstraintFunctions, t: float, q: Array, u: Array) -> Array:
+    """The errors (m,) of G u + b that count as round-off of given speeds u."""
+    rate = float(np.max(np.abs(u) / constraints.scales, initial=constraints.rate_of_drives(t, q)))
+    return CONSISTENT * (constraints.row_sizes(t, q) * rate + np.abs(constraints.drift(t, q)))
 
 
 def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, fixed: Array | None = None) -> Array:
@@ -164,47 +167,39 @@ def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Arra
 
     With `fixed` (nv,), these entries stay; if they contradict the constraints, a violation remains.
     """
+    violation = constraints.gradient(t, q) @ u + constraints.drift(t, q)
+    if fixed is None:
+        fixed = np.zeros(len(u), dtype=bool)
+    change = _least_energy_speeds(constraints, t, q, fixed, np.concatenate([violation, np.zeros(fixed.sum())]))
+    return np.where(fixed, u, u - change)
+
+
+def _least_energy_speeds(constraints: ConstraintFunctions, t: float, q: Array, fixed: Array, right: Array) -> Array:
+    """The speeds u (nv,) of least kinetic energy with G u and then the `fixed` of u equal to `right`; refined once."""
     gradient = constraints.gradient(t, q)
-    rows, violation = gradient, gradient @ u + constraints.drift(t, q)
-    if fixed is not None and fixed.any():
-        selection = np.eye(len(u))[fixed]
-        rows, violation = np.vstack([rows, selection]), np.concatenate([violation, np.zeros(len(selection))])
-    speeds = u - _least_energy_speeds(constraints.mass_matrix(t, q), rows, violation)
-    if fixed is not None:
-        speeds[fixed] = u[fixed]
-    return speeds
-
-
-def _least_energy_speeds(mass_matrix: Array, rows: Array, right: Array) -> Array:
-    """The speeds u of least kinetic energy with rows @ u = `right`, for rows in any units; refined once."""
-    to_unit, scaled, sizes = scaled_rows(mass_matrix, rows)
-    u: Array = np.zeros(len(mass_matrix))
+    sizes, scales = constraints.row_sizes(t, q), constraints.scales
+    rows = np.vstack([gradient, np.eye(len(scales))[fixed]])
+    zero = np.concatenate([row_is_zero(scaled(gradient, sizes, scales)), np.zeros(int(fixed.sum()), dtype=bool)])
+    to_unit, unit, lengths = energy_rows(constraints.mass_matrix(t, q), rows, zero, scales)
+    u: Array = np.zeros(len(scales))
     for _ in range(2):
-        u += to_unit @ np.linalg.lstsq(scaled, (right - rows @ u) / sizes, rcond=RANK)[0]
+        u += to_unit @ least_solution(unit, (right - rows @ u) / lengths)
     return u
 
 
-def scaled_rows(mass_matrix: Array, rows: Array) -> tuple[Array, Array, Array]:
-    """Combinations (nv, nv) of speeds with unit energy, and rows (m, nv) in these: of unit length, and their `sizes`.
+def energy_rows(mass_matrix: Array, rows: Array, zero: Array, scales: Array) -> tuple[Array, Array, Array]:
+    """Combinations (nv, nv) of speeds with unit energy, and rows (m, nv) in these: of unit length, and their lengths.
 
-    Rows that are zero have an infinite size.
+    Rows that are `zero` (m,) have an infinite length. Speeds without inertia get a small one; if nothing has inertia,
+    each speed in its natural unit gets the same.
     """
-    to_unit = _unit_energy_speeds(mass_matrix)
-    scaled = rows @ to_unit
-    sizes = np.linalg.norm(scaled, axis=1)
-    sizes[row_sizes(rows) == np.inf] = np.inf
-    return to_unit, scaled / sizes[:, None], sizes
-
-
-def _unit_energy_speeds(mass_matrix: Array) -> Array:
-    """Combinations (nv, nv) of speeds with a kinetic energy of ½ each; those without inertia get a small one.
-
-    If nothing has inertia, each speed gets the same.
-    """
-    weights, axes = np.linalg.eigh(mass_matrix)
+    weights, axes = np.linalg.eigh(mass_matrix * scales * scales[:, None])
     least = 1e-12 * weights.max(initial=0.0)
-    combinations: Array = axes / np.sqrt(np.maximum(weights, least if least > 0.0 else 1.0))
-    return combinations
+    to_unit: Array = scales[:, None] * axes / np.sqrt(np.maximum(weights, least if least > 0.0 else 1.0))
+    found = rows @ to_unit
+    lengths = np.linalg.norm(found, axis=1)
+    lengths[zero] = np.inf
+    return to_unit, found / lengths[:, None], lengths
 
 
 def nearby_configurations(
@@ -217,13 +212,13 @@ def nearby_configurations(
     for sign in (1.0, -1.0):
         at, direction = q, None
         for _ in range(steps // 2):
-            directions = null_space(constraints.gradient(0.0, at))
+            directions = constraints.free_directions(0.0, at)
             if not directions.shape[1]:
                 break
             weights = random.normal(size=directions.shape[1]) if direction is None else directions.T @ direction
             direction = directions @ weights
             direction *= sign if len(configurations) == 1 else 1.0
-            direction /= max(float(np.max(np.abs(direction))), 1e-300)
+            direction /= max(float(np.max(np.abs(direction) / constraints.scales)), 1e-300)
             closure = _newton(constraints, 0.0, constraints.displaced(at, 0.15 * direction), all_free)
             if not closure.closed or undefined_rows(constraints, 0.0, closure.q).any():
                 break
@@ -251,7 +246,7 @@ def configurations_of_drives(
     for index in positions:
         for change in (0.15, -0.15):
             moved = q.copy()
-            moved[index] += change
+            moved[index] += change * constraints.coordinate_scales[index]
             closure = _newton(constraints, 0.0, moved, all_free)
             if closure.closed and not undefined_rows(constraints, 0.0, closure.q).any():
                 configurations.append((0.0, closure.q))

@@ -12,6 +12,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
 
+NEARLY_REDUNDANT = 1e-2  # in natural units: what prevents a motion by less may be due to rounded digits
 _BETTER_GUESS = "Give joint positions closer to the intended configuration, with 'guess: true'."
 
 
@@ -49,14 +50,39 @@ def conflict_with_drives(mechanism: Mechanism, rows: Sequence[ConstraintRow], er
     return MechanismError([_against_drives(mechanism, owner) for owner, _ in _by_owner(rows, errors, 0.0)])
 
 
-def no_mobility(mechanism: Mechanism, rows: Sequence[ConstraintRow], count: int) -> MechanismError:
-    """A mechanism that has none of its `count` degrees of freedom left."""
+def no_mobility(
+    mechanism: Mechanism, rows: Sequence[ConstraintRow], count: int, least: float, shares: Array
+) -> MechanismError:
+    """A mechanism that has none of its `count` degrees of freedom left.
+
+    :param least: how much the rows prevent the motion that they prevent least, in rad or of the size of the mechanism.
+    :param shares: (m,) of the rows in that.
+    """
     owners = list(dict.fromkeys(row.owner for row in rows))
     names = listed([str(owner[1]) for owner in owners])
     equations = f"the {len(rows)} equations of {names} leave" if len(rows) > 1 else f"the equation of {names} leaves"
     freedoms = f"none of the {count} degrees of freedom" if count > 1 else "no degree of freedom"
-    message = f"nothing can move: {equations} {freedoms}"
-    return MechanismError([mechanism.source.problem(owners[0], message, "Remove a joint or a constraint.")])
+    message, remedy = f"nothing can move: {equations} {freedoms}", "Remove a joint or a constraint."
+    if least >= NEARLY_REDUNDANT:
+        return MechanismError([mechanism.source.problem(owners[0], message, remedy)])
+    chief = rows[int(np.argmax(shares))]
+    message += f", but only just: deviations of {least:.1g} rad, or of {least:.1g} of its size, prevent a motion"
+    remedy = (
+        f"If axes at '{chief.name}' are meant to be parallel, points to coincide, or lengths to be equal, give them "
+        "with more digits. Otherwise remove a joint or a constraint."
+    )
+    return MechanismError([mechanism.source.problem(chief.owner, message, remedy)])
+
+
+def isolated_position(mechanism: Mechanism, rows: Sequence[ConstraintRow]) -> MechanismError:
+    """A mechanism whose loops close in this position alone."""
+    owners = list(dict.fromkeys(row.owner for row in rows))
+    message = (
+        f"nothing can move: {listed([str(owner[1]) for owner in owners])} can be satisfied in this position alone, "
+        "as a chain that is stretched between its ends"
+    )
+    remedy = "Change a length, or remove a joint or a constraint."
+    return MechanismError([mechanism.source.problem(owners[0], message, remedy)])
 
 
 def inconsistent_speeds(

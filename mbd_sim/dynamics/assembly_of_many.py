@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
-from mbd_sim.dynamics.constraint_functions import ManyConstraints
-from mbd_sim.dynamics.constraint_rank import RANK, unit_rows
+from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED, energy_rows
+from mbd_sim.dynamics.constraint_functions import ManyConstraints, scaled
+from mbd_sim.dynamics.constraint_rank import RANK, least_solution, row_is_zero
 from mbd_sim.geometry.pose import Array
 
 HALVINGS = 12
@@ -49,7 +49,9 @@ def start_many(
     speeds, assembled = np.zeros_like(u), np.zeros(len(q), dtype=bool)
     if going.size:
         speeds[going], consistent = _fitted(constraints, q[going], u[going], fixed_u, going)
-        ranks = np.linalg.matrix_rank(unit_rows(constraints.gradient(q[going], going)), tol=RANK)
+        gradient = constraints.gradient(q[going], going)
+        matrices = scaled(gradient, constraints.row_sizes(q[going], going), constraints.scales)
+        ranks = np.linalg.matrix_rank(matrices, tol=RANK)
         assembled[going] = consistent & ((ranks >= rank) | ~speeds[going].any(axis=1))
     return ManyStarts(q, speeds, assembled)
 
@@ -68,21 +70,27 @@ def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_])
     gaps = constraints.position(q, going)
     for _ in range(ITERATIONS):
         norm = _norms(gaps[going])
-        slopes = constraints.gradient(q, going)[:, constraints.holonomic][:, :, free]
+        sizes = constraints.row_sizes(q, going)
+        slopes = scaled(constraints.gradient(q, going), sizes, constraints.scales)[:, constraints.holonomic][:, :, free]
         finite = (norm != 0.0) & np.isfinite(norm) & np.all(np.isfinite(slopes), axis=(1, 2))
-        going, norm, slopes = going[finite], norm[finite], slopes[finite]
+        going, norm, slopes, sizes = going[finite], norm[finite], slopes[finite], sizes[finite]
         if not going.size:
             break
         step = np.zeros((len(going), len(free)))
         if slopes[0].size:
-            step[:, free] = [
-                -np.linalg.lstsq(slope, gap, rcond=RANK)[0]
-                for slope, gap in zip(slopes, gaps[going][:, constraints.holonomic], strict=True)
-            ]
+            held = (array[:, constraints.holonomic] for array in (gaps[going], sizes))
+            step[:, free] = [_least_step(*of_one) for of_one in zip(slopes, *held, strict=True)]
         step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.max(np.abs(step), axis=1), 1e-300))[:, None]
-        going = _searched(constraints, q, gaps, going, norm, step)
-    closed = np.all(np.abs(gaps) <= CLOSED * constraints.size, axis=1)
-    return q, closed & np.all(constraints.branch_checks(q, np.arange(len(q))) > 0.0, axis=1)
+        going = _searched(constraints, q, gaps, going, norm, constraints.scales * step)
+    everyone = np.arange(len(q))
+    closed = np.all(np.abs(gaps) <= CLOSED * constraints.row_sizes(q, everyone), axis=1)
+    return q, closed & np.all(constraints.branch_checks(q, everyone) > 0.0, axis=1)
+
+
+def _least_step(slope: Array, gaps: Array, sizes: Array) -> Array:
+    """The displacement of the free coordinates, for one variant."""
+    rows = sizes > 0.0
+    return -least_solution(slope[rows], gaps[rows] / sizes[rows])
 
 
 def _searched(
@@ -113,22 +121,21 @@ def _fitted(
     rows, right = np.concatenate([gradient, selection], axis=1), np.concatenate([-drift, u[:, fixed]], axis=1)
     if not rows[0].size:
         return np.zeros_like(u), np.ones(len(q), dtype=bool)
-    weights, axes = np.linalg.eigh(constraints.mass_matrix(q, which))
-    least = 1e-12 * np.maximum(weights.max(axis=1, initial=0.0), 1e-300)
-    to_unit = axes / np.sqrt(np.maximum(weights, least[:, None]))[:, None, :]
-    scaled = rows @ to_unit
-    sizes = np.linalg.norm(scaled, axis=2)
-    sizes[np.linalg.norm(rows, axis=2) < 1e-12] = np.inf
-    scaled /= sizes[:, :, None]
+    scales, row_sizes = constraints.scales, constraints.row_sizes(q, which)
+    given = np.zeros((len(q), int(fixed.sum())), dtype=bool)
+    zero = np.concatenate([row_is_zero(scaled(gradient, row_sizes, scales)), given], axis=1)
+    masses = constraints.mass_matrix(q, which)
+    in_energy = [energy_rows(*of_one, scales) for of_one in zip(masses, rows, zero, strict=True)]
+    to_unit, unit, lengths = (np.array(each) for each in zip(*in_energy, strict=True))
     speeds = np.zeros_like(u)
     for _ in range(2):
-        rest = (right - _times(rows, speeds)) / sizes
-        found = [np.linalg.lstsq(matrix, side, rcond=RANK)[0] for matrix, side in zip(scaled, rest, strict=True)]
+        rest = (right - _times(rows, speeds)) / lengths
+        found = [least_solution(matrix, side) for matrix, side in zip(unit, rest, strict=True)]
         speeds += _times(to_unit, np.array(found))
     speeds[:, fixed] = u[:, fixed]
     errors = _times(gradient, speeds) + drift
-    reference = np.linalg.norm(gradient, axis=2) * _norms(speeds)[:, None]
-    tolerance = CONSISTENT * (reference + np.abs(drift) + constraints.size * 1e-3)
+    rates = np.maximum(np.max(np.abs(speeds) / scales, axis=1, initial=0.0), constraints.rate_of_drives(q, which)[:, 0])
+    tolerance = CONSISTENT * (row_sizes * rates[:, None] + np.abs(drift))
     return speeds, np.all(np.abs(errors) <= tolerance, axis=1)
 
 

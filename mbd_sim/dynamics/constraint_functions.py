@@ -1,7 +1,15 @@
-"""The constraints and the mass matrix as functions of numbers, for the assembly and for analyses."""
+"""The constraints and the mass matrix as functions of numbers, for the assembly and for analyses.
+
+What is round-off in the constraint matrix G cannot be told from G alone: of a loop that its joints satisfy by
+themselves, such as a shaft in two bearings, nothing else is left. So each row has a natural size, the change of its
+position if the parts move by the size of the mechanism, or turn by 1 rad; and each speed has a unit, the size of the
+mechanism or 1 rad. In these units all entries of G are of the order of 1 at most, and what is below
+`constraint_rank.RANK` is zero, whatever the units of the file are.
+"""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.constraint_rank import null_space, rank_of
 from mbd_sim.dynamics.evaluation import evaluated, evaluated_for_all
 from mbd_sim.dynamics.kinematics import normalized_quaternions
 from mbd_sim.dynamics.tracing import TracedMechanism
@@ -36,9 +45,30 @@ class ConstraintFunctions:
         """The constraint matrix G (m, nv)."""
         return evaluated(self._traced.gradient, t, q, self.values)
 
+    def row_sizes(self, t: float, q: Array) -> Array:
+        """The natural size (m,) of each row, in the unit of its position."""
+        return evaluated(self._traced.row_sizes, t, q, self.values).ravel()
+
+    def scaled_gradient(self, t: float, q: Array) -> Array:
+        """G (m, nv) in natural units: zero up to `constraint_rank.RANK`."""
+        return scaled(self.gradient(t, q), self.row_sizes(t, q), self.scales)
+
+    def rank(self, t: float, q: Array) -> int:
+        """The rank of G."""
+        return rank_of(self.scaled_gradient(t, q))
+
+    def free_directions(self, t: float, q: Array) -> Array:
+        """An orthonormal basis (nv, k) of the speeds with G u = 0."""
+        gradient = self.gradient(t, q)
+        return null_space(gradient, rank_of(scaled(gradient, self.row_sizes(t, q), self.scales)))
+
     def drift(self, t: float, q: Array) -> Array:
         """The drift b (m,): the constraints are G u + b = 0."""
         return evaluated(self._traced.drift, t, q, self.values).ravel()
+
+    def rate_of_drives(self, t: float, q: Array) -> float:
+        """The largest rate in 1/s at which drives move a part: of b, what is far smaller is round-off."""
+        return float(evaluated(self._traced.rate_of_drives, t, q, self.values)[0, 0])
 
     def bias(self, t: float, q: Array, u: Array) -> Array:
         """γ (m,) with G u' + γ = 0."""
@@ -67,9 +97,26 @@ class ConstraintFunctions:
         return self._traced.size
 
     @property
+    def scales(self) -> Array:
+        """The natural unit (nv,) of each speed and displacement: 1 rad, or the size of the mechanism in m."""
+        return self._traced.scales
+
+    @property
+    def coordinate_scales(self) -> Array:
+        """The same (nq,) of the coordinates; 1 for quaternions."""
+        return self._traced.coordinate_scales
+
+    @property
     def holonomic(self) -> Array:
         """Which of the rows (m,) are holonomic."""
         return self._traced.holonomic
+
+
+def scaled(gradient: Array, row_sizes: Array, scales: Array) -> Array:
+    """G (…, m, nv) in natural units; rows without a size are zero."""
+    sizes = np.where(row_sizes > 0.0, row_sizes, np.inf)
+    found: Array = gradient * scales / sizes[..., None]
+    return found
 
 
 class ManyConstraints:
@@ -80,7 +127,7 @@ class ManyConstraints:
 
     def __init__(self, constraints: ConstraintFunctions, values: Array) -> None:
         self._traced, self._values = constraints._traced, values
-        self.size, self.holonomic = constraints.size, constraints.holonomic
+        self.size, self.holonomic, self.scales = constraints.size, constraints.holonomic, constraints.scales
 
     def position(self, q: Array, which: NDArray[np.intp]) -> Array:
         """The positions Φ (n, m), of the coordinates of all variants (k, nq) or of some (n, nq)."""
@@ -89,6 +136,14 @@ class ManyConstraints:
     def gradient(self, q: Array, which: NDArray[np.intp]) -> Array:
         """The constraint matrices G (n, m, nv)."""
         return self._matrices(self._traced.gradient, q, which)
+
+    def row_sizes(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The natural sizes (n, m) of the rows."""
+        return self._rows(self._traced.row_sizes, _of(q, which), which)
+
+    def rate_of_drives(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The rates (n, 1), see `ConstraintFunctions.rate_of_drives`."""
+        return self._rows(self._traced.rate_of_drives, _of(q, which), which)
 
     def drift(self, q: Array, which: NDArray[np.intp]) -> Array:
         """The drifts b (n, m)."""
@@ -147,6 +202,29 @@ class TracedFunctions:
         return self._of_position("drift", ca.substitute(self._constraints.velocity, u, ca.SX.zeros(u.shape[0], 1)))
 
     @cached_property
+    def row_sizes(self) -> ca.Function:
+        """See `ConstraintFunctions.row_sizes`."""
+        rows, wrenches = self._constraints.rows, self._constraints.wrenches
+        sizes = []
+        for index, row in enumerate(rows):
+            acting = [wrench[:, index] for wrench in wrenches if wrench[:, index].nnz()]
+            terms = [_norm(wrench[:3]) for wrench in acting] + [self.size * _norm(wrench[3:]) for wrench in acting]
+            terms += [ca.SX(abs(k) * self._unit_of(name)) for name, k in row.factors.items()]
+            size = functools.reduce(ca.fmax, terms) if terms else ca.SX(self.size if row.unit == "m" else 1.0)
+            sizes.append(size)
+        return self._of_position("row_sizes", ca.vertcat(ca.SX(0, 1), *sizes))
+
+    @cached_property
+    def rate_of_drives(self) -> ca.Function:
+        """See `ConstraintFunctions.rate_of_drives`."""
+        u, rate = self._mechanism.state.u, ca.SX(1, 1)
+        if self._mechanism.mechanism.driven_names:
+            for motion in self._mechanism.motions:
+                twist = ca.substitute(ca.densify(motion.V_WL), u, ca.SX.zeros(u.shape[0], 1))
+                rate = ca.fmax(rate, ca.fmax(_norm(twist[:3]), _norm(twist[3:]) / self.size))
+        return self._of_position("rate_of_drives", rate)
+
+    @cached_property
     def bias(self) -> ca.Function:
         """See `ConstraintFunctions.bias`."""
         state = self._mechanism.state
@@ -177,6 +255,33 @@ class TracedFunctions:
         return _size(self._mechanism.numeric)
 
     @cached_property
+    def scales(self) -> Array:
+        """See `ConstraintFunctions.scales`."""
+        scales = np.ones(self._mechanism.layout.nv)
+        for name, speeds in self._mechanism.layout.u.items():
+            scales[speeds] = self._units_of(name)[: speeds.stop - speeds.start]
+        return scales
+
+    @cached_property
+    def coordinate_scales(self) -> Array:
+        """See `ConstraintFunctions.coordinate_scales`."""
+        scales = np.ones(self._mechanism.layout.nq)
+        for name, coordinates in self._mechanism.layout.q.items():
+            units = self._units_of(name)[: coordinates.stop - coordinates.start]
+            scales[coordinates.start : coordinates.start + len(units)] = units
+        for name, states in self._mechanism.layout.drives.items():
+            scales[states.start] = self._units_of(name)[0]
+        return scales
+
+    def _units_of(self, joint: str) -> list[float]:
+        kind = self._mechanism.numeric.joints[joint].kind
+        return [1.0 if one.rotation else self.size for one in kind.coordinates]
+
+    def _unit_of(self, coordinate: str) -> float:
+        """The natural unit of a coordinate, also of a driven joint, by its name."""
+        return 1.0 if self._mechanism.numeric.coordinate(coordinate).rotation else self.size
+
+    @cached_property
     def holonomic(self) -> Array:
         """See `ConstraintFunctions.holonomic`."""
         return np.array([row.position is not None for row in self._constraints.rows], dtype=bool)
@@ -188,8 +293,14 @@ class TracedFunctions:
         return ca.Function(name, [*inputs, self._mechanism.parameters.symbols], [ca.densify(expression)])
 
 
+def _norm(vector: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.dot(vector, vector))
+
+
 def _size(mechanism: Mechanism) -> float:
     poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
     poses += [pose for part in mechanism.parts.values() for pose in part.points.values()]
     points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
-    return max((float(np.linalg.norm(point)) for point in points), default=0.0) or 1.0
+    largest = max((float(np.linalg.norm(point)) for point in points), default=0.0)
+    gyration = [np.sqrt(np.trace(part.inertia) / part.mass) for part in mechanism.parts.values() if part.mass > 0.0]
+    return largest or float(max(gyration, default=0.0)) or 1.0

@@ -1,4 +1,8 @@
-"""Ranks, null spaces and independent rows of constraint matrices."""
+"""Ranks, null spaces and independent rows of constraint matrices.
+
+Matrices are in natural units, see `mbd_sim.dynamics.constraint_functions`: then what is round-off does not depend on
+the other rows, which may all be round-off.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +13,30 @@ from numpy.typing import NDArray
 
 from mbd_sim.geometry.pose import Array
 
-RANK = 1e-9  # singular values below this fraction of the largest count as zero
-ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
-ROUND_OFF = 1e-12  # the length up to which a single row counts as zero
+RANK = 1e-9  # rows and singular values in natural units up to this size count as zero
 
 
-def null_space(matrix: Array) -> Array:
-    """An orthonormal basis (n, k) of the null space of a matrix (m, n)."""
+def null_space(matrix: Array, rank: int | None = None) -> Array:
+    """An orthonormal basis (n, k) of the null space of a matrix (m, n).
+
+    :param rank: that of the matrix, which is then in any units.
+    """
     if not matrix.size:
         return np.eye(matrix.shape[1])
     if matrix.shape[0] > matrix.shape[1]:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))  # the same null space with fewer rows
     _, values, axes = np.linalg.svd(matrix)
-    rank = int(np.sum(values > RANK * max(values.max(initial=0.0), 1e-300)))
-    return np.ascontiguousarray(axes[rank:].T)
+    found = int(np.sum(values > RANK)) if rank is None else rank
+    return np.ascontiguousarray(axes[found:].T)
+
+
+def least_solution(matrix: Array, right: Array) -> Array:
+    """The x (n,) or (n, k) of least norm among those for which matrix @ x is nearest to `right` (m,) or (m, k)."""
+    left, values, axes = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(values > RANK))
+    parts = left[:, :rank].T @ right
+    found: Array = axes[:rank].T @ (parts.T / values[:rank]).T
+    return found
 
 
 def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
@@ -30,45 +44,41 @@ def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
 
     Rows are chosen one by one; each is judged by the configuration in which it adds least.
     """
-    unit = [unit_rows(gradient) for gradient in gradients]
-    ranks = [rank_of(gradient) for gradient in unit]
+    ranks = [rank_of(gradient) for gradient in gradients]
     highest = max(ranks)
-    regular = [gradient for gradient, rank in zip(unit, ranks, strict=True) if rank == highest]
+    regular = [unit_rows(gradient) for gradient, rank in zip(gradients, ranks, strict=True) if rank == highest]
     return _greedy_rows(regular, highest), ranks
 
 
 def nonzero_rows(gradients: Sequence[Array]) -> list[int]:
     """The rows that are not zero in all configurations."""
-    sizes = [np.linalg.norm(gradient, axis=1) for gradient in gradients]
-    return [int(row) for row in np.flatnonzero(np.any([size > ZERO * np.linalg.norm(size) for size in sizes], axis=0))]
+    return [int(row) for row in np.flatnonzero(~np.all([row_is_zero(gradient) for gradient in gradients], axis=0))]
 
 
 def dependent_rows(gradients: Sequence[Array]) -> NDArray[np.bool_]:
     """Which rows take part in a linear dependence that exists in all configurations of the highest rank."""
-    unit = [unit_rows(gradient) for gradient in gradients]
-    most = max((rank_of(gradient) for gradient in unit), default=0)
+    most = max((rank_of(gradient) for gradient in gradients), default=0)
     found = np.zeros(len(gradients[0]) if gradients else 0, dtype=bool)
-    for gradient in unit:
+    for gradient in gradients:
         if rank_of(gradient) == most < len(gradient):
-            found |= np.any(np.abs(null_space(gradient.T)) > RANK, axis=1)
+            found |= np.any(np.abs(null_space(unit_rows(gradient).T, most)) > RANK, axis=1)
     return found
 
 
 def rank_of(matrix: Array) -> int:
-    """The rank of a matrix with rows of order one, up to the round-off of the assembly."""
+    """The rank of a matrix."""
     return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
 
 
-def row_sizes(gradient: Array) -> Array:
-    """The lengths (…, m) of the rows (…, m, nv), infinite for those that are zero up to round-off."""
-    sizes: Array = np.linalg.norm(gradient, axis=-1)
-    return np.where(sizes > ROUND_OFF, sizes, np.inf)
+def row_is_zero(matrix: Array) -> NDArray[np.bool_]:
+    """Which rows (…, m) of a matrix (…, m, nv) are zero."""
+    return np.asarray(np.linalg.norm(matrix, axis=-1) <= RANK)
 
 
-def unit_rows(gradient: Array) -> Array:
+def unit_rows(matrix: Array) -> Array:
     """The rows (…, m, nv) with a length of 1, or 0."""
-    sizes = row_sizes(gradient)[..., None]
-    unit: Array = np.divide(gradient, sizes, out=np.zeros_like(gradient), where=sizes < np.inf)
+    sizes = np.linalg.norm(matrix, axis=-1, keepdims=True)
+    unit: Array = np.divide(matrix, sizes, out=np.zeros_like(matrix), where=sizes > RANK)
     return unit
 
 

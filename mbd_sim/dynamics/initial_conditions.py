@@ -20,16 +20,17 @@ from mbd_sim.dynamics.assembly import (
 from mbd_sim.dynamics.assembly_errors import (
     conflict_with_drives,
     inconsistent_speeds,
+    isolated_position,
     no_mobility,
     open_loops,
     undefined_constraints,
 )
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, constraint_functions
-from mbd_sim.dynamics.constraint_rank import dependent_rows, independent_rows, nonzero_rows, rank_of, unit_rows
+from mbd_sim.dynamics.constraint_rank import dependent_rows, independent_rows, least_solution, nonzero_rows
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
-from mbd_sim.dynamics.singular_start import speeds_of_a_branch
+from mbd_sim.dynamics.singular_start import is_isolated, speeds_of_a_branch
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.batch import of_all
 from mbd_sim.geometry.pose import Array
@@ -38,6 +39,7 @@ from mbd_sim.mechanism.drives import commanded_drives
 from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.records import Mechanism
 
+COMPATIBLE = 1e-7  # error of the rates of redundant rows, relative to those of drives
 LATER = (1e-3, 0.1, 0.25, 0.5)  # s, times after the start at which constraints that depend on time are examined
 
 
@@ -82,7 +84,8 @@ class Assembly:
     @cached_property
     def dependent(self) -> NDArray[np.bool_]:
         """Which active rows take part in a linear dependence, in some configuration around the start."""
-        return dependent_rows([self.functions.gradient(t, q)[list(self.start.active)] for t, q in self.start.nearby])
+        rows = list(self.start.active)
+        return dependent_rows([self.functions.scaled_gradient(t, q)[rows] for t, q in self.start.nearby])
 
 
 def assemble(traced: TracedMechanism) -> Assembly:
@@ -148,15 +151,25 @@ def assembled_start(
     q = _closed(mechanism, constraints, rows, q)
     nearby = nearby_configurations(constraints, q, LATER if rheonomic(mechanism) else ())
     nearby += configurations_of_drives(constraints, q, [states.start for states in layout.drives.values()])
-    gradients = [constraints.gradient(t, at) for t, at in nearby]
+    gradients = [constraints.scaled_gradient(t, at) for t, at in nearby]
     independent, ranks = independent_rows(gradients)
     active = sorted({*independent, *nonzero_rows(gradients)})
     moving = [(t, _with_moving_drives(layout, at)) for t, at in nearby]
     _require_compatible_drives(mechanism, constraints, rows, independent, moving)
-    if max(ranks) == layout.nv and not rheonomic(mechanism):
-        raise no_mobility(mechanism, rows, layout.nv)
+    if not rheonomic(mechanism):
+        if is_isolated(constraints, nearby):
+            raise isolated_position(mechanism, rows)
+        if max(ranks) == layout.nv:
+            raise no_mobility(mechanism, rows, layout.nv, *_weakest(gradients[0]))
     u = _consistent_speeds(mechanism, constraints, rows, q, u, max(ranks))
     return AssembledStart(q, u, independent, active, ranks, nearby)
+
+
+def _weakest(gradient: Array) -> tuple[float, Array]:
+    """How much the rows prevent the motion that they prevent least, in natural units, and their shares (m,) in that."""
+    left, values, _ = np.linalg.svd(gradient)
+    last = gradient.shape[1] - 1
+    return float(values[last]), np.abs(left[:, last])
 
 
 def start_like(
@@ -191,7 +204,7 @@ def _consistent_speeds(
     speeds = fit_speeds(constraints, 0.0, q, u, fixed)
     if not speeds.consistent:
         raise inconsistent_speeds(mechanism, rows, speeds.errors, fixed)
-    if not speeds.u.any() or rank_of(unit_rows(constraints.gradient(0.0, q))) >= rank:
+    if not speeds.u.any() or constraints.rank(0.0, q) >= rank:
         return speeds.u
     return speeds_of_a_branch(constraints, 0.0, q, speeds.u, fixed)
 
@@ -242,9 +255,13 @@ def _require_compatible_drives(
     kept = list(independent)
     dropped = [index for index in range(len(rows)) if index not in independent]
     for t, q in nearby:
-        gradient, drift = constraints.gradient(t, q), constraints.drift(t, q)
-        combinations = np.linalg.lstsq(gradient[kept].T, gradient[dropped].T, rcond=1e-9)[0]
+        sizes = constraints.row_sizes(t, q)
+        gradient = constraints.scaled_gradient(t, q)
+        drift = np.divide(constraints.drift(t, q), sizes, out=np.zeros(len(rows)), where=sizes > 0.0)
+        combinations = least_solution(gradient[kept].T, gradient[dropped].T)
         errors = np.zeros(len(rows))
         errors[dropped] = drift[dropped] - combinations.T @ drift[kept]
-        if np.max(np.abs(errors), initial=0.0) > 1e-7 * max(1.0, float(np.max(np.abs(drift), initial=0.0))):
+        rate = max(constraints.rate_of_drives(t, q), float(np.max(np.abs(drift), initial=0.0)))
+        if np.max(np.abs(errors), initial=0.0) > COMPATIBLE * rate:
+            errors *= sizes
             raise conflict_with_drives(mechanism, rows, errors)

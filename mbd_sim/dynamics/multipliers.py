@@ -251,10 +251,10 @@ def minimum_degree(neighbors: Mapping[int, Iterable[int]]) -> list[int]:
 def typical_matrices(functions: ConstraintFunctions, start: AssembledStart) -> TypicalMatrices:
     """G M⁻¹ Gᵀ of the active rows in the configurations around the start."""
     rows = list(start.active)
-    matrices, diagonals = list[Array](), [np.zeros(len(rows))]
+    matrices, diagonals, scales = list[Array](), [np.zeros(len(rows))], functions.scales
     for t, q in start.nearby:
         gradient = functions.gradient(t, q)[rows]
-        inverse = np.linalg.pinv(functions.mass_matrix(t, q))
+        inverse = np.linalg.pinv(functions.mass_matrix(t, q) * scales * scales[:, None]) * scales * scales[:, None]
         diagonals.append(np.einsum("ij,jk,ik->i", gradient, inverse, gradient))
         matrices.append(gradient @ inverse @ gradient.T)
     return TypicalMatrices(np.asarray(np.max(diagonals, axis=0), dtype=float), matrices)

@@ -1,20 +1,47 @@
-"""Speeds at a start in a singular configuration, such as that of a parallelogram lying flat."""
+"""Starts in singular configurations: the speeds with which a mechanism can move on, or whether it can move at all."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rank import RANK, null_space, row_sizes, unit_rows
+from mbd_sim.dynamics.constraint_rank import RANK, null_space, rank_of, unit_rows
 from mbd_sim.geometry.pose import Array
 
-SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ,
+SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ in natural units,
 ROUND_OFF = 1e-13  # or to the squared speeds, where γ itself is round-off, as on the axis of a turning part
 SLOPES = (
     1e-12  # of the largest: slopes that vanish with the speeds of a loop at rest, which end at this share of others
 )
+RETURNED = 1e-5  # distance in natural units up to which gaps, which are about its square, are round-off
 STARTS, ITERATIONS = 12, 50
+
+
+def is_isolated(constraints: ConstraintFunctions, nearby: Sequence[tuple[float, Array]]) -> bool:
+    """Whether holonomic constraints allow the start alone, though they leave directions free, as stretched rods do.
+
+    So it is if loops that are closed again after a displacement along free directions are back at the start; and if
+    the only free direction d has nᵀ γ(d) ≠ 0 for a stress n, so that there is no G u' + γ(d) = 0: that also shows where
+    gaps beside the start are tiny.
+
+    :param nearby: configurations found along free directions, the assembled one first.
+    """
+    (t, q), others = nearby[0], [at for time, at in nearby[1:] if time == nearby[0][0]]
+    moved = [np.abs(at - q) / constraints.coordinate_scales for at in others]
+    if moved and np.max(moved) <= RETURNED:
+        return True
+    gradient = constraints.scaled_gradient(t, q)
+    free = null_space(gradient)
+    if free.shape[1] != 1 or not np.all(constraints.holonomic):
+        return False
+    bias = constraints.bias(t, q, constraints.scales * free[:, 0])
+    sizes = constraints.row_sizes(t, q)
+    bias = np.divide(bias, sizes, out=np.zeros_like(bias), where=sizes > 0.0)
+    curvature = null_space(gradient.T).T @ bias
+    return bool(np.linalg.norm(curvature) > max(SATISFIED * float(np.linalg.norm(bias)), RANK))
 
 
 def speeds_of_a_branch(
@@ -28,11 +55,12 @@ def speeds_of_a_branch(
 
     :param u: speeds that satisfy G u + b = 0 with the least kinetic energy.
     """
-    gradient = constraints.gradient(t, q)
-    stresses = null_space(unit_rows(gradient).T)
-    sizes = row_sizes(gradient)
-    sizes[sizes == np.inf] = 1.0  # each of these rows is a stress by itself
-    free = null_space(np.vstack([unit_rows(gradient), np.eye(len(u))[fixed]]))
+    gradient, scales = constraints.scaled_gradient(t, q), constraints.scales
+    lengths, sizes = np.linalg.norm(gradient, axis=1), constraints.row_sizes(t, q)
+    sizes = np.where(sizes > 0.0, sizes, np.inf) * np.where(lengths > RANK, lengths, 1.0)
+    unit = unit_rows(gradient)
+    stresses = null_space(unit.T, rank_of(gradient))
+    free = scales[:, None] * null_space(np.vstack([unit, np.eye(len(u))[fixed]]))
     if not stresses.shape[1] or not free.shape[1]:
         return u
     mass = constraints.mass_matrix(t, q)
@@ -50,7 +78,7 @@ def speeds_of_a_branch(
     bias = float(np.linalg.norm((constraints.bias(t, q, u) / sizes)[stressed]))
 
     def satisfied(speeds: Array) -> bool:
-        tolerance = max(SATISFIED * bias, ROUND_OFF * float(speeds @ speeds))
+        tolerance = max(SATISFIED * bias, ROUND_OFF * float(np.sum((speeds / scales) ** 2)))
         return float(np.linalg.norm(curvature(speeds))) <= tolerance
 
     if satisfied(u):

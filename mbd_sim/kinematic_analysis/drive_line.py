@@ -37,7 +37,7 @@ class DriveLine:
     """The drives `start` + s (`stop` - `start`), (n,) each, and the curve of configurations above them.
 
     The curve is Φ(q) = 0, S q = c(s). Its equations G δ = 0, S δ - c' ds = 0 are used with coordinates divided by the
-    scale of the system, s multiplied by the scaled `length` of the line, and G divided by the size of the mechanism.
+    scale of the system, s multiplied by the scaled `length` of the line, and the rows by their natural sizes.
     """
 
     def __init__(self, system: KinematicSystem, start: Array, stop: Array) -> None:
@@ -98,12 +98,12 @@ class DriveLine:
     def _matrix(self, q: Array) -> Array:
         """(m + n, nv + 1)."""
         system = self.system
-        gradient = system.gradient(q) * system.scale / system.constraints.size
+        gradient = system.constraints.scaled_gradient(0.0, q)
         selection = np.eye(system.layout.nv)[system.u_driven]
         upper = np.column_stack([gradient, np.zeros(len(gradient))])
         return np.vstack([upper, np.column_stack([selection, self._column])])
 
     def _residual(self, q: Array, s: float) -> Array:
         system = self.system
-        gaps = system.constraints.position(0.0, q) / system.constraints.size
+        gaps = system.in_natural_units(q, system.constraints.position(0.0, q))
         return np.concatenate([gaps, (q[system.q_driven] - self.drives(s)) / system.scale[system.u_driven]])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.assembly import CLOSED
-from mbd_sim.dynamics.constraint_rank import RANK
+from mbd_sim.dynamics.constraint_rank import least_solution
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.initial_conditions import assemble
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
@@ -65,7 +65,7 @@ class KinematicSystem:
         self.u_driven = np.array([mechanism.coordinate_names.index(name) for name in drives], dtype=np.intp)
         self.q_driven = np.array([self._place_in_q(name) for name in drives], dtype=np.intp)
         self.dependent = np.setdiff1d(np.arange(self.layout.nv), self.u_driven)
-        self.scale = self._scales()
+        self.scale = self.constraints.scales
         self.angles = self._plain_angles()
         self._require_determined()
         state = self.traced.state
@@ -107,10 +107,10 @@ class KinematicSystem:
         dependent = self.dependent
         for _ in range(iterations):
             gaps = self.constraints.position(0.0, q)
-            slope = self.gradient(q)[:, dependent] * self.scale[dependent]
+            slope = self.constraints.scaled_gradient(0.0, q)[:, dependent]
             if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(slope))):
                 return None
-            found = -np.linalg.lstsq(slope, gaps, rcond=RANK)[0] if slope.size else np.zeros(len(dependent))
+            found = -least_solution(slope, self.in_natural_units(q, gaps))
             size = float(np.max(np.abs(found), initial=0.0))
             step[dependent] = self.scale[dependent] * found * min(1.0, LONGEST / max(size, LONGEST))
             q = self.displaced(q, step)
@@ -122,7 +122,7 @@ class KinematicSystem:
         """Whether a configuration satisfies the constraints in the right assembly mode."""
         gaps = self.constraints.position(0.0, q)
         right = np.all(self.constraints.branch_checks(0.0, q) > 0.0)
-        return bool(np.all(np.abs(gaps) <= CLOSED * self.constraints.size) and right)
+        return bool(np.all(np.abs(gaps) <= CLOSED * self.constraints.row_sizes(0.0, q)) and right)
 
     def rates(self, q: Array, speeds: Array, accelerations: Array) -> tuple[Array, Array] | None:
         """u (nv,) and u' (nv,) for speeds (n,) and accelerations (n,) of the drives; None at a dead point."""
@@ -132,7 +132,7 @@ class KinematicSystem:
             return None
 
         def solved(rows: Array, driven: Array) -> Array:
-            wanted = np.concatenate([rows / self.constraints.size, driven / self.scale[self.u_driven]])
+            wanted = np.concatenate([self.in_natural_units(q, rows), driven / self.scale[self.u_driven]])
             found = right.T @ ((left.T @ wanted) / values)
             found += right.T @ ((left.T @ (wanted - matrix @ found)) / values)
             result = self.scale * found
@@ -143,13 +143,14 @@ class KinematicSystem:
         return u, solved(-self.bias(q, u), accelerations)
 
     def stacked(self, q: Array) -> Array:
-        """G above S in units of `scale`, G divided by the size of the mechanism."""
+        """G above S in natural units."""
         selection = np.eye(self.layout.nv)[self.u_driven]
-        return np.vstack([self.gradient(q) * self.scale / self.constraints.size, selection])
+        return np.vstack([self.constraints.scaled_gradient(0.0, q), selection])
 
-    def _scales(self) -> Array:
-        rotations = [kind.rotation for joint in self.mechanism.joints.values() for kind in joint.kind.coordinates]
-        return np.where(rotations, 1.0, self.constraints.size)
+    def in_natural_units(self, q: Array, rows: Array) -> Array:
+        """Right sides (m, …) of the rows, such as gaps; zero for rows without a size."""
+        sizes = self.constraints.row_sizes(0.0, q)
+        return np.asarray((rows.T / np.where(sizes > 0.0, sizes, np.inf)).T)
 
     def _plain_angles(self) -> NDArray[np.bool_]:
         """Which of the coordinates (nq,) are angles."""

@@ -260,7 +260,7 @@ class _Solver:
     """Solves G x = rows and S x = driven in a configuration."""
 
     def __init__(self, system: KinematicSystem, q: Array) -> None:
-        self._system, self._matrix = system, system.stacked(q)
+        self._system, self._q, self._matrix = system, q, system.stacked(q)
         self._left, self._values, self._right = np.linalg.svd(self._matrix, full_matrices=False)
         if self._values[-1] <= SINGULAR * self._values[0]:
             raise MbdSimError(f"{system.mechanism.name}: there are no derivatives at a dead point.")
@@ -268,7 +268,7 @@ class _Solver:
     def __call__(self, rows: Array, driven: Array) -> Array:
         """x (nv, k) for right sides (m, k) and (drives, k)."""
         system = self._system
-        wanted = np.vstack([rows / system.constraints.size, driven / system.scale[system.u_driven][:, None]])
+        wanted = np.vstack([system.in_natural_units(self._q, rows), driven / system.scale[system.u_driven][:, None]])
         found = np.zeros((len(self._values), wanted.shape[1]))
         for _ in range(2):
             left = self._left.T @ (wanted - self._matrix @ found)

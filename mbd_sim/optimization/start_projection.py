@@ -12,8 +12,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.assembly import ClosingStep, close_loops, nearest_speeds, scaled_rows
-from mbd_sim.dynamics.constraint_rank import RANK
+from mbd_sim.dynamics.assembly import ClosingStep, close_loops, energy_rows, nearest_speeds
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, scaled
+from mbd_sim.dynamics.constraint_rank import least_solution, row_is_zero
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
@@ -44,7 +45,7 @@ class StartProjection:
         if self._equations.project is None:
             return x, by_x, by_p
         equations, (q, u) = self._equations, (slice(0, self._nq), slice(self._nq, self._nq + self._nv))
-        constraints = equations.constraints.with_values(np.array(self._functions.numbers(p)).ravel())
+        constraints = self._with_numbers(p)
         start = constraints.displaced(x[q], np.zeros(self._nv))  # with unit quaternions
         by_x[q], by_p[q] = self._moved(x[q], np.zeros(self._nv), by_x[q], by_p[q])
         after = np.concatenate([start, x[q.stop :]])
@@ -61,6 +62,9 @@ class StartProjection:
         stays = np.all(np.abs(after - x) <= CLOSED * (1.0 + np.abs(x)))
         return x if stays else after, by_x, by_p
 
+    def _with_numbers(self, p: Array) -> ConstraintFunctions:
+        return self._equations.constraints.with_values(np.array(self._functions.numbers(p)).ravel())
+
     def _moved(self, q: Array, displacement: Array, *columns: Array) -> tuple[Array, ...]:
         """The derivatives of the coordinates after a displacement (nv,) that is constant, from those before it."""
         by_q = self._displaced(q, displacement)[0]
@@ -73,14 +77,20 @@ class StartProjection:
         """
         q = step.q
         if step.displacement is not None:  # to another guess
-            moved = self._moved(q, step.displacement, by_x, by_p)
-            return moved[0], moved[1]
-        gaps, g = self._constraints(t, q, p)
-        inverse = np.linalg.pinv(g, rcond=RANK)
+            by_x, by_p = self._moved(q, step.displacement, by_x, by_p)
+            return by_x, by_p
+        constraints, (gaps, g) = self._with_numbers(p), self._constraints(t, q, p)
+        scales, sizes = constraints.scales, constraints.row_sizes(t, q)[constraints.holonomic]
+        sizes = np.where(sizes > 0.0, sizes, np.inf)
+        gaps, g = gaps / sizes, scaled(g, sizes, scales)  # all of the following is in natural units
+        inverse = least_solution(g, np.eye(len(g)))
         s = -inverse @ gaps
         rest, back = gaps + g @ s, inverse.T @ s
-        changes = [np.array(each) for each in self._derivatives(t, q, p, s, rest, back)]
-        found = []
+        found = self._derivatives(t, q, p, scales * s, rest / sizes, back / sizes)
+        by_rows, by_speeds = 1.0 / sizes[:, None], scales[:, None]
+        units = (by_rows, by_rows, by_speeds, by_speeds)
+        changes = [unit * np.array(each) for unit, each in zip(units, found, strict=True)]
+        moved = []
         for columns, direct in ((by_x, np.zeros((len(p), by_x.shape[1]))), (by_p, np.eye(len(p)))):
             seeds = np.vstack([columns, direct])
             d_gaps, d_gs, d_g_rest, d_g_back = (each @ seeds for each in changes)
@@ -90,17 +100,19 @@ class StartProjection:
             factor = step.factor
             if s.size and abs(s[longest]) > step.longest:  # shortened to a length
                 d_s = d_s - np.outer(s / s[longest], d_s[longest])
-            by_q, by_move = (np.array(each) for each in self._displaced(q, factor * s))
-            found.append(by_q @ columns + by_move @ (factor * d_s))
-        return found[0], found[1]
+            by_q, by_move = (np.array(each) for each in self._displaced(q, factor * scales * s))
+            moved.append(by_q @ columns + by_move @ (factor * by_speeds * d_s))
+        return moved[0], moved[1]
 
     def _speeds(self, t: float, p: Array, u: Array, after: Array, by_x: Array, by_p: Array) -> tuple[Array, Array]:
         """The derivatives of the speeds v with G v + b = 0 and M (v − u) + Gᵀ μ = 0; u are the speeds before."""
         span = slice(self._nq, self._nq + self._nv)
         q, v = after[: self._nq], after[span]
         mass, gradient = (np.array(each) for each in self._inertia(t, q, p))
-        to_unit, rows, sizes = scaled_rows(mass, gradient)
-        inverse = np.linalg.pinv(rows, rcond=RANK)
+        constraints = self._with_numbers(p)
+        zero = row_is_zero(scaled(gradient, constraints.row_sizes(t, q), constraints.scales))
+        to_unit, rows, sizes = energy_rows(mass, gradient, zero, constraints.scales)
+        inverse = least_solution(rows, np.eye(len(rows)))
         mu = -(inverse.T @ (to_unit.T @ (mass @ (v - u)))) / sizes
         force, rate = (np.array(each) for each in self._speed_terms(t, q, p, v - u, mu, v))
         found = []

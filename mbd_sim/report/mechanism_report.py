@@ -16,7 +16,6 @@ from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.analysis.linearization import linearize, modes
 from mbd_sim.analysis.mobility import Mobility, mobility
 from mbd_sim.contact.elimination import independent
-from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem
@@ -186,7 +185,7 @@ def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
     """Whether the mass matrix is regular, and the kinetic energy by degree in the speeds (Lidström, ch. 9)."""
     constraints, q, u = simulation.model.equations.constraints, simulation.q, simulation.u
     mass = constraints.mass_matrix(0.0, q)
-    free = null_space(constraints.gradient(0.0, q))
+    free = constraints.free_directions(0.0, q)
     values = np.linalg.eigvalsh(free.T @ mass @ free)
     forwards, backwards, constant = (_kinetic(simulation, speeds) for speeds in (u, -u, 0.0 * u))
     return {

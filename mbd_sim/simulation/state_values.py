@@ -82,15 +82,14 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     moved[model.q_range] = closure.q
     fixed = np.array([name in given.speeds for name in names])
     u = dynamics.nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
-    gradient, drift = constraints.gradient(time, closure.q), constraints.drift(time, closure.q)
-    sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(u) + np.abs(drift) + constraints.size * 1e-3
-    if np.any(np.abs(gradient @ u + drift) > dynamics.CONSISTENT * sizes):
+    errors = constraints.gradient(time, closure.q) @ u + constraints.drift(time, closure.q)
+    if np.any(np.abs(errors) > dynamics.tolerated_errors(constraints, time, closure.q, u)):
         u = dynamics.nearest_speeds(constraints, time, closure.q, moved[model.u_range])
         found = dict(zip(names, u, strict=True))
         if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
             raise CommandError(f"the constraints do not allow these speeds. Name fewer joints, or give {nearby}.")
-    if u.any() and dynamics.rank_of(dynamics.unit_rows(gradient)) < model.equations.start.rank:
+    if u.any() and constraints.rank(time, closure.q) < model.equations.start.rank:
         u = dynamics.speeds_of_a_branch(constraints, time, closure.q, u, fixed)
     moved[model.u_range] = u
     return moved

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.dynamics.assembly import close_loops
-from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
@@ -54,7 +53,7 @@ def _balanced(equations: Equations, q: Array) -> tuple[Array, Array] | None:
             return None
         if size <= BALANCED * scale:
             return q, states
-        free = null_space(constraints.gradient(0.0, q))
+        free = constraints.free_directions(0.0, q)
         slopes = evaluated(equations.derivatives, 0.0, y, inputs).T[: len(rates)]
         slope = np.hstack([slopes[:, columns.displacements] @ free, slopes[:, columns.states]])
         sizes = np.linalg.norm(slope, axis=0)

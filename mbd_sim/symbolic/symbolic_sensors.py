@@ -15,7 +15,6 @@ from mbd_sim.dynamics.actuator_forces import actuator_forces, port_motion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS, actuator_functions
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations, joined
-from mbd_sim.dynamics.constraint_rank import null_space
 from mbd_sim.dynamics.dynamics_terms import link_accelerations, weight
 from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations
@@ -274,7 +273,7 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
     )
     number, nq = [*derived.mechanism.all_joints].index(sensor.joint), derived.layout.nq
     for t, q in derived.start.nearby[:NEARBY]:
-        free = null_space(derived.constraints.gradient(t, q))
+        free = derived.constraints.free_directions(t, q)
         y = derived.start_state.copy()
         y[:nq], y[nq : nq + derived.layout.nv] = q, free @ random.normal(size=free.shape[1])
         u_rates = np.array(derived.rates.call([t, y, inputs])[0]).ravel()[nq : nq + derived.layout.nv]

@@ -36,7 +36,7 @@ def state_near_start(mechanism, derived, rng, t, distance=0.3):
     """Coordinates, speeds and efforts that satisfy the constraints at time t, or None if the loops do not close."""
     constraints, start, nv = derived.constraints, derived.start, derived.layout.nv
     for attempt in range(6):
-        away = constraints.displaced(start.q, rng.uniform(-distance, distance, nv) * 0.5**attempt)
+        away = constraints.displaced(start.q, constraints.scales * rng.uniform(-distance, distance, nv) * 0.5**attempt)
         closing = close_loops(constraints, t, away, np.ones(nv, dtype=bool))
         if closing.closed:
             speeds = nearest_speeds(constraints, t, closing.q, rng.uniform(-2.0, 2.0, nv))
