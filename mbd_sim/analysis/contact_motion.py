@@ -19,6 +19,7 @@ from mbd_sim.geometry.pose import Array
 
 BARELY = 1e-9  # gaps in m, speeds in m/s, and forces relative to the weight, that count as zero
 ITERATIONS, CONVERGED, SETTLED = 60, 1e-14, 1e-13
+DEPENDENT = 1e-12  # singular value, relative to the largest, that is one of round-off
 BLOCKED = 1e-11  # of the mobility, below which an acceleration by efforts is round-off
 
 
@@ -96,7 +97,7 @@ class ContactMotion:
         found = [np.array(value, dtype=float) for value in self._derivatives(t, q, u, s, inputs, forces)]
         u_rates, n, by_all, residual_by_all, by_forces, residual_by_forces, velocity_by_all, readings = found
         mobility = float(np.max(np.abs(by_all[:nv, size : size + nv]), initial=0.0))
-        by_all = by_all - by_forces @ np.linalg.solve(residual_by_forces, residual_by_all)
+        by_all = by_all - by_forces @ self._solved(residual_by_forces, residual_by_all, inputs)
         rows, holonomic = self._rows(inputs)
         derivatives = ContactDerivatives(
             u_rates=u_rates.ravel(),
@@ -116,13 +117,25 @@ class ContactMotion:
         for _ in range(ITERATIONS):
             residual, slope = (np.array(value, dtype=float) for value in self._system(t, q, u, s, inputs, forces))
             try:
-                change = np.linalg.solve(slope, residual.ravel())
+                change = self._solved(slope, residual.ravel(), inputs)
             except np.linalg.LinAlgError:
                 raise self._error(t, "no forces of its contacts are determined") from None
             forces = forces - change
             if np.max(np.abs(change), initial=0.0) <= CONVERGED * (1.0 + np.max(np.abs(forces), initial=0.0)):
                 return forces
         raise self._error(t, "friction and the loads on which it depends do not balance")
+
+    def _solved(self, slope: Array, right: Array, inputs: Array) -> Array:
+        """The solution for the forces; where rows share theirs, that with the least sum of squares.
+
+        :raises np.linalg.LinAlgError: there is none.
+        """
+        active = inputs[self._equations.inputs.contact][self._contact.contacts.layout.active]
+        if not np.any(active < 0.0):
+            return np.asarray(np.linalg.solve(slope, right))
+        scale = np.where(active < 0.0, 1.0 / np.sqrt(np.abs(active)), 1.0)
+        solution = np.linalg.lstsq(slope * scale, right, rcond=DEPENDENT)[0]
+        return np.asarray(scale.reshape(-1, *[1] * (right.ndim - 1)) * solution)
 
     def _rows(self, inputs: Array) -> tuple[list[int], list[bool]]:
         """The rows of closed gaps and of sticking friction, and which of them are holonomic."""
@@ -216,7 +229,7 @@ def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Func
         row, length = element.rows[0], ca.sqrt(ca.dot(across, across))
         residual[row] = ca.if_else(factor, forces[row] + factor * length, residual[row])
         position += 1 + (2 + n) * size
-    residual = active * residual + (1 - active) * forces
+    residual = ca.if_else(active != 0.0, residual, forces)
     rates = contact.rates.result.call([memory, forces])[0]
     readings = contact.readings.call([t, y, inputs, forces])[0]
     velocity = readings[contact.contacts.layout.gaps : contact.contacts.layout.gaps + n]

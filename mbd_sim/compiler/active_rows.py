@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -9,7 +10,7 @@ import casadi as ca
 from mbd_sim.compiler.dense_solver import DenseSolver
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, element, integer, local_array, number
+from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import load, loop, store
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.schedule import arranged
@@ -35,8 +36,9 @@ class Load:
 class ActiveRows:
     """Row i of `rows` is active if input `first` + i is not zero; `solver` is counted, of the order `rows`.
 
-    Where active rows depend on each other, their inputs are negative: -w, for the solution x with the least Σ w x².
-    It is W⁻¹ Aᵀ y with A W⁻¹ Aᵀ y = r, from a factorization of A W⁻¹ Aᵀ + ε I and by refinement.
+    Where active rows depend on each other, inputs are negative: -w, for the solution with the least Σ w x² of these
+    rows. After the elimination of the others it is W⁻¹ Aᵀ y with A W⁻¹ Aᵀ y = r, from a factorization of A W⁻¹ Aᵀ + ε I
+    and by refinement.
 
     With `loads`, the system of the rates has their numbers as one more output.
     """
@@ -165,13 +167,15 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
     def chosen_row(index: Value) -> Value:
         return b.load(b.gep(chosen, index, INT), typ=INT)
 
-    def choose(i: Value) -> None:
-        with b.if_then(b.fcmp_unordered("!=", load(b, mask, i), number(0.0))):
+    def choose(i: Value, comparison: str) -> None:
+        with b.if_then(b.fcmp_unordered(comparison, load(b, mask, i), number(0.0))):
             found = b.load(count, typ=INT)
             b.store(i, b.gep(chosen, found, INT))
             b.store(b.add(found, integer(1)), count)
 
-    loop(b, 0, n, choose)
+    loop(b, 0, n, lambda i: choose(i, "<"))
+    sharing = b.load(count, typ=INT)
+    loop(b, 0, n, lambda i: choose(i, ">"))
     size = b.load(count, typ=INT)
 
     def gather_column(j: Value) -> None:
@@ -179,9 +183,7 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
         loop(b, 0, size, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
 
     loop(b, 0, size, gather_column)
-    shared = FALSE
-    for row in range(n):
-        shared = b.or_(shared, b.fcmp_ordered("<", load(b, mask, row), number(0.0)))
+    shared = b.icmp_signed(">", sharing, integer(0))
     with b.if_then(b.not_(shared)):
         b.call(active.solver.factorize, [small, order, size])
 
@@ -200,8 +202,8 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
         loop(b, 0, size, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         with b.if_else(shared, likely=False) as (then, otherwise):
             with then:
-                loop(b, 0, size, lambda i: store(b, load(b, mask, chosen_row(i)), weights, i))
-                b.call(share, [small, weights, small_right, x, duals, size])
+                loop(b, 0, size, lambda i: store(b, b.fneg(load(b, mask, chosen_row(i))), weights, i))
+                b.call(share, [small, weights, small_right, x, duals, sharing, size])
                 if watches:
                     loop(b, 0, n, watch)
             with otherwise:
@@ -215,57 +217,82 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
 
 
 def _emit_share(module: Module, active: ActiveRows) -> Function:
-    """Emit `void share(matrix, weights, right, x, y, i64 size)`: the least squares of `ActiveRows`; weights are -w."""
+    """Emit `void share(matrix, weights, right, x, y, i64 sharing, i64 size)`: the first rows are those that share."""
     if (known := module.functions.get("share")) is not None:
         return known
     n = active.rows
-    function = Function(module, FunctionType(VOID, [POINTER] * 5 + [INT]), "share")
+    function = Function(module, FunctionType(VOID, [POINTER] * 5 + [INT] * 2), "share")
     function.linkage = "internal"
-    matrix, weights, right, x, y, size = function.args
+    given, weights, right, x, y, sharing, size = function.args
     b = IRBuilder(function.append_basic_block("entry"))
-    normal, order, residual, change, largest = (local_array(b, length) for length in (n * n, n, n, n, 1))
+    matrix, normal, order, residual, change, largest = (local_array(b, count) for count in (n * n, n * n, n, n, n, 1))
     b.store(number(0.0), largest)
 
+    def place(row: Value, column: Value) -> Value:
+        return b.add(row, b.mul(column, integer(n)))
+
     def entry(row: Value, column: Value) -> Value:
-        return load(b, matrix, b.add(row, b.mul(column, integer(n))))
+        return load(b, matrix, place(row, column))
 
     def add_to(array: Value, index: Value, factor: Value, value: Value) -> None:
         store(b, b.fma(factor, value, load(b, array, index)), array, index)
 
+    def others(k: Value, body: Callable[[Value], None]) -> None:
+        loop(b, 0, k, body)
+        loop(b, b.add(k, integer(1)), size, body)
+
+    def eliminate(k: Value) -> None:
+        def subtract(i: Value) -> None:
+            factor = b.fneg(b.fdiv(entry(i, k), entry(k, k)))
+            for first, beyond in ((0, sharing), (b.add(k, integer(1)), size)):
+                loop(b, first, beyond, lambda j: add_to(matrix, place(i, j), factor, entry(k, j)))
+            add_to(right, i, factor, load(b, right, k))
+            store(b, factor, matrix, place(i, k))
+
+        others(k, subtract)
+
     def normal_entry(i: Value, j: Value) -> None:
-        at = b.add(i, b.mul(j, integer(n)))
+        at = place(i, j)
         store(b, number(0.0), normal, at)
-        loop(b, 0, size, lambda k: add_to(normal, at, b.fdiv(entry(i, k), b.fneg(load(b, weights, k))), entry(j, k)))
+        loop(b, 0, sharing, lambda k: add_to(normal, at, b.fdiv(entry(i, k), load(b, weights, k)), entry(j, k)))
 
     def column(j: Value) -> None:
-        loop(b, 0, size, lambda i: normal_entry(i, j))
-        diagonal = load(b, normal, b.mul(j, integer(n + 1)))
-        known = b.load(largest, typ=DOUBLE)
+        loop(b, 0, sharing, lambda i: normal_entry(i, j))
+        diagonal, known = load(b, normal, place(j, j)), b.load(largest, typ=DOUBLE)
         b.store(b.select(b.fcmp_ordered(">", diagonal, known), diagonal, known), largest)
-        store(b, number(0.0), x, j)
-        store(b, number(0.0), y, j)
-
-    def soften(j: Value) -> None:
-        add_to(normal, b.mul(j, integer(n + 1)), number(SOFTNESS), b.load(largest, typ=DOUBLE))
 
     def residual_of(i: Value) -> None:
         store(b, load(b, right, i), residual, i)
-        loop(b, 0, size, lambda k: add_to(residual, i, b.fneg(entry(i, k)), load(b, x, k)))
+        loop(b, 0, sharing, lambda k: add_to(residual, i, b.fneg(entry(i, k)), load(b, x, k)))
 
     def solution_of(k: Value) -> None:
         store(b, number(0.0), x, k)
-        loop(b, 0, size, lambda i: add_to(x, k, entry(i, k), load(b, y, i)))
-        store(b, b.fdiv(load(b, x, k), b.fneg(load(b, weights, k))), x, k)
+        loop(b, 0, sharing, lambda i: add_to(x, k, entry(i, k), load(b, y, i)))
+        store(b, b.fdiv(load(b, x, k), load(b, weights, k)), x, k)
 
     def refine(_: Value) -> None:
-        loop(b, 0, size, residual_of)
-        b.call(active.solver.solve, [normal, order, residual, change, size])
-        loop(b, 0, size, lambda i: store(b, b.fadd(load(b, y, i), load(b, change, i)), y, i))
-        loop(b, 0, size, solution_of)
+        loop(b, 0, sharing, residual_of)
+        b.call(active.solver.solve, [normal, order, residual, change, sharing])
+        loop(b, 0, sharing, lambda i: store(b, b.fadd(load(b, y, i), load(b, change, i)), y, i))
+        loop(b, 0, sharing, solution_of)
 
-    loop(b, 0, size, column)
-    loop(b, 0, size, soften)
-    b.call(active.solver.factorize, [normal, order, size])
+    def eliminated(k: Value) -> None:
+        residual_of(k)
+        store(b, b.fdiv(load(b, residual, k), entry(k, k)), x, k)
+
+    def dual(back: Value) -> None:
+        k = b.sub(b.sub(size, integer(1)), b.sub(back, sharing))
+        others(k, lambda i: add_to(y, k, entry(i, k), load(b, y, i)))
+
+    loop(b, 0, integer(n * n), lambda i: store(b, load(b, given, i), matrix, i))
+    for array in (x, y):
+        loop(b, 0, size, lambda i, to=array: store(b, number(0.0), to, i))
+    loop(b, sharing, size, eliminate)
+    loop(b, 0, sharing, column)
+    loop(b, 0, sharing, lambda j: add_to(normal, place(j, j), number(SOFTNESS), b.load(largest, typ=DOUBLE)))
+    b.call(active.solver.factorize, [normal, order, sharing])
     loop(b, 0, REFINEMENTS, refine)
+    loop(b, sharing, size, eliminated)
+    loop(b, sharing, size, dual)
     b.ret_void()
     return function

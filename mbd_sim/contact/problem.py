@@ -28,6 +28,7 @@ from mbd_sim.geometry.pose import Array
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS, SWEEPS = 40, 400
 SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
+SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
 SHARING_STEPS, SETTLED = 60, 1e-15  # until forces that are shared do not change any more, relative to their size
 UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 
@@ -78,14 +79,28 @@ def contact_forces(problem: ContactProblem) -> Array:
     scaled, scale = _scaled(problem)
     if rank(scaled.matrix) == n:
         return _solution(scaled) * scale
-    try:
-        start = _solution(_softened(scaled))
-    except NoSolutionError:
+    start, _ = _quick(_softened(scaled))
+    if start is None:
         start = _solution(scaled)
-    polished, residual = _newton(scaled, _shared(scaled, start))
+    shared = _shared(scaled, start)
+    polished, residual = _newton(scaled, shared)
+    if residual > ACCURATE and (limited := _within_limits(scaled, shared)) is not None:
+        polished, residual = _newton(scaled, limited)
     if residual > ACCURATE:
         polished, residual = _newton(scaled, start)
     return (polished if residual <= ACCURATE else _solution(scaled)) * scale
+
+
+def _within_limits(problem: ContactProblem, forces: Array) -> Array | None:
+    """Forces with these normal ones, but friction within its limits: elastic supports that yield there."""
+    given = [
+        friction if friction.normal is None
+        else FrictionLimit(friction.rows, None, friction.size * max(float(forces[friction.normal]), 0.0))
+        for friction in problem.frictions
+    ]  # fmt: skip
+    limited = replace(problem, frictions=given)
+    start, _ = _quick(_softened(limited))
+    return None if start is None else _shared(limited, start)
 
 
 def _softened(problem: ContactProblem) -> ContactProblem:
@@ -99,7 +114,7 @@ def _softened(problem: ContactProblem) -> ContactProblem:
 def _shared(problem: ContactProblem, forces: Array) -> Array:
     """The forces of least Σ C λ² near some that satisfy all conditions: with the same contacts closed, and sticking.
 
-    Friction that slides, or bears as much as it can, follows its normal force in the direction that it has.
+    Friction that slides follows its normal force in the direction that it has.
     """
     size, rates = float(np.abs(forces).max()), problem.rates(forces)
     pressed = [row for row in problem.normals if forces[row] > 0.0]
@@ -123,15 +138,16 @@ def _shared(problem: ContactProblem, forces: Array) -> Array:
 
 def _followers(problem: ContactProblem, forces: Array) -> tuple[Array, Array, list[int]]:
     """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,)."""
-    n = len(forces)
-    trial = forces - problem.rates(forces)
+    n, rates = len(forces), problem.rates(forces)
+    trial, slow = forces - rates, SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
     unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
     for row in problem.normals:
         unit[row, row] = 1.0
     for friction in problem.frictions:
         rows, own = list(friction.rows), trial[list(friction.rows)]
         limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
-        if (length := _length(own)) < limit * (1.0 - UNPRESSED):
+        length, slips = _length(own), _length(rates[rows]) > slow
+        if length < limit * (1.0 - UNPRESSED) or not (slips or friction.normal is None):
             held += rows
             unit[rows, rows] = 1.0
         elif length > 0.0 and friction.normal is None:
@@ -141,17 +157,24 @@ def _followers(problem: ContactProblem, forces: Array) -> tuple[Array, Array, li
     return unit, constant, held
 
 
-def _solution(problem: ContactProblem) -> Array:
-    n = len(problem.free)
+def _quick(problem: ContactProblem) -> tuple[Array | None, Array | None]:
+    """The solution, or None; and what Lemke's method finds."""
     start = _by_lemke(problem)
     attempts = [start] if start is not None else []
-    for forces in (*attempts, np.zeros(n)):
+    for forces in (*attempts, np.zeros(len(problem.free))):
         polished, residual = _newton(problem, forces)
         if residual <= ACCURATE:
-            return polished
+            return polished, start
+    return None, start
+
+
+def _solution(problem: ContactProblem) -> Array:
+    found, start = _quick(problem)
+    if found is not None:
+        return found
     if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
         raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
-    swept = np.zeros(n) if start is None else start
+    swept = np.zeros(len(problem.free)) if start is None else start
     for _ in range(20):
         swept = _sweep(problem, swept)
         polished, residual = _newton(problem, swept)

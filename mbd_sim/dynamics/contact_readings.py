@@ -83,8 +83,8 @@ def _friction_guard(
 ) -> ca.SX:
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
-    Friction that depends on other friction at rest does not move either. A clutch that is released is watched until it has a
-    capacity, or slips. Along two directions the stored direction is renewed where sliding has turned by 60 degrees.
+    Friction that depends on other friction at rest does not move either. A clutch that is released is watched until it
+    has a capacity, or slips. Along two directions the stored direction is renewed where sliding has turned by 60 degrees.
     """
     rows = list(element.rows)
     stored = contacts.stored_direction(element)
@@ -100,6 +100,8 @@ def _friction_guard(
     slips = ca.sqrt(ca.dot(slip, slip))
     held, numbers = 1.0 - slips / UNSLIPPED[len(rows) - 1], contacts.numbers[contacts.layout.active][rows]
     reserve = ca.if_else(ca.sum1(numbers) < 0.0, ca.fmin(reserve, 1.0 - slips / PARTED), reserve)
+    if len(rows) == 2:  # one of them may depend on others
+        reserve = ca.if_else((ca.sum1(contacts.active[rows]) < 2.0) * (held < 0.0), held, reserve)
     if element.joint is not None:
         held = ca.if_else(element.static > 0.0, held, 1.0)
         return ca.if_else(slides, speed, ca.if_else(sticks, reserve, held))

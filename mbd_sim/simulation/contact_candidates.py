@@ -59,19 +59,20 @@ class Candidates:
         self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
         self._direction: dict[int, Array] = {}
         self._share = 1.0  # of the limits of friction at rest
+        self._pressures: Array | None = None  # normal forces from which these limits follow
         self._coupled = terms.matrix  # A with the friction of what slides
         self._is_late = False  # whether friction that is shared is near its limits in any case
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
         for index, (rows, gap) in enumerate(model.frictions):
-            if gap is not None and gap not in self._closable:
+            if gap is not None and gap not in self._touching:
                 continue
             slip = readings.rates[list(rows)]
             if index in forced.slides:
                 self._direction[index] = np.array(forced.slides[index])
             elif (speed := euclidean_norm(slip)) > (RESTING if len(rows) == 1 else STOPPED):
                 self._direction[index] = slip / speed
-            elif terms.sizes[index, 1] > 0.0:
+            elif terms.sizes[index, 1] > 0.0 and gap not in forced.open:
                 self._sticking.append(index)
             elif gap is None and index not in self._loads:
                 self._released.append(index)
@@ -148,11 +149,7 @@ class Candidates:
         self._coupled = matrix
         chosen = [*self._closable, *(row for index in self._sticking for row in model.frictions[index][0])]
         place = {row: position for position, row in enumerate(chosen)}
-        limits = [
-            FrictionLimit(tuple(place[row] for row in rows), None if gap is None else place[gap], self._static(index))
-            for index in self._sticking
-            for rows, gap in [model.frictions[index]]
-        ]
+        limits = [self._limit(index, place) for index in self._sticking]
         normals = [place[gap] for gap in self._closable]
         compliance = model.compliance[chosen]
         solution = contact_forces(ContactProblem(matrix[chosen][:, chosen], free[chosen], normals, limits, compliance))
@@ -161,6 +158,14 @@ class Candidates:
             forces += unit[:, row] * value
             rates += matrix[:, row] * value
         return forces, rates
+
+    def _limit(self, index: int, place: Mapping[int, int]) -> FrictionLimit:
+        """The limit of friction at rest; `place` has those of rows in the problem."""
+        (rows, gap), size = self._model.frictions[index], self._static(index)
+        own = tuple(place[row] for row in rows)
+        if gap is None or self._pressures is None:
+            return FrictionLimit(own, None if gap is None else place[gap], size)
+        return FrictionLimit(own, None, size * float(self._pressures[gap]))
 
     def _with_reserve(self, forces: Array, rates: Array) -> tuple[Array, Array]:
         """Other forces with the same accelerations, with which friction that is shared is further from its limits."""
@@ -171,14 +176,15 @@ class Candidates:
         if len(independent(self._terms.matrix, rows)) == len(rows):
             return forces, rates
         for share in RESERVES:
-            self._share = share
+            self._share, self._pressures = share, forces
             try:
                 found, others = self._forces_and_loads()
             except NoSolutionError:
                 continue
             finally:
-                self._share = 1.0
-            if np.max(np.abs(others - rates)) <= self._unmoved:
+                self._share, self._pressures = 1.0, None
+            within = all(self._use(index, found) <= 1.0 for index in self._sticking)
+            if within and np.max(np.abs(others - rates)) <= self._unmoved:
                 self._is_late = share > LATE
                 return found, others
         self._is_late = True
@@ -220,7 +226,7 @@ class Candidates:
         for index in sticking:
             rows, gap = model.frictions[index]
             limit = self._terms.sizes[index, 1] * (1.0 if gap is None else forces[gap])
-            if index in self._loads or limit <= 0.0 or all(modes[layout.active.start + row] == 1.0 for row in rows):
+            if index in self._loads or limit <= 0.0 or all(row in chosen for row in rows):
                 continue
             share = [0.0 if row in chosen else -float(forces[row]) / limit for row in rows]
             size = euclidean_norm(share)
@@ -252,16 +258,15 @@ class Candidates:
         rows = sorted(closed, key=lambda gap: (-forces[gap], gap))
         sticking = sorted(sticking, key=lambda index: (-euclidean_norm(forces[list(model.frictions[index][0])]), index))
         rows += [row for index in sticking for row in model.frictions[index][0]]
-        bearing = [row for row in rows if forces[row]]
-        if not self._are_least(bearing, forces):
-            bearing = [row for row in bearing if row < model.layout.gaps]
-        chosen = independent(matrix, [*bearing, *(row for row in rows if row not in bearing)])
+        shares = [row for row in rows if forces[row]]
+        if not self._are_least(shares, forces):  # friction that depends on other friction then bears a constant part
+            shares = [row for row in shares if row < model.layout.gaps]
+        chosen = independent(matrix, [*shares, *(row for row in rows if row not in shares)])
         first = model.layout.active.start
-        if len(chosen) == len(rows):
-            modes[[first + row for row in rows]] = 1.0
-            return rows
-        chosen = bearing + [row for row in chosen if row not in bearing]
-        modes[[first + row for row in chosen]] = -model.compliance[chosen]
+        modes[[first + row for row in chosen]] = 1.0
+        if len(chosen) < len(rows):
+            chosen = shares + [row for row in chosen if row not in shares]
+            modes[[first + row for row in shares]] = -model.compliance[shares]
         return chosen
 
     def _are_least(self, rows: list[int], forces: Array) -> bool:

@@ -73,7 +73,9 @@ class ModeFinder:
             if index in sliding or not any(active[list(rows)]):
                 continue
             force = found.forces[list(rows)]
-            load = terms.load(index, found.forces) if index in model.loaded else 1.0 if gap is None else found.forces[gap]
+            load = (
+                terms.load(index, found.forces) if index in model.loaded else 1.0 if gap is None else found.forces[gap]
+            )
             if (size := euclidean_norm(force)) > terms.sizes[index, 1] * load + 1e-9 * scale:
                 overloaded[index] = tuple((-force / size).tolist())
         return overloaded
