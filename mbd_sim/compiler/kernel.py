@@ -27,6 +27,7 @@ from mbd_sim.compiler.step_emitter import Prepare, System
 from mbd_sim.compiler.stepping import emit_advance
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
+from mbd_sim.integrators.estimate import Scales
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method, StepMethod
 from mbd_sim.integrators.rosenbrock import Rosenbrock
@@ -64,6 +65,7 @@ def compile_kernel(
     like_branches: Sequence[Sequence[Branch]] = (),
     processes: CompileProcesses | None = None,
     level: int | None = None,
+    scales: Scales = (),
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -76,6 +78,7 @@ def compile_kernel(
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
     :param processes: for long kernels, if they have been started earlier; they are ended.
     :param level: of LLVM's code generator; by default `machine_code.LEVEL`.
+    :param scales: of the errors: see `System`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module(level)
@@ -93,6 +96,7 @@ def compile_kernel(
             core.stop,
             between_steps=between_steps,
             packing=packed(program, like_branches) if module.fast else None,
+            scales=scales,
         )
         if is_long:
             build.compile_finished()
@@ -187,6 +191,7 @@ def emit_system(
     lanes: int = 1,
     between_steps: BetweenSteps | None = None,
     packing: Packing | None = None,
+    scales: Scales = (),
 ) -> System:
     """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates.
 
@@ -218,6 +223,7 @@ def emit_system(
         in_registers=module.fast and lanes == 1 and instructions <= FEW,
         inputs_size=rates.nnz_in(2),
         instructions=instructions,
+        scales=scales,
     )
 
 

@@ -118,6 +118,7 @@ def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProces
         equations.like_branches,
         processes,
         level,
+        equations.scales,
     )
 
 
