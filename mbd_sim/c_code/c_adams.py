@@ -8,6 +8,7 @@ from mbd_sim.compiler.adams_error import GROWING, SHRINKING
 from mbd_sim.compiler.adams_history import PARTS
 from mbd_sim.compiler.adams_step import DIVISIBLE, HALVED, LONGEST_PAUSE, NEARLY, PATIENCE, PROBED_EVERY, REFINABLE
 from mbd_sim.integrators.adams import LOWER, Adams
+from mbd_sim.integrators.estimate import UNIT_OF_TIME, Scales
 
 HISTORY = """\
 /*
@@ -21,7 +22,15 @@ typedef struct {{
 }} {name}_history;"""
 
 _ERROR = """\
-/* The largest error of a component, relative to 1 + |y|. */
+/* What the errors of the components are relative to beside these, for steps of size h. */
+static void scales_of(double h, double *scales)
+{{
+    double rate = 1.0 / ({unit} * h);
+
+{scales}
+}}
+
+/* The largest error of a component, relative to its scale + |y|. */
 static double largest_of(const double *errors)
 {{
     double largest = 0.0;
@@ -44,13 +53,14 @@ static double extrapolated(double a, double b, double c, double d, int pairs)
 }}
 
 /* The errors without round-off, of which differences of lower order have less. */
-static void reduce(double h, const double *y, const double *newest, const double *const *f, double *errors)
+static void reduce(
+    double h, const double *scales, const double *y, const double *newest, const double *const *f, double *errors)
 {{
     double factor = h * {newest}, scale, own, expected, other, {names};
     int i;
 
     for (i = 0; i < SIZE; i++) {{
-        scale = 1.0 / (1.0 + fabs(y[i]));
+        scale = 1.0 / (scales[i] + fabs(y[i]));
         own = errors[i];
 {differences}
         expected = extrapolated(d8, d7, d6, d5, 1);
@@ -65,8 +75,8 @@ static void reduce(double h, const double *y, const double *newest, const double
 
 /* Prediction and correction of the state `moved` and its round-off, with the slopes f[i], i h ago; the error. */
 static double predict_and_correct(
-    double t, double h, const double *y, const double *const *f, const double *in, double *moved, double *left,
-    double *predicted)
+    double t, double h, const double *scales, const double *y, const double *const *f, const double *in, double *moved,
+    double *left, double *predicted)
 {{
     double increment[SIZE], partial[SIZE], trial[SIZE], errors[SIZE], slope, added, before{unread};
     int i;
@@ -83,12 +93,12 @@ static double predict_and_correct(
         before = moved[i];
         moved[i] = before + added;
         left[i] = added - (moved[i] - before);
-        errors[i] = fabs(fma(h, slope, -increment[i])) * (1.0 / (1.0 + fabs(y[i])));
+        errors[i] = fabs(fma(h, slope, -increment[i])) * (1.0 / (scales[i] + fabs(y[i])));
         if (errors[i] != errors[i])
             errors[i] = INFINITY;
     }}
     if (largest_of(errors) > {tolerance})
-        reduce(h, y, predicted, f, errors);
+        reduce(h, scales, y, predicted, f, errors);
     return largest_of(errors);
 }}
 
@@ -113,9 +123,10 @@ static double attempt(
     double *moved, double *left, double *first_predicted)
 {{
     const double *f[{length}];
-    double size = h / (double)parts, error, worst = 0.0, predicted[SIZE]{unread};
+    double size = h / (double)parts, error, worst = 0.0, predicted[SIZE], scales[SIZE]{unread};
     int stride = {parts} / parts, part, i;
 
+    scales_of(h, scales);
     memcpy(moved, y, SIZE * sizeof(double));
     memcpy(left, past->lost, sizeof past->lost);
     for (part = 0; part < parts && worst <= {tolerance}; part++) {{
@@ -123,7 +134,7 @@ static double attempt(
             rates(t + (double)part * size, moved, in, past->slopes[(first + part * stride) % {places}]{ignored});
         for (i = 0; i < {length}; i++)
             f[i] = past->slopes[(first + {places} + (part - i) * stride) % {places}];
-        error = predict_and_correct(t + (double)part * size, size, y, f, in, moved, left, predicted);
+        error = predict_and_correct(t + (double)part * size, size, scales, y, f, in, moved, left, predicted);
         if (part == 0)
             memcpy(first_predicted, predicted, SIZE * sizeof(double));
         if (error > worst)
@@ -234,11 +245,12 @@ _MIDPOINT = """\
 _DIFFERENCE = "        d{order} = fabs(factor * (newest[i] - ({difference}))) * scale;"
 
 
-def adams_function(method: Adams, parts: StepParts, name: str, compared: int, finest: int) -> str:
+def adams_function(method: Adams, parts: StepParts, name: str, compared: int, finest: int, scales: Scales) -> str:
     """`static void step_METHOD(…, void *memory)`, whose `memory` is a `NAME_history`.
 
     :param compared: the number of inputs.
     :param finest: see `finest_level`.
+    :param scales: of the errors.
     """
     slopes = [f"f[{back}]" for back in range(method.length)]
     differences = [
@@ -251,6 +263,11 @@ def adams_function(method: Adams, parts: StepParts, name: str, compared: int, fi
     ]
     reports, tolerance = parts.reports_margin, method.tolerance
     return (_ERROR + _STEP).format(
+        unit=literal(UNIT_OF_TIME),
+        scales="\n".join(
+            f"    scales[{index}] = {literal(size)}{('', ' * rate', ' * (rate * rate)')[times]};"
+            for index, (size, times) in enumerate(scales)
+        ),
         method=method.name,
         order=method.order,
         otherwise=method.otherwise.name,

@@ -146,7 +146,8 @@ def _source(model: ExportedModel, tangent: bool, assembly: bool) -> str:
     for method in sorted(model.methods, key=lambda method: isinstance(method, Adams)):  # which need the others
         if isinstance(method, Adams):
             finest = finest_level(instruction_count(arranged(equations.rates)), len(model.states))
-            functions.append(adams_function(method, parts, model.name, equations.inputs.size, finest))
+            scales = equations.scales
+            functions.append(adams_function(method, parts, model.name, equations.inputs.size, finest, scales))
         else:
             functions.append(step_function(method, parts))
     functions += [

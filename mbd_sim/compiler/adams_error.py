@@ -10,7 +10,7 @@ from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, number
 from mbd_sim.compiler.ir_vectors import Index, for_components, load, store, total, weighted
 from mbd_sim.compiler.simd_builder import ComponentBuilder
-from mbd_sim.compiler.step_emitter import StepEmitter, inverse_scale
+from mbd_sim.compiler.step_emitter import StepEmitter
 from mbd_sim.integrators.adams import Adams
 
 # The largest differences, in units of the tolerance, that are taken for round-off: where they grow with the order, as
@@ -19,7 +19,7 @@ GROWING, SHRINKING = 20.0, 5.0
 
 
 class AdamsError:
-    """The largest error of a component of the predicted state, relative to 1 + |y|.
+    """The largest error of a component of the predicted state, relative to s + |y|, see `System`.
 
     It is h γ ∇ᵏ f, but round-off in f, which ∇ᵏ amplifies by up to 2ᵏ, can exceed it by far. For smooth motions, the
     differences shrink with their order until they reach the round-off, from where on they grow. So the error of a
@@ -40,7 +40,7 @@ class AdamsError:
 
     def add(self, w: IRBuilder, i: Index, change: Value) -> None:
         """Add a component, whose prediction has changed by so much in the correction."""
-        error = w.fmul(w.intrinsic("llvm.fabs", change), inverse_scale(w, self.start, i))
+        error = w.fmul(w.intrinsic("llvm.fabs", change), self._emitter.inverse_scale(w, self.start, i))
         error = w.select(w.fcmp_unordered("uno", error, error), number(math.inf), error)
         store(w, error, self._errors, i)
         self._add(w, error)
@@ -73,7 +73,7 @@ class AdamsError:
     def _without_round_off(
         self, w: IRBuilder, i: Index, factor: Value, newest: Value, slopes: Sequence[Value]
     ) -> Value:
-        own, scale, slope = load(w, self._errors, i), inverse_scale(w, self.start, i), load(w, newest, i)
+        own, scale, slope = load(w, self._errors, i), self._emitter.inverse_scale(w, self.start, i), load(w, newest, i)
         sizes = []
         for weights in self._method.differences:
             difference = w.fsub(slope, total(w, weighted(weights, slopes), i))

@@ -23,6 +23,7 @@ from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import emit_advance_members
 from mbd_sim.integrators.between_steps import BetweenSteps
+from mbd_sim.integrators.estimate import Scales
 from mbd_sim.integrators.methods import StepMethod
 
 Array = NDArray[np.float64]
@@ -54,10 +55,12 @@ def compile_members(
     partial_system: PartialSystem | None = None,
     between_steps: BetweenSteps | None = None,
     lanes: int = LANES,
+    scales: Scales = (),
 ) -> MemberKernel:
     """Compile y' = rates(t, y, inputs) for groups of members: see `compile_kernel` and `System`."""
     module = new_module()
-    system = emit_system(module, rates, arranged(rates), projection, method, core.stop, lanes, between_steps)
+    program = arranged(rates)
+    system = emit_system(module, rates, program, projection, method, core.stop, lanes, between_steps, scales=scales)
     partial_functions = None
     if partial_system is not None:
         partial_functions = emit_partial_system(*partial_system, partial(lower, module, inline=False, lanes=lanes))

@@ -25,6 +25,7 @@ from mbd_sim.compiler.step_emitter import Prepare, System
 from mbd_sim.compiler.stepping import emit_advance
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
+from mbd_sim.integrators.estimate import Scales
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method, StepMethod
 from mbd_sim.integrators.rosenbrock import Rosenbrock
@@ -57,6 +58,7 @@ def compile_kernel(
     one_sided: OneSidedSystem | None = None,
     between_steps: BetweenSteps | None = None,
     like_branches: Sequence[Sequence[Branch]] = (),
+    scales: Scales = (),
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -67,6 +69,7 @@ def compile_kernel(
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     :param between_steps: what changes in the state at the start of a step.
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
+    :param scales: of the errors: see `System`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
@@ -81,6 +84,7 @@ def compile_kernel(
         core.stop,
         between_steps=between_steps,
         packing=packed(program, like_branches) if module.fast else None,
+        scales=scales,
     )
     advance = _emit_advance(module, system, method, rates, program, core, partial_functions, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
@@ -139,6 +143,7 @@ def emit_system(
     lanes: int = 1,
     between_steps: BetweenSteps | None = None,
     packing: Packing | None = None,
+    scales: Scales = (),
 ) -> System:
     """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates.
 
@@ -170,6 +175,7 @@ def emit_system(
         in_registers=module.fast and lanes == 1 and instructions <= FEW,
         inputs_size=rates.nnz_in(2),
         instructions=instructions,
+        scales=scales,
     )
 
 

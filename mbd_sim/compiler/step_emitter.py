@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mbd_sim.compiler.ir import Function, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
@@ -21,8 +22,8 @@ from mbd_sim.compiler.ir_vectors import (
     weighted,
 )
 from mbd_sim.compiler.samples import Samples
-from mbd_sim.compiler.simd_builder import LaneBuilder
-from mbd_sim.integrators.estimate import ErrorEstimate
+from mbd_sim.compiler.simd_builder import ComponentBuilder, LaneBuilder
+from mbd_sim.integrators.estimate import UNIT_OF_TIME, ErrorEstimate, Scales
 
 TINIEST = 1e-300  # keeps 0/0 out of estimates
 
@@ -38,7 +39,8 @@ class System:
     ones, have the rate zero, and no rate depends on them. Those in `held` have the rate zero, and on those in `unread`
     no rate depends. The `samples` change the state at the start of each step. `in_registers`: the arrays of a step are
     kept there, see `local_array`.
-    There are `inputs_size` inputs, and the rates have so many `instructions`.
+    There are `inputs_size` inputs, and the rates have so many `instructions`. Errors of components are relative to
+    s + |y| with the `scales` s.
     """
 
     size: int
@@ -55,10 +57,18 @@ class System:
     in_registers: bool = False
     inputs_size: int = 0
     instructions: int = 0
+    scales: Scales = ()
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
 EmitEstimate = Callable[..., None]
+
+
+class Units(NamedTuple):
+    """The scales of the components, for one at a time, and in an array for several."""
+
+    single: list[Value]
+    array: Value
 
 
 class StepEmitter:
@@ -82,6 +92,21 @@ class StepEmitter:
         self._conditioning, self._ignored = self.scalar(), self.scalar()
         self._rare = self.scalar(), self.array(system.size), self.array(system.size)
         self._sampled = None if system.samples is None else system.samples.results(b)
+        self._units = self.units(b.fmul(number(UNIT_OF_TIME), h))
+
+    def units(self, time: Value) -> Units:
+        """What is added to the sizes of components, to which errors are relative, with a unit of time in s."""
+        b, scales = self.b, self.system.scales or ((1.0, 0),) * self.system.size
+        rate = b.fdiv(number(1.0), time)
+        powers = [None, rate, b.fmul(rate, rate)]
+        found: dict[tuple[float, int], Value] = {}
+        for size, times in dict.fromkeys(scales):
+            power = powers[times]
+            found[size, times] = number(size) if power is None else b.fmul(number(size), power)
+        units = Units([found[scale] for scale in scales], self.vector())
+        for index, unit in enumerate(units.single):
+            store(b, unit, units.array, index)
+        return units
 
     def vector(self) -> Value:
         """A new array of the size of the state; only in the entry block."""
@@ -169,9 +194,17 @@ class StepEmitter:
         """t + c h."""
         return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
 
-    def scale(self, index: Index) -> Value:
-        """1 / (1 + |y|) for a component."""
-        return inverse_scale(self.b, self.y, index)
+    def scale(self, index: Index, units: Units | None = None) -> Value:
+        """1 / (s + |y|) for a component."""
+        return self.inverse_scale(self.b, self.y, index, units)
+
+    def inverse_scale(self, b: IRBuilder, state: Value, index: Index, units: Units | None = None) -> Value:
+        """1 / (s + |y|) for a component of a state, or several at once; the unit of time is that of `UNIT_OF_TIME`."""
+        units = units or self._units
+        single = isinstance(index, int) and not isinstance(b, ComponentBuilder)
+        unit = units.single[index] if single else load(b, units.array, index)  # type: ignore[index]
+        size = b.intrinsic("llvm.fabs", load(b, state, index))
+        return b.fdiv(number(1.0), b.fadd(unit, size))
 
     def estimator(self, estimate: ErrorEstimate, slopes: list[Value]) -> EmitEstimate:
         """A function that emits the update of `largest_error` in a step whose error is estimated.
@@ -215,12 +248,6 @@ class StepEmitter:
     def square_root(self, value: Value) -> Value:
         """The square root of a double."""
         return self.b.intrinsic("llvm.sqrt", value)
-
-
-def inverse_scale(b: IRBuilder, state: Value, index: Index) -> Value:
-    """1 / (1 + |y|) for a component of a state."""
-    size = b.intrinsic("llvm.fabs", load(b, state, index))
-    return b.fdiv(number(1.0), b.fadd(number(1.0), size))
 
 
 EmitStep = Callable[[Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h

@@ -51,7 +51,7 @@ class TaylorExpansion:
         for_each(b, self._count, component)
 
     def measure(self, coefficients: Value) -> None:
-        """Set the norms of the last coefficients, that of the highest order first: Σ |c_i| / (1 + |y_i|)."""
+        """Set the norms of the last coefficients, that of the highest order first: Σ |c_i| / (s_i + |y_i|)."""
         emitter, method, b = self._emitter, self._method, self._emitter.b
         zero = number(0.0)
         for place in range(method.compared):

@@ -17,7 +17,7 @@ class Adams:
 
     p are the `predictor` and c the `corrector`, γ is the `newest` of its coefficients. A step is taken at once, or in
     two or four parts from slopes at a distance of h/2 or h/4, or else by `otherwise`: while there are fewer slopes than
-    coefficients, or where the error of y* in a component exceeds `tolerance` (1 + |y|). That error is
+    coefficients, or where the error of y* in a component exceeds `tolerance` (s + |y|), with its scale s. It is
     y' − y* = h γ ∇ᵏ f, the difference of order k of the slopes, k their number. `differences` are the coefficients s of
     those of the orders `LOWER`, f(t + h, y*) − Σ s_j f_j, which tell the error from the round-off of f, see
     `adams_error`. `midpoints` are the coefficients of f(t + h, y*) and the f_j in the slopes at t − h/2, t − 3h/2 ….

@@ -13,7 +13,7 @@ class Taylor:
 
     An expansion holds for as many whole steps as fit into the longest τ with rᵏ τᵏ ≤ `tolerance` at k = `order`, but
     for `most_steps` at most. r is the largest |c_k|^(1/k) of the last `compared` orders, since in symmetric motions
-    some of them vanish, with |c| = Σ_i |c_i| / (1 + |y_i|). If τ is shorter than a step, the step is divided, into
+    some of them vanish, with |c| = Σ_i |c_i| / (s_i + |y_i|). If τ is shorter than a step, the step is divided, into
     `most_parts` at most. If it is shorter still, or the constraints are ill-conditioned, the step is taken by
     `otherwise`. `stability_limit` is the largest h |λ| at which it is not: e^(λ τ) has r = |λ| / (k!)^(1/k).
     """

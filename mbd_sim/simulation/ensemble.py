@@ -298,6 +298,12 @@ def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper])
     equations = model.equations
     partial = simulation.partial_system(equations, model.method)
     kernel = compile_members(
-        equations.rates, equations.project, model.method, equations.core, partial, model.between_steps
+        equations.rates,
+        equations.project,
+        model.method,
+        equations.core,
+        partial,
+        model.between_steps,
+        scales=equations.scales,
     )
     return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel), ENOUGH // model.kernel.instructions)

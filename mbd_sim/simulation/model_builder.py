@@ -103,6 +103,7 @@ def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
         one_sided,
         None if equations.actuators is None else equations.actuators.between_steps,
         equations.like_branches,
+        equations.scales,
     )
 
 

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.integrators.estimate import scale_values
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.equations import Equations
 
+DIFFERENCE = 1e-7  # of the components of a state, relative to their scales and to themselves
 SQUARINGS = 6  # of a matrix, to estimate its eigenvalues: ‖A⁶⁴‖^(1/64) is within some percent of the largest
 
 
@@ -71,7 +73,7 @@ def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Arr
     states = np.tile(y[:, None], size + 1)  # the last one is the state itself
     steps = np.arange(size)
     with np.errstate(all="ignore"):  # the state or the efforts may be close to infinity
-        states[steps, steps] += 1e-7 * (1.0 + np.abs(y[:size]))
+        states[steps, steps] += DIFFERENCE * (scale_values(equations.scales[:size], equations.step) + np.abs(y[:size]))
         rates = np.array(equations.rates.call([time, states, inputs])[0])[:size]
         jacobian: Array = (rates[:, :-1] - rates[:, -1:]) / (states[steps, steps] - y[:size])
     return jacobian
