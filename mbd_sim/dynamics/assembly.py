@@ -17,6 +17,7 @@ ITERATIONS, ATTEMPTS = 60, 30
 FAR_ITERATIONS = 120
 LONGEST_STEP = 0.6  # m or rad
 CONVERGED = 1e-6  # step that may remain at a solution far away, relative to 1 + |q|
+WEIGHTLESS = 1e-12  # the least inertia that counts, relative to the largest
 STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
 
 
@@ -67,6 +68,11 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
         return best
     far = _newton(constraints, t, q, free, far=True)
     return far if far.closed and _converged(constraints, t, far, free) else best
+
+
+def close_nearby(constraints: ConstraintFunctions, t: float, q: Array) -> LoopClosure:
+    """The same by Newton's method from q alone, with all coordinates free: to follow a path without jumps."""
+    return _newton(constraints, t, q, np.ones(constraints.gradient(t, q).shape[1], dtype=bool))
 
 
 def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array) -> bool:
@@ -151,7 +157,9 @@ def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, f
     rows, right = np.vstack([gradient, selection]), np.concatenate([-drift, u[fixed]])
     if not rows.size:
         return FittedSpeeds(np.zeros(len(u)), np.zeros(0), True)
-    speeds = _least_energy_speeds(constraints.mass_matrix(t, q), rows, right)
+    mass_matrix = constraints.mass_matrix(t, q)
+    resting = resting_speeds(mass_matrix, constraints.momentum(t, q))
+    speeds = resting + _least_energy_speeds(mass_matrix, rows, right - rows @ resting)
     speeds[fixed] = u[fixed]
     errors = gradient @ speeds + drift
     sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(speeds)
@@ -173,6 +181,15 @@ def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Arra
     if fixed is not None:
         speeds[fixed] = u[fixed]
     return speeds
+
+
+def resting_speeds(mass_matrix: Array, momentum: Array) -> Array:
+    """The speeds (nv,) of least kinetic energy ½ uᵀ M u + pᵀ u without constraints; those without inertia are zero."""
+    if not momentum.any():
+        return np.zeros(len(momentum))
+    weights, axes = np.linalg.eigh(mass_matrix)
+    heavy = weights > WEIGHTLESS * weights.max()
+    return np.asarray(-axes[:, heavy] @ ((axes[:, heavy].T @ momentum) / weights[heavy]))
 
 
 def _least_energy_speeds(mass_matrix: Array, rows: Array, right: Array) -> Array:
@@ -202,7 +219,7 @@ def _unit_energy_speeds(mass_matrix: Array) -> Array:
     If nothing has inertia, each speed gets the same.
     """
     weights, axes = np.linalg.eigh(mass_matrix)
-    least = 1e-12 * weights.max(initial=0.0)
+    least = WEIGHTLESS * weights.max(initial=0.0)
     combinations: Array = axes / np.sqrt(np.maximum(weights, least if least > 0.0 else 1.0))
     return combinations
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
+from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED, resting_speeds
 from mbd_sim.dynamics.constraint_functions import ManyConstraints
 from mbd_sim.dynamics.constraint_rank import RANK, unit_rows
 from mbd_sim.geometry.pose import Array
@@ -113,7 +113,10 @@ def _fitted(
     rows, right = np.concatenate([gradient, selection], axis=1), np.concatenate([-drift, u[:, fixed]], axis=1)
     if not rows[0].size:
         return np.zeros_like(u), np.ones(len(q), dtype=bool)
-    weights, axes = np.linalg.eigh(constraints.mass_matrix(q, which))
+    mass_matrices, momenta = constraints.mass_matrix(q, which), constraints.momentum(q, which)
+    resting = np.array([resting_speeds(*one) for one in zip(mass_matrices, momenta, strict=True)])
+    right = right - _times(rows, resting)
+    weights, axes = np.linalg.eigh(mass_matrices)
     least = 1e-12 * np.maximum(weights.max(axis=1, initial=0.0), 1e-300)
     to_unit = axes / np.sqrt(np.maximum(weights, least[:, None]))[:, None, :]
     scaled = rows @ to_unit
@@ -125,6 +128,7 @@ def _fitted(
         rest = (right - _times(rows, speeds)) / sizes
         found = [np.linalg.lstsq(matrix, side, rcond=RANK)[0] for matrix, side in zip(scaled, rest, strict=True)]
         speeds += _times(to_unit, np.array(found))
+    speeds += resting
     speeds[:, fixed] = u[:, fixed]
     errors = _times(gradient, speeds) + drift
     reference = np.linalg.norm(gradient, axis=2) * _norms(speeds)[:, None]
