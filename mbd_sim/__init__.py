@@ -14,8 +14,8 @@ This page has the whole Python interface, apart from the learning environments i
   `Reaction`, `PartMotion`, `SensorReading`, `Pose`; the compiled equations without a state: `Model`
 - pictures of a simulation's run, in notebooks and as files: `Simulation.plot`, `Simulation.animate`, `RunPicture`
 - recordings of a simulation's run: `Simulation.recording`, `RunRecorder`
-- analyses: `linearize`, `Linearization`, `modes`, `Mode`, `StateSpace`, `equilibrium`, `lqr`, `InverseDynamics`,
-  `inertia_split`, `InertiaSplit`
+- analyses: `linearize`, `Linearization`, `modes`, `Mode`, `StateSpace`, `equilibrium`, `nearest_equilibrium`,
+  `equilibria`, `Equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`, `InertiaSplit`
 - positions without masses: `Kinematics`
 - equations as formulas: `symbolic_equations`, `SymbolicEquations`, `to_latex`
 - errors: `MbdSimError` and its subclasses
@@ -37,7 +37,7 @@ from mbd_sim.errors import (
 )
 
 if TYPE_CHECKING:
-    from mbd_sim.analysis.equilibrium import equilibrium
+    from mbd_sim.analysis.equilibrium import Equilibrium, equilibria, equilibrium, nearest_equilibrium
     from mbd_sim.analysis.inertia_split import InertiaSplit, inertia_split
     from mbd_sim.analysis.inverse_dynamics import InverseDynamics
     from mbd_sim.analysis.kinematics import Kinematics
@@ -67,6 +67,7 @@ __all__ = [
     "Energies",
     "Ensemble",
     "EnsembleEnergies",
+    "Equilibrium",
     "InertiaSplit",
     "InputError",
     "InverseDynamics",
@@ -90,19 +91,21 @@ __all__ = [
     "SymbolicEquations",
     "Violation",
     "__version__",
+    "equilibria",
     "equilibrium",
     "inertia_split",
     "linearize",
     "load_mechanism",
     "lqr",
     "modes",
+    "nearest_equilibrium",
     "parse_mechanism",
     "symbolic_equations",
     "to_latex",
 ]
 
 _MODULES = {
-    "mbd_sim.analysis.equilibrium": ("equilibrium",),
+    "mbd_sim.analysis.equilibrium": ("Equilibrium", "equilibria", "equilibrium", "nearest_equilibrium"),
     "mbd_sim.analysis.inertia_split": ("InertiaSplit", "inertia_split"),
     "mbd_sim.analysis.inverse_dynamics": ("InverseDynamics",),
     "mbd_sim.analysis.kinematics": ("Kinematics",),

@@ -3,60 +3,87 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
-from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize
-from mbd_sim.dynamics.assembly import close_loops, is_short
+from mbd_sim.analysis.linearization import linearize, size_of_zeros
+from mbd_sim.analysis.rest_balance import Rest, RestBalance, displacement_between
+from mbd_sim.analysis.rest_path import balanced, equilibria_along, settled
+from mbd_sim.dynamics.actuator_layout import require_continuous
+from mbd_sim.dynamics.assembly import close_loops
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
-from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
 
-ATTEMPTS, ITERATIONS = 12, 80
-LONGEST_STEP = 0.3  # m or rad
-BALANCED = 1e-9  # the acceleration that may remain, relative to that at the first guess
+ATTEMPTS = 12  # other configurations from which equilibria are sought
+SCATTER = 0.3  # m or rad, between these
+BALANCED_START = 1e-12  # of the accelerations, in units of gravity: those of round-off
+SAME = 1e-6  # of distances, in sizes of the mechanism
 TIMES = (0.0, 0.137, 0.71, 1.9)  # s, at which accelerations are compared
 
 
-def equilibrium(equations: Equations, inputs: Array | None = None) -> Array | None:
-    """Coordinates (nq,) near the start in which the mechanism can stay at rest, or None if none is found.
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Coordinates q (nq,) and `states` of actuators (s,) in which a mechanism can stay at rest.
 
-    From the start and from other configurations around it, Gauss–Newton steps along the free directions reduce the
-    accelerations to zero. A stable equilibrium is preferred to an unstable one.
+    `displacement` (nv,) leads there from the start, along the speeds: in m and rad. `distance` is its size in m: the
+    displacement of each coordinate, weighted with its inertia at the start, relative to the mass of the mechanism.
+    Small motions grow with the rate `growth` in 1/s; 0 at a stable equilibrium, nan where they are not smooth,
+    because a contact is about to change.
+    """
+
+    q: Array
+    states: Array
+    displacement: Array
+    distance: float
+    growth: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether no small motion about it grows."""
+        return self.growth == 0.0
+
+
+def equilibrium(equations: Equations, inputs: Array | None = None, q: Array | None = None) -> Array | None:
+    """Coordinates (nq,) in which the mechanism can stay at rest, or None if none are found: see `nearest_equilibrium`.
+
+    :raises TypeError: `equations` are none, for example a simulation.
+    """
+    found = nearest_equilibrium(equations, inputs, q)
+    return None if found is None else found.q
+
+
+def nearest_equilibrium(
+    equations: Equations, inputs: Array | None = None, q: Array | None = None, states: Array | None = None
+) -> Equilibrium | None:
+    """The equilibrium nearest to a configuration, stable or not, or None if none is found.
+
+    A configuration without accelerations is the equilibrium. From any other one, two paths of rest are followed (see
+    `mbd_sim.analysis.rest_path`), and the nearer of the equilibria to which they lead is taken; of two at the same
+    distance, the stabler one. Directions in which nothing changes, such as that of a cart on a level rail, keep their
+    coordinates. If neither path leads to an equilibrium, the nearest one of `equilibria` is taken.
 
     :param inputs: all inputs of the equations, for efforts, wrenches, commands and live values; by default there are no
         efforts and wrenches, commands are those at the start, and live values those of the mechanism.
+    :param q: (nq,) the configuration, which satisfies the constraints; by default the start.
+    :param states: (s,) states of actuators near those at the equilibrium; by default those at the start.
     :raises TypeError: `equations` are none, for example a simulation.
+    :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
     """
-    require_equations(equations)
-    given, nv = _given(equations, inputs), equations.layout.nv
-    constraints = equations.constraints.with_values(given[equations.inputs.values])
-    random, efforts = np.random.default_rng(2), given[equations.inputs.efforts]
-    unstable: list[tuple[float, Array]] = []
-    for attempt in range(ATTEMPTS):
-        balanced = _balanced(equations, _scattered(constraints, equations.start.q, random, 2 * attempt), given)
-        if balanced is None:
-            continue
-        rates = np.linalg.eigvals(linearize(equations, balanced, np.zeros(nv), efforts, inputs=given).a).real
-        growth = float(np.max(rates, initial=0.0))
-        if growth < ZERO_EIGENVALUE:
-            return balanced
-        unstable.append((growth, balanced))
-    if not unstable:
-        return _balanced(equations, equations.start.q, given, far=True)
-    return min(unstable, key=lambda pair: pair[0])[1]
+    return _Search(equations, inputs, q, states).nearest()
 
 
-def equilibrium_near(equations: Equations, q: Array, inputs: Array | None = None) -> Array | None:
-    """The equilibrium (nq,) next to coordinates q (nq,), stable or not, or None if none is found: see `equilibrium`."""
-    given = _given(equations, inputs)
-    found = _balanced(equations, q, given)
-    return _balanced(equations, q, given, far=True) if found is None else found
+def equilibria(
+    equations: Equations, inputs: Array | None = None, q: Array | None = None, states: Array | None = None
+) -> list[Equilibrium]:
+    """The equilibria that are found near a configuration, the nearest first: see `nearest_equilibrium`.
 
-
-def _given(equations: Equations, inputs: Array | None) -> Array:
-    return equations.inputs_without_commands if inputs is None else inputs
+    They are sought along the paths of rest from it, and from other configurations around it. There may be more.
+    """
+    return _Search(equations, inputs, q, states).all()
 
 
 def is_autonomous(equations: Equations) -> bool:
@@ -70,6 +97,101 @@ def is_autonomous(equations: Equations) -> bool:
     return all(np.allclose(first, other, rtol=1e-9, atol=1e-9) for other in others)
 
 
+def growth_of(matrix: Array) -> float:
+    """The largest real part in 1/s of the eigenvalues of a matrix (n, n); zero where none is positive."""
+    values = np.linalg.eigvals(matrix)
+    growth = float(np.max(values.real, initial=0.0))
+    return growth if growth > size_of_zeros(values) else 0.0
+
+
+class _Search:
+    """The search for equilibria around a configuration."""
+
+    def __init__(self, equations: Equations, inputs: Array | None, q: Array | None, states: Array | None) -> None:
+        require_equations(equations)
+        require_continuous(equations.mechanism, equations.actuator_layout, "has no equilibrium that can be found")
+        self._equations = equations
+        self._inputs = equations.inputs_without_commands if inputs is None else inputs
+        held = slice(equations.layout.nq + equations.layout.nv, equations.core.stop)
+        self._states = equations.start_state[held] if states is None else states
+        self._balance = self._balance_at(equations.start.q if q is None else q)
+
+    def _balance_at(self, q: Array) -> RestBalance:
+        return RestBalance(self._equations, q, self._states, self._inputs)
+
+    def nearest(self) -> Equilibrium | None:
+        """The nearer of the first equilibria on the two paths; of two at the same distance, the stabler one."""
+        balance = self._balance
+        if balance.imbalance <= BALANCED_START:
+            return self._described(balance.start)
+        found: list[Equilibrium] = []
+        for direction in (1.0, -1.0):
+            within = (1.0 + SAME) * min((one.distance for one in found), default=math.inf)
+            found += [self._described(rest) for rest in islice(equilibria_along(balance, direction, within), 1)]
+        found += self._settled()
+        if not found:
+            return next(iter(self._around()), None)
+        least = min(one.distance for one in found)
+        return min((one for one in found if one.distance <= (1.0 + SAME) * least), key=lambda one: one.growth)
+
+    def all(self) -> list[Equilibrium]:
+        """All that are found, the nearest first."""
+        balance = self._balance
+        found = [self._described(balance.start)] if balance.imbalance <= BALANCED_START else []
+        for direction in (1.0, -1.0):
+            found += [self._described(rest) for rest in islice(equilibria_along(balance, direction), ATTEMPTS)]
+        return self._distinct([*found, *self._settled(), *self._around()])
+
+    def _settled(self) -> list[Equilibrium]:
+        rest = settled(self._balance)
+        return [] if rest is None else [self._described(rest)]
+
+    def _around(self) -> list[Equilibrium]:
+        """Those that are found from other configurations, the nearest first."""
+        balance, random = self._balance, np.random.default_rng(2)
+        found = []
+        for attempt in range(1, ATTEMPTS):
+            q = _scattered(balance.constraints, balance.start.q, random, 2 * attempt)
+            nearest = next(equilibria_along(self._balance_at(q), 1.0), None)
+            near = None if nearest is None else balanced(balance, nearest)
+            if near is not None:
+                found.append(self._described(near))
+        return self._distinct(found)
+
+    def _described(self, rest: Rest) -> Equilibrium:
+        equations, balance = self._equations, self._balance
+        rest = self._unwound(rest)
+        efforts, zeros = self._inputs[equations.inputs.efforts], np.zeros(equations.layout.nv)
+        small = linearize(equations, rest.q, zeros, efforts, inputs=self._inputs, states=rest.states)
+        displacement = displacement_between(equations, balance.start.q, rest.q)
+        return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth_of(small.a))
+
+    def _unwound(self, rest: Rest) -> Rest:
+        """The same configuration without whole turns since the start, if that is an equilibrium as well."""
+        equations, balance = self._equations, self._balance
+        turns = np.round(displacement_between(equations, balance.start.q, rest.q) / (2.0 * math.pi))
+        turns[~balance.rotations] = 0.0
+        if not turns.any():
+            return rest
+        q = balance.constraints.displaced(rest.q, -2.0 * math.pi * turns)
+        return balanced(balance, replace(rest, q=q)) or rest
+
+    def _distinct(self, found: Sequence[Equilibrium]) -> list[Equilibrium]:
+        """Each of them once, the nearest first."""
+        distinct: list[Equilibrium] = []
+        for one in sorted(found, key=lambda one: one.distance):
+            size = SAME * (1.0 + float(np.linalg.norm(self._balance.weighted(one.displacement))))
+            if all(self._apart(one, other) > size for other in distinct):
+                distinct.append(one)
+        return distinct
+
+    def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
+        """The distance between two equilibria, without dimension and without whole turns."""
+        difference, rotations = one.displacement - other.displacement, self._balance.rotations
+        difference[rotations] = np.remainder(difference[rotations] + math.pi, 2.0 * math.pi) - math.pi
+        return float(np.linalg.norm(self._balance.weighted(difference)))
+
+
 def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Generator, steps: int) -> Array:
     """A configuration (nq,) some steps away from q, in a random free direction."""
     all_free, direction = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool), None
@@ -77,50 +199,9 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
         free = constraints.free_directions(0.0, q)
         components = random.normal(size=free.shape[1]) if direction is None else free.T @ direction
         direction = free @ components
-        direction *= LONGEST_STEP / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
+        direction *= SCATTER / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
         closing = close_loops(constraints, 0.0, constraints.displaced(q, direction), all_free)
         if not closing.closed:
             break
         q = closing.q
     return q
-
-
-def _balanced(equations: Equations, q: Array, inputs: Array, far: bool = False) -> Array | None:
-    """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none.
-
-    If it may be `far` away, the longest step doubles after each one that it limits, and the last one has to be short:
-    accelerations that only vanish at infinity, as 1/x² does, have no equilibrium.
-    """
-    nq, nv = equations.layout.nq, equations.layout.nv
-    constraints, all_free = equations.constraints.with_values(inputs[equations.inputs.values]), np.ones(nv, dtype=bool)
-
-    def at_rest(q: Array) -> Array:
-        return np.concatenate([q, np.zeros(equations.start_state.size - nq)])
-
-    def accelerations(q: Array) -> Array:
-        y = at_rest(q)
-        return np.array(equations.rates.call([0.0, y, inputs])[0]).ravel()[nq : nq + nv]
-
-    best, least, scale, longest, converged = None, math.inf, 1.0, LONGEST_STEP, False
-    for iteration in range(ITERATIONS):
-        closing = close_loops(constraints, 0.0, q, all_free) if equations.rows else None
-        if closing is not None:
-            if not closing.closed:
-                break
-            q = closing.q
-        remaining = accelerations(q)
-        size = float(np.linalg.norm(remaining))
-        scale = max(scale, size) if iteration == 0 else scale
-        if not math.isfinite(size) or (least <= BALANCED * scale and size >= 0.5 * least):
-            break
-        if size < least:
-            best, least = q, size
-        free = constraints.free_directions(0.0, q)
-        slope = evaluated(equations.derivatives, 0.0, at_rest(q), inputs)[:nv, :nv].T @ free
-        step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
-        if best is q:
-            converged = not far or is_short(constraints, step, q)
-        factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
-        longest *= 2.0 if far and factor < 1.0 else 1.0
-        q = constraints.displaced(q, factor * step)
-    return best if converged and least <= BALANCED * scale else None

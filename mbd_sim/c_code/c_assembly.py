@@ -4,18 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.c_code.c_assembly_texts import START_OF_CONSTRAINED, WITH_CONSTRAINTS, WITHOUT_CONSTRAINTS
+from mbd_sim.c_code.c_assembly_texts import (
+    RESTING_SPEEDS,
+    START_OF_CONSTRAINED,
+    WITH_CONSTRAINTS,
+    WITHOUT_CONSTRAINTS,
+)
 from mbd_sim.c_code.c_branch_text import BRANCH_OF_SPEEDS
 from mbd_sim.c_code.c_functions import c_function, literal
 from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.start_functions import StartFunctions
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED
+from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED, WEIGHTLESS
 from mbd_sim.dynamics.constraint_rank import RANK
 from mbd_sim.dynamics.singular_start import ITERATIONS as BRANCH_ITERATIONS
 from mbd_sim.dynamics.singular_start import ROUND_OFF, SATISFIED, SLOPES, STARTS
 
 # The functions of (t, q, parameters) that closing loops and fitting speeds evaluate.
-CONSTRAINTS = ("position", "gradient", "row_sizes", "drift", "rate_of_drives", "mass_matrix", "branch_checks")
+CONSTRAINTS = (
+    "position",
+    "gradient",
+    "row_sizes",
+    "drift",
+    "rate_of_drives",
+    "mass_matrix",
+    "momentum",
+    "branch_checks",
+)
 
 ASSEMBLY_DECLARATION = """
 /*
@@ -130,8 +144,9 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 stalled=literal(STALLED),
                 consistent=literal(CONSISTENT),
                 inputs=len(model.inputs),
+                weightless=literal(WEIGHTLESS),
             )
-            for text in (WITH_CONSTRAINTS, BRANCH_OF_SPEEDS, START_OF_CONSTRAINED)
+            for text in (WITH_CONSTRAINTS, BRANCH_OF_SPEEDS, RESTING_SPEEDS, START_OF_CONSTRAINED)
         ]
     normalizes = traced is None and equations.project is not None
     functions.append(

@@ -242,6 +242,35 @@ static int fit_speeds(
     return 1;
 }}"""
 
+RESTING_SPEEDS = """\
+/* The speeds of least kinetic energy beside the drives, without constraints. */
+static void resting_speeds(double t, const double *q, const double *v, double *u)
+{{
+    double mass[NV * NV], axes[NV * 2 * NV], p[NV], largest = 0.0;
+    int i, k;
+
+    mass_matrix(t, q, v, mass);
+    momentum(t, q, v, p);
+    for (i = 0; i < NV; i++)
+        for (k = 0; k < NV; k++) {{
+            axes[i * 2 * NV + k] = mass[k * NV + i] * scales[k] * scales[i];
+            axes[i * 2 * NV + NV + k] = i == k ? 1.0 : 0.0;
+        }}
+    orthogonalize(axes, NV, NV, 2 * NV);
+    for (i = 0; i < NV; i++)
+        largest = fmax(largest, norm_of(axes + i * 2 * NV, NV));
+    for (i = 0; i < NV; i++) {{
+        const double *axis = axes + i * 2 * NV + NV;
+        double size = norm_of(axes + i * 2 * NV, NV), along = 0.0;
+        if (!(size > {weightless} * largest))
+            continue;
+        for (k = 0; k < NV; k++)
+            along -= axis[k] * scales[k] * p[k] / size;
+        for (k = 0; k < NV; k++)
+            u[k] += scales[k] * axis[k] * along;
+    }}
+}}"""
+
 START_OF_CONSTRAINED = """\
 /* As the file with these parameters starts, then with the given values at the time t. */
 static int assemble_given(double t, double *y, const double *in, const double *p, const unsigned char *given)
@@ -260,6 +289,7 @@ static int assemble_given(double t, double *y, const double *in, const double *p
     memset(old, 0, sizeof old);
     memcpy(q, start, sizeof q);
     closed = close_loops(0.0, q, v, fixed_in_assembly);
+    resting_speeds(0.0, q, v, old);
     if (closed && fit_speeds(0.0, q, u, old, v, fixed_speeds))
         choose_branch(0.0, q, u, v, fixed_speeds);
     else if (!has)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import positive_in
 from mbd_sim.cli.linearize import add_signals
-from mbd_sim.cli.working_point import add_working_point, simulation_at, state_text
+from mbd_sim.cli.working_point import add_working_point, simulation_at
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.state_space import StateSpace
@@ -59,11 +59,11 @@ def execute(options: argparse.Namespace) -> int:
     if options.out is not None:
         require_suffix(options.out, SUFFIXES)
         require_packages_for(options.out)
-    simulation = simulation_at(options)
+    simulation, state = simulation_at(options)
     system = simulation.state_space(options.input, options.output)
     frequencies = np.geomspace(options.least, options.most, options.points)
     response = system.response(frequencies)
-    title = state_text(simulation, options.at)
+    title = state.splitlines()[0]
     print("\n".join([title, *_peaks(system, frequencies, response)]))
     if options.out is not None:
         write_columns(options.out, _columns(system, frequencies, response), {"mechanism": simulation.mechanism.name})

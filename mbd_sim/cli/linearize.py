@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.working_point import add_working_point, simulation_at, state_text
+from mbd_sim.cli.working_point import add_working_point, simulation_at
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.state_space import StateSpace
@@ -48,12 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Print the system."""
-    simulation = simulation_at(options)
+    simulation, state = simulation_at(options)
     system = simulation.state_space(options.input, options.output)
     if options.json:
         print(json.dumps(_content(system), indent=2, ensure_ascii=False))
         return 0
-    print(state_text(simulation, options.at))
+    print(state)
     for name, matrix, rows, columns in (
         ("A", system.a, system.states, system.states),
         ("B", system.b, system.states, system.inputs),

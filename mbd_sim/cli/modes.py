@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import COUNT, ProgressBar, add_quiet, print_notes
-from mbd_sim.cli.working_point import EQUILIBRIUM, START, add_working_point, simulation_at, state_text
+from mbd_sim.cli.working_point import EQUILIBRIUM, START, add_working_point, equilibrium_text, place_text, simulation_at
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mode_shapes import ModeShape
@@ -31,6 +31,9 @@ SHOWN = 1e-6  # entries of a shape below this are shown as zero
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_working_point(parser)
+    parser.add_argument(
+        "--equilibria", action="store_true", help="list the equilibria that are found near the start, the nearest first"
+    )
     parser.add_argument("--animate", type=Path, metavar="FILE", help="animate a mode: .gif, .webp, .mp4 or .html")
     parser.add_argument("--mode", type=int, default=1, metavar="N", help="the mode for --animate (default 1)")
     parser.add_argument(
@@ -53,9 +56,14 @@ def execute(options: argparse.Namespace) -> int:
     """
     from mbd_sim.errors import InputError
 
+    if (options.vary or options.equilibria) and (options.animate or options.mode != 1):
+        others = "--vary and --equilibria, or --animate and --mode"
+        raise InputError("--animate and --mode show one state", f"Leave out {others}.")
+    if options.equilibria:
+        if options.vary or options.at != EQUILIBRIUM:
+            raise InputError("--equilibria lists those of the mechanism as it is", "Leave out --vary and --at.")
+        return _equilibria(options)
     if options.vary:
-        if options.animate or options.mode != 1:
-            raise InputError("--animate and --mode show one state", "Leave out --vary, or --animate and --mode.")
         return _varied(options)
     if options.out or options.plot:
         raise InputError("--out and --plot are for eigenvalues over varied values", "Give --vary, or --animate.")
@@ -66,9 +74,9 @@ def _modes(options: argparse.Namespace) -> int:
     from mbd_sim.analysis.mode_shapes import mode_shapes
     from mbd_sim.errors import InputError
 
-    simulation = simulation_at(options)
+    simulation, state = simulation_at(options)
     shapes = mode_shapes(simulation.linearize())
-    print(state_text(simulation, options.at))
+    print(state)
     for number, shape in enumerate(shapes, 1):
         print("\n".join(_mode_lines(number, shape, simulation.coordinate_names)))
     if options.animate is not None:
@@ -83,6 +91,20 @@ def _modes(options: argparse.Namespace) -> int:
         title = f"mode {options.mode}: {_rate(shape)}"
         amplitude = animate_mode(simulation, shape, options.animate, title=title)
         print(f"wrote {options.animate}: mode {options.mode}, with a largest displacement of {amplitude:.3g} m or rad")
+    return 0
+
+
+def _equilibria(options: argparse.Namespace) -> int:
+    from mbd_sim.cli.setup_options import build_simulation
+    from mbd_sim.linear_analysis.working_point import equilibria_of
+
+    simulation = build_simulation(options)
+    found = equilibria_of(simulation)
+    print(
+        f"{simulation.mechanism.name}: {len(found)} equilibria found near the start; take one with --at equilibrium:N"
+    )
+    for number, one in enumerate(found, 1):
+        print(f"{number:>3}  {place_text(simulation, one.q)}\n   {equilibrium_text(simulation, one)}")
     return 0
 
 

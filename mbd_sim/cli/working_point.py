@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism, add_method_and_step
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
 
 if TYPE_CHECKING:
+    from mbd_sim.analysis.equilibrium import Equilibrium
+    from mbd_sim.geometry.pose import Array
     from mbd_sim.simulation.simulation import Simulation
 
 ROUND_OFF = 1e-12  # of coordinates
+MOVED = 1e-9  # m or rad, up to which a coordinate counts as that of the start
 EQUILIBRIUM, START = "equilibrium", "start"
 
 
@@ -25,37 +29,71 @@ def add_working_point(parser: argparse.ArgumentParser) -> None:
         "--at",
         default=EQUILIBRIUM,
         metavar="STATE",
-        help="the state about which it is linearized: equilibrium (at rest, near the start), start, or a time in s up "
-        "to which it runs (default: equilibrium)",
+        help="the state about which it is linearized: equilibrium (the one nearest to the start, stable or not), "
+        "equilibrium:2 (the second one that is found near the start), start, or a time in s up to which it runs "
+        "(default: equilibrium)",
     )
 
 
-def simulation_at(options: argparse.Namespace) -> Simulation:
-    """The simulation in the state that the options describe.
+def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
+    """The simulation in the state that the options describe, and one line about this state.
 
     :raises InputError: `--at` is something else, or there is no equilibrium.
     """
     from mbd_sim.errors import InputError
-    from mbd_sim.linear_analysis.working_point import to_equilibrium
+    from mbd_sim.linear_analysis.working_point import set_to_equilibrium
 
-    time = None if options.at in (EQUILIBRIUM, START) else _time(options.at)
+    number = _number(options.at)
+    time = None if number or options.at == START else _time(options.at)
     simulation = build_simulation(options)
     if time is not None:
         simulation.run(until=time)
-    elif options.at == EQUILIBRIUM:
-        try:
-            to_equilibrium(simulation)
-        except InputError as error:
-            raise InputError(error.args[0], "Give --at start, or --at with a time in s up to which it runs.") from None
-    return simulation
+        return simulation, _state_text(simulation, f"at {simulation.time:g} s")
+    if not number:
+        return simulation, _state_text(simulation, "at the start")
+    try:
+        found = set_to_equilibrium(simulation, number=number)
+    except InputError as error:
+        raise InputError(error.args[0], "Give --at start, or --at with a time in s up to which it runs.") from None
+    return simulation, f"{_state_text(simulation, 'at the equilibrium')}\n{equilibrium_text(simulation, found)}"
 
 
-def state_text(simulation: Simulation, at: str) -> str:
-    """One line about the state."""
-    where = {EQUILIBRIUM: "at the equilibrium", START: "at the start"}.get(at, f"at {simulation.time:g} s")
-    names, values = simulation.coordinate_names, simulation.model.coordinates(simulation.state)
-    place = ", ".join(f"{name} = {_rounded(value):.6g}" for name, value in zip(names, values.tolist(), strict=True))
+def equilibrium_text(simulation: Simulation, found: Equilibrium) -> str:
+    """How far an equilibrium is from the start, by coordinate, and whether it is stable."""
+    from mbd_sim.playback.run_table import coordinate_units
+
+    units = coordinate_units(simulation.mechanism)
+    stability = "stable" if found.stable else f"unstable: motions grow with {found.growth:.4g} 1/s"
+    if math.isnan(found.growth):
+        stability = "a contact is about to change"
+    moved = [
+        f"{name} {value:+.4g} {units[name]}"
+        for name, value in zip(simulation.coordinate_names, found.displacement.tolist(), strict=True)
+        if abs(value) > MOVED
+    ]
+    where = f"moved from the start by {', '.join(moved)}" if moved else "the start itself"
+    return f"  {stability}; {where}"
+
+
+def place_text(simulation: Simulation, q: Array) -> str:
+    """The coordinates q (nq,) by name, those of rotations as rotation vectors."""
+    y = simulation.model.start.copy()
+    y[simulation.model.q_range] = q
+    names, values = simulation.coordinate_names, simulation.model.coordinates(y)
+    return ", ".join(f"{name} = {_rounded(value):.6g}" for name, value in zip(names, values.tolist(), strict=True))
+
+
+def _state_text(simulation: Simulation, where: str) -> str:
+    place = place_text(simulation, simulation.q)
     return f"{simulation.mechanism.name} {where}{': ' if place else ''}{place}"
+
+
+def _number(text: str) -> int:
+    """The number of the equilibrium that `--at` names, 0 if it names something else."""
+    name, _, number = text.partition(":")
+    if name != EQUILIBRIUM or (number and not number.isdecimal()):
+        return 0
+    return int(number or 1)
 
 
 def _rounded(value: float) -> float:
@@ -72,6 +110,7 @@ def _time(text: str) -> float:
         value = -1.0
     if value <= 0.0:
         raise InputError(
-            f"--at {text}: neither equilibrium, start nor a positive time", "Write for example --at 2.5, or --at 20ms."
+            f"--at {text}: neither equilibrium, start nor a positive time",
+            "Write for example --at 2.5, --at 20ms, or --at equilibrium:2.",
         )
     return value

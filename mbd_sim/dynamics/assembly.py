@@ -17,6 +17,7 @@ ITERATIONS, ATTEMPTS = 60, 30
 FAR_ITERATIONS = 120
 LONGEST_STEP = 0.6  # rad, or the same share of the size of the mechanism
 CONVERGED = 1e-6  # step that may remain at a solution far away, relative to 1 + |q| in natural units
+WEIGHTLESS = 1e-12  # the least inertia that counts, relative to the largest
 STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
 
 
@@ -67,6 +68,11 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
         return best
     far = _newton(constraints, t, q, free, far=True)
     return far if far.closed and _converged(constraints, t, far, free) else best
+
+
+def close_nearby(constraints: ConstraintFunctions, t: float, q: Array) -> LoopClosure:
+    """The same by Newton's method from q alone, with all coordinates free: to follow a path without jumps."""
+    return _newton(constraints, t, q, np.ones(constraints.gradient(t, q).shape[1], dtype=bool))
 
 
 def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array) -> bool:
@@ -150,7 +156,9 @@ def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, f
     gradient, drift = constraints.gradient(t, q), constraints.drift(t, q)
     if not len(gradient) and not fixed.any():
         return FittedSpeeds(np.zeros(len(u)), np.zeros(0), True)
-    speeds = _least_energy_speeds(constraints, t, q, fixed, np.concatenate([-drift, u[fixed]]))
+    resting = resting_speeds(constraints.mass_matrix(t, q), constraints.momentum(t, q), constraints.scales)
+    right = np.concatenate([-drift - gradient @ resting, (u - resting)[fixed]])
+    speeds = resting + _least_energy_speeds(constraints, t, q, fixed, right)
     speeds[fixed] = u[fixed]
     errors = gradient @ speeds + drift
     return FittedSpeeds(speeds, errors, bool(np.all(np.abs(errors) <= tolerated_errors(constraints, t, q, speeds))))
@@ -174,6 +182,18 @@ def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Arra
     return np.where(fixed, u, u - change)
 
 
+def resting_speeds(mass_matrix: Array, momentum: Array, scales: Array) -> Array:
+    """The speeds (nv,) of least kinetic energy ½ uᵀ M u + pᵀ u without constraints; those without inertia are zero.
+
+    Inertias are compared in the natural units of the coordinates, of which (nv,) are the `scales`.
+    """
+    if not momentum.any():
+        return np.zeros(len(momentum))
+    weights, axes = np.linalg.eigh(mass_matrix * scales * scales[:, None])
+    heavy = weights > WEIGHTLESS * weights.max()
+    return np.asarray(-scales * (axes[:, heavy] @ ((axes[:, heavy].T @ (scales * momentum)) / weights[heavy])))
+
+
 def _least_energy_speeds(constraints: ConstraintFunctions, t: float, q: Array, fixed: Array, right: Array) -> Array:
     """The speeds u (nv,) of least kinetic energy with G u and then the `fixed` of u equal to `right`; refined once."""
     gradient = constraints.gradient(t, q)
@@ -194,7 +214,7 @@ def energy_rows(mass_matrix: Array, rows: Array, zero: Array, scales: Array) -> 
     each speed in its natural unit gets the same.
     """
     weights, axes = np.linalg.eigh(mass_matrix * scales * scales[:, None])
-    least = 1e-12 * weights.max(initial=0.0)
+    least = WEIGHTLESS * weights.max(initial=0.0)
     to_unit: Array = scales[:, None] * axes / np.sqrt(np.maximum(weights, least if least > 0.0 else 1.0))
     found = rows @ to_unit
     lengths = np.linalg.norm(found, axis=1)

@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED, energy_rows
+from mbd_sim.dynamics.assembly import (
+    CLOSED,
+    CONSISTENT,
+    ITERATIONS,
+    LONGEST_STEP,
+    STALLED,
+    energy_rows,
+    resting_speeds,
+)
 from mbd_sim.dynamics.constraint_functions import ManyConstraints, scaled
 from mbd_sim.dynamics.constraint_rank import RANK, least_solution, row_is_zero
 from mbd_sim.geometry.pose import Array
@@ -124,7 +132,9 @@ def _fitted(
     scales, row_sizes = constraints.scales, constraints.row_sizes(q, which)
     given = np.zeros((len(q), int(fixed.sum())), dtype=bool)
     zero = np.concatenate([row_is_zero(scaled(gradient, row_sizes, scales)), given], axis=1)
-    masses = constraints.mass_matrix(q, which)
+    masses, momenta = constraints.mass_matrix(q, which), constraints.momentum(q, which)
+    resting = np.array([resting_speeds(*one, scales) for one in zip(masses, momenta, strict=True)])
+    right = right - _times(rows, resting)
     in_energy = [energy_rows(*of_one, scales) for of_one in zip(masses, rows, zero, strict=True)]
     to_unit, unit, lengths = (np.array(each) for each in zip(*in_energy, strict=True))
     speeds = np.zeros_like(u)
@@ -132,6 +142,7 @@ def _fitted(
         rest = (right - _times(rows, speeds)) / lengths
         found = [least_solution(matrix, side) for matrix, side in zip(unit, rest, strict=True)]
         speeds += _times(to_unit, np.array(found))
+    speeds += resting
     speeds[:, fixed] = u[:, fixed]
     errors = _times(gradient, speeds) + drift
     rates = np.maximum(np.max(np.abs(speeds) / scales, axis=1, initial=0.0), constraints.rate_of_drives(q, which)[:, 0])

@@ -78,6 +78,10 @@ class ConstraintFunctions:
         """The mass matrix M (nv, nv)."""
         return evaluated(self._traced.mass_matrix, t, q, self.values)
 
+    def momentum(self, t: float, q: Array) -> Array:
+        """The momenta p (nv,) that drives cause by themselves: the kinetic energy is ½ uᵀ M u + pᵀ u + c."""
+        return evaluated(self._traced.momentum, t, q, self.values).ravel()
+
     def branch_checks(self, t: float, q: Array) -> Array:
         """Numbers that are positive where all loops are closed in the right assembly mode."""
         return evaluated(self._traced.branch_checks, t, q, self.values).ravel()
@@ -152,6 +156,10 @@ class ManyConstraints:
     def mass_matrix(self, q: Array, which: NDArray[np.intp]) -> Array:
         """The mass matrices M (n, nv, nv)."""
         return self._matrices(self._traced.mass_matrix, q, which)
+
+    def momentum(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The momenta (n, nv), see `ConstraintFunctions.momentum`."""
+        return self._rows(self._traced.momentum, _of(q, which), which)
 
     def branch_checks(self, q: Array, which: NDArray[np.intp]) -> Array:
         """Numbers (n, c), see `ConstraintFunctions.branch_checks`."""
@@ -235,6 +243,13 @@ class TracedFunctions:
         """See `ConstraintFunctions.mass_matrix`."""
         hessian = ca.hessian(self._mechanism.kinetic_energy, self._mechanism.state.u)[0]
         return self._of_position("mass_matrix", hessian)
+
+    @cached_property
+    def momentum(self) -> ca.Function:
+        """See `ConstraintFunctions.momentum`."""
+        u = self._mechanism.state.u
+        at_rest = ca.substitute(self._mechanism.momenta, u, ca.SX.zeros(u.shape[0], 1))
+        return self._of_position("momentum", at_rest)
 
     @cached_property
     def branch_checks(self) -> ca.Function:

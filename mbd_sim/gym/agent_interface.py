@@ -12,15 +12,19 @@ from numpy.typing import NDArray
 
 from mbd_sim.errors import CommandError, InputError, listed, nearest, quoted, require_each_once
 from mbd_sim.geometry.pose import Array
+from mbd_sim.gym.command_names import CommandNames, Limit
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import positive_count
 from mbd_sim.simulation.compiled_model import Model
+
+EFFORTS = "efforts."  # before the name of a coordinate, where an actuator has this name too
 
 
 class AgentInterface:
     """Actions and observations of a mechanism, with their spaces.
 
-    An action is an effort (N or N·m) for each `actuated` coordinate, within its limit. An observation is (q without
+    An action is an effort (N or N·m) for each `actuated` coordinate, within its limit, or the command of an actuator or
+    a drive, in the unit of its channel and within its range. An observation is (q without
     angles, cos of angles, sin of angles, u), in SI units.
     """
 
@@ -31,30 +35,36 @@ class AgentInterface:
         limits: Array,
         actuated: Sequence[str] | None = None,
         trigonometric: bool = True,
+        command_limits: Mapping[str, Limit] | None = None,
     ) -> None:
-        """Find the actuated coordinates, all by default, and the angles.
+        """Find what is actuated, by default the first command of each actuator, or all coordinates; and the angles.
 
         :param limits: (nv,) the largest absolute efforts in N or N·m.
         :param trigonometric: observe cos and sin of angles instead of the angles.
-        :raises ValueError: an unknown coordinate, one that is given twice, or an effort without a limit.
+        :param command_limits: the largest absolute commands, or pairs of bounds, by actuator or `actuator.channel`.
+        :raises ValueError: an unknown name, one that is given twice, or an effort or a command without a limit.
         """
-        names = model.coordinate_names
         if isinstance(actuated, str):
-            raise InputError(f"actuated is the text {quoted(actuated)}", f"Give a list of coordinates: {[actuated]}.")
-        self.actuated = tuple(names if actuated is None else actuated)
-        require_coordinates(names, self.actuated)
-        require_each_once(self.actuated, "Each coordinate has one effort.")
-        indices, self._count = [names.index(name) for name in self.actuated], len(names)
-        self._places = _places(indices)
-        most = limits[indices].astype(np.float32)
-        if unlimited := [name for name, limit in zip(self.actuated, most, strict=True) if not np.isfinite(limit)]:
-            raise ValueError(
-                f"the effort of {listed(unlimited)} has no limit. Give joints an 'effort_limit', or the environment "
-                f"'effort_limits'."
-            )
+            raise InputError(f"actuated is the text {quoted(actuated)}", f"Give a list of names: {[actuated]}.")
+        commands = CommandNames(mechanism, command_limits or {})
+        names, default = model.coordinate_names, commands.first or model.coordinate_names
+        self.actuated = tuple(default if actuated is None else actuated)
+        places = [_place(name, names, commands) for name in self.actuated]
+        channels = commands.channels
+        full = [names[place] if kind == "effort" else channels[place] for kind, place in places]
+        require_each_once(full, "Each coordinate has one effort, and each actuator one command.")
+        self._count = len(names)
+        efforts = [(index, place) for index, (kind, place) in enumerate(places) if kind == "effort"]
+        self._sources_of_efforts, self._places = (_places([pair[k] for pair in efforts]) for k in (0, 1))
+        taken = [(index, place) for index, (kind, place) in enumerate(places) if kind == "command"]
+        self._sources_of_commands, self._channels = (_places([pair[k] for pair in taken]) for k in (0, 1))
+        self.has_commands, self.has_efforts = bool(taken), bool(efforts)
+        bounds = [
+            (-limits[place], limits[place]) if kind == "effort" else commands.bounds[place] for kind, place in places
+        ]
+        self.action_space = _action_space(self.actuated, np.array(bounds, dtype=np.float32).reshape(-1, 2))
         angles = _angles(mechanism, model) if trigonometric else np.zeros(model.layout.nq, bool)
         self._others, self._angles = np.flatnonzero(~angles), np.flatnonzero(angles)
-        self.action_space = spaces.Box(-most, most, dtype=np.float32)
         self._least, self._most = (bound.astype(float) for bound in (self.action_space.low, self.action_space.high))
         self._cosines = slice(self._others.size, self._others.size + self._angles.size)
         self._sines = slice(self._cosines.stop, self._cosines.stop + self._angles.size)
@@ -89,15 +99,59 @@ class AgentInterface:
         :param members: () for one environment, (k,) for k of them: the same axis comes first in action and efforts.
         :raises CommandError: the action has another shape.
         """
+        efforts = np.zeros((*members, self._count))
+        if self.has_efforts:
+            efforts[..., self._places] = self._clipped(action, members)[..., self._sources_of_efforts]
+        return efforts
+
+    def commands(self, action: Any, current: Array) -> Array:
+        """All commands (…, n) of an action (…, actuated), clipped to the limits; other channels stay as in `current`.
+
+        :raises CommandError: the action has another shape.
+        """
+        commands = current.copy()
+        commands[..., self._channels] = self._clipped(action, current.shape[:-1])[..., self._sources_of_commands]
+        return commands
+
+    def _clipped(self, action: Any, members: tuple[int, ...]) -> Array:
         values = np.asarray(action, dtype=float)
         if values.shape != (*members, len(self.actuated)):
             raise CommandError(
-                f"the action has the shape {values.shape}. Give one effort for each of: {listed(self.actuated)}"
+                f"the action has the shape {values.shape}. Give one number for each of: {listed(self.actuated)}"
                 f"{f', in {members[0]} rows' if members else ''}."
             )
-        efforts = np.zeros((*members, self._count))
-        efforts[..., self._places] = np.minimum(np.maximum(values, self._least), self._most)
-        return efforts
+        return np.minimum(np.maximum(values, self._least), self._most)
+
+
+def _place(name: str, coordinates: Sequence[str], commands: CommandNames) -> tuple[str, int]:
+    """Whether a name is that of an effort or of a command, and its index among these.
+
+    :raises ValueError: it is neither, or both.
+    """
+    coordinate = name.removeprefix(EFFORTS)
+    command = None if name.startswith(EFFORTS) else commands.get(name)
+    if coordinate not in coordinates and command is None:
+        raise ValueError(f"there is no coordinate '{name}'. {nearest(name, [*coordinates, *commands.names])}")
+    if command is None:
+        return "effort", list(coordinates).index(coordinate)
+    if coordinate in coordinates:
+        channel = commands.channels[command]
+        message = f"'{name}' is a coordinate and an actuator"
+        raise InputError(message, f"Write '{channel}' for its command, or '{EFFORTS}{name}' for an effort.")
+    return "command", command
+
+
+def _action_space(names: Sequence[str], bounds: NDArray[np.float32]) -> spaces.Box:
+    """The space of actions within bounds (n, 2).
+
+    :raises ValueError: a bound is infinite.
+    """
+    if unlimited := [name for name, pair in zip(names, bounds, strict=True) if not np.all(np.isfinite(pair))]:
+        raise ValueError(
+            f"the effort or command of {listed(unlimited)} has no limit. Give joints an 'effort_limit' and motors "
+            "their limits, or the environment 'effort_limits' or 'command_limits'."
+        )
+    return spaces.Box(*bounds.T, dtype=np.float32)
 
 
 def with_limits(names: Sequence[str], limits: Array, given: Mapping[str, float]) -> Array:

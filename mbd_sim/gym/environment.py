@@ -19,6 +19,7 @@ try:
     import gymnasium
 
     from mbd_sim.gym.agent_interface import AgentInterface, require_episodes, require_starts, with_limits
+    from mbd_sim.gym.command_names import Limit
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
         "mbd_sim.gym needs gymnasium: pip install gymnasium, or mbd_sim[gym].", name=error.name
@@ -32,9 +33,10 @@ Action = NDArray[np.float32]
 
 
 class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  # mypy skips Gymnasium
-    """A mechanism with efforts at some of its joints; the same seed and actions give the same bits.
+    """A mechanism with efforts at joints, or commands of motors; the same seed and actions give the same bits.
 
-    An action is an effort (N or N·m) for each `actuated` coordinate, within its limit; for a range of ±1 use
+    An action has an effort (N or N·m) for each `actuated` coordinate, and a command for each `actuated` actuator or
+    drive, each within its limits; for a range of ±1 use
     `gymnasium.wrappers.RescaleAction`. An observation is (q without angles, cos of angles, sin of angles, u), in SI
     units. `reward` and `terminated` receive the `Simulation` after the action, so that they can use q, u, poses,
     energies and reactions. A state that becomes infinite ends the episode, with `info["diverged"]`.
@@ -52,6 +54,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         reward: Callable[[Simulation, Action], float],
         terminated: Callable[[Simulation], bool] = lambda sim: False,
         effort_limits: Mapping[str, float] | None = None,
+        command_limits: Mapping[str, Limit] | None = None,
         start: Mapping[str, Sequence[float]] | None = None,
         start_noise: float = 0.0,
         trigonometric: bool = True,
@@ -64,10 +67,14 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         """Build and compile the mechanism.
 
         :param mechanism: a file, the name of a shipped mechanism, or a mechanism.
-        :param actuated: the coordinates with efforts; all by default.
+        :param actuated: the names of coordinates with efforts, and of actuators and drives with commands, such as
+            `motor`, which is its first channel, or `motor.velocity`; by default the first channel of each actuator and
+            drive, or all coordinates if there are none.
         :param reward: called with the simulation and the action that has just been applied.
         :param terminated: called with the simulation; whether the episode ends in this state.
         :param effort_limits: effort limits in N or N·m by coordinate; they replace each `effort_limit` of the file.
+        :param command_limits: the largest absolute command, or a pair of bounds, by the name of a command, in the unit
+            of its channel; by default the limits of the motor, or those of the joint.
         :param start: "q" and "u" at the start of an episode; they replace those of the file.
         :param start_noise: bound of the uniform noise that is added to q and u at the start, in m, rad and their rates.
         :param trigonometric: observe cos and sin of angles instead of the angles.
@@ -77,8 +84,8 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         :param render_size: width and height of a frame in pixels.
         :param step: step size in s; it replaces that of the file.
         :raises MechanismError: with all problems of the file.
-        :raises ValueError: an unknown coordinate or render mode, an effort without a limit, or a number that cannot be
-            used, such as a negative one.
+        :raises ValueError: an unknown name or render mode, an effort or command without a limit, or a number that
+            cannot be used, such as a negative one.
         """
         record = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
         if render_mode not in (None, "rgb_array"):
@@ -92,14 +99,13 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         self.start = dict(start or {})
         self.render_mode, self._render_size = render_mode, render_size
         self._animation: Animation | None = None
-        self.metadata = self.metadata | {"render_fps": round(1.0 / (frame_skip * self.simulation.step_size))}
-        sim = self.simulation
+        self._actions, sim = 0, self.simulation
+        self.metadata = self.metadata | {"render_fps": round(1.0 / (frame_skip * sim.step_size))}
         limits = with_limits(sim.coordinate_names, sim.effort_map.limits, effort_limits or {})
         sim.effort_map.limit(limits)
-        self._agent = AgentInterface(record, sim.model, limits, actuated, trigonometric)
+        self._agent = AgentInterface(record, sim.model, limits, actuated, trigonometric, command_limits)
         self.actuated = self._agent.actuated
         self.action_space, self.observation_space = self._agent.action_space, self._agent.observation_space
-        self._actions = 0
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -124,16 +130,20 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         return self._observation(), {}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Apply the efforts for `frame_skip` steps.
+        """Apply the efforts and commands for `frame_skip` steps.
 
-        :param action: (actuated,) in N or N·m, clipped to the limits.
+        :param action: (actuated,) in N or N·m or the units of channels, clipped to the limits.
 
         :raises CommandError: the action has another shape, or a value that is not finite.
         """
-        self.simulation.set_efforts(self._agent.efforts(action))
+        sim, agent = self.simulation, self._agent
+        efforts = agent.efforts(action)
+        if agent.has_commands:
+            sim.apply_command_values(agent.commands(action, sim.inputs[sim.command_map.range]))
+        sim.set_efforts(efforts)
         info: dict[str, Any] = {}
         try:
-            self.simulation.step(self.frame_skip)
+            sim.step(self.frame_skip)
         except DivergedError as error:
             info["diverged"] = str(error)
         self._actions += 1

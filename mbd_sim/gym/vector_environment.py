@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.gym.agent_interface import AgentInterface, require_episodes, require_starts, with_limits
+from mbd_sim.gym.command_names import Limit
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import rows_of
 from mbd_sim.simulation.ensemble import Ensemble
 from mbd_sim.simulation.ensemble_variants import Change
-from mbd_sim.simulation.time_dependence import time_dependence
+from mbd_sim.simulation.time_dependence import sampling_steps, time_dependence
 
 Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
@@ -48,6 +49,7 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         reward: Callable[[Ensemble, NDArray[np.float32]], Array],
         terminated: Callable[[Ensemble], Flags] | None = None,
         effort_limits: Mapping[str, float] | None = None,
+        command_limits: Mapping[str, Limit] | None = None,
         start: Mapping[str, Sequence[float]] | None = None,
         start_noise: float = 0.0,
         trigonometric: bool = True,
@@ -72,14 +74,12 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         record = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
         require_episodes(start, start_noise, frame_skip, max_episode_steps)
         self.ensemble = Ensemble(record, num_envs, step=step, threads=threads)
-        if (reason := time_dependence(self.ensemble.model)) is not None:
-            raise ValueError(
-                f"these environments cannot start their episodes independently, because {reason}. "
-                "Use gymnasium.make_vec(…, vectorization_mode='sync')."
-            )
+        _require_independent(self.ensemble, frame_skip)
         limits = with_limits(record.coordinate_names, self.ensemble.effort_limits, effort_limits or {})
         self.ensemble.set_effort_limits(limits)
-        self._agent = AgentInterface(record, self.ensemble.model, limits.max(axis=0), actuated, trigonometric)
+        self._agent = AgentInterface(
+            record, self.ensemble.model, limits.max(axis=0), actuated, trigonometric, command_limits
+        )
         self.num_envs, self.actuated = len(self.ensemble), self._agent.actuated
         self.single_action_space, self.single_observation_space = (
             self._agent.action_space,
@@ -119,14 +119,16 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         return self._observations(), {}
 
     def step(self, actions: NDArray[np.float32]) -> tuple[Array, Array, Flags, Flags, Infos]:
-        """Apply the efforts for `frame_skip` steps.
+        """Apply the efforts and commands for `frame_skip` steps.
 
-        :param actions: (k, actuated) in N or N·m, clipped to the limits.
+        :param actions: (k, actuated) in N or N·m or the units of channels, clipped to the limits.
         :raises CommandError: the actions have another shape, or a value that is not finite.
         :raises ValueError: `reward` or `terminated` do not return one value for each environment.
         """
         members = self.ensemble
         members.set_efforts(self._agent.efforts(actions, (self.num_envs,)))
+        if self._agent.has_commands:
+            members.set_commands(self._agent.commands(actions, members.commands))
         members.step(self.frame_skip)
         self._actions += 1
         rewards = self._one_each("reward", self.reward(members, np.asarray(actions)), float)
@@ -205,3 +207,18 @@ def _final(observations: Array, ended: Flags) -> Infos:
     for member in np.flatnonzero(ended).tolist():
         last[member] = observations[member]
     return {"final_obs": last, "_final_obs": ended.copy()}
+
+
+def _require_independent(members: Ensemble, frame_skip: int) -> None:
+    """Refuse mechanisms whose members cannot start again by themselves after any number of actions.
+
+    :raises ValueError: the motion depends on the time, or sampled servos do not sample at each action.
+    """
+    reason, every = time_dependence(members.model), sampling_steps(members.model)
+    if reason is None and frame_skip % every:
+        reason = f"servos sample at every multiple of {every} steps, and frame_skip is {frame_skip}"
+    if reason is not None:
+        raise ValueError(
+            f"these environments cannot start their episodes independently, because {reason}. "
+            "Use gymnasium.make_vec(…, vectorization_mode='sync')."
+        )

@@ -15,6 +15,15 @@ from __future__ import annotations
 from mbd_sim.linear_analysis.eigenvalue_locus import EigenvalueLocus, eigenvalue_locus
 from mbd_sim.linear_analysis.mode_animation import animate_mode
 from mbd_sim.linear_analysis.plots import draw_bode, draw_locus
-from mbd_sim.linear_analysis.working_point import to_equilibrium
+from mbd_sim.linear_analysis.working_point import equilibria_of, set_to_equilibrium, to_equilibrium
 
-__all__ = ["EigenvalueLocus", "animate_mode", "draw_bode", "draw_locus", "eigenvalue_locus", "to_equilibrium"]
+__all__ = [
+    "EigenvalueLocus",
+    "animate_mode",
+    "draw_bode",
+    "draw_locus",
+    "eigenvalue_locus",
+    "equilibria_of",
+    "set_to_equilibrium",
+    "to_equilibrium",
+]

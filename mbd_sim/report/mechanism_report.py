@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.analysis.equilibrium import equilibrium, is_autonomous
+from mbd_sim.analysis.equilibrium import is_autonomous, nearest_equilibrium
 from mbd_sim.analysis.inertia_split import inertia_split
 from mbd_sim.analysis.integrability import integrable_rows
 from mbd_sim.analysis.kinematics import Kinematics
@@ -219,7 +219,7 @@ def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
 
 
 def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
-    """An equilibrium near the start and its natural modes, or the reason why they were not computed."""
+    """The equilibrium nearest to the start and its natural modes, or the reason why they were not computed."""
     nv = equations.layout.nv
     if equations.contact is not None:
         return {"equilibrium": None, "reason": "there are one-sided elements", "modes": []}
@@ -231,12 +231,15 @@ def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
         return {"equilibrium": None, "reason": reason, "modes": []}
     if not is_autonomous(equations):
         return {"equilibrium": None, "reason": "forces or drives depend on time", "modes": []}
-    q: Array | None = equilibrium(equations)
-    if q is None:
+    near = nearest_equilibrium(equations)
+    if near is None:
         return {"equilibrium": None, "reason": "no equilibrium was found near the start", "modes": []}
-    found = modes(linearize(equations, q, np.zeros(nv), np.zeros(nv)))
+    found = modes(linearize(equations, near.q, np.zeros(nv), np.zeros(nv)))
     return {
-        "equilibrium": q[: equations.layout.nq - STATES * len(equations.layout.drives)].tolist(),
+        "equilibrium": near.q[: equations.layout.nq - STATES * len(equations.layout.drives)].tolist(),
+        "displacement": near.displacement.tolist(),
+        "distance": near.distance,
+        "stable": near.stable,
         "reason": "",
         "modes": [
             {"frequency": mode.frequency, "damping": mode.damping, "growth": mode.eigenvalue.real} for mode in found

@@ -257,7 +257,9 @@ def _motions(small: dict[str, Any]) -> list[str]:
     if small["equilibrium"] is None:
         return [f"Equilibrium         not determined: {small['reason']}"]
     named = zip(small["coordinates"], small["equilibrium"], strict=True)
-    lines = [f"Equilibrium         at {', '.join(f'{name} = {_rounded(value):.4g}' for name, value in named)}"]
+    unstable = "" if small["stable"] else " (unstable)"
+    place = ", ".join(f"{name} = {_rounded(value):.4g}" for name, value in named)
+    lines = [f"Equilibrium         at {place}{unstable}"]
     for mode in small["modes"]:
         if mode["frequency"]:
             lines.append(f"  natural mode      {mode['frequency']:.6g} Hz, damping ratio {mode['damping']:.4g}")

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.channels import Channel
-from mbd_sim.mechanism.drives import CommandedDrive
+from mbd_sim.mechanism.command_bounds import command_bounds
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.ros.joint_curve import JointCurve
 
@@ -23,7 +20,7 @@ class CommandRanges:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        found = [bounds for taker in mechanism.commanded for bounds in _bounds(mechanism, taker)]
+        found = [bounds for taker in mechanism.commanded for bounds in command_bounds(mechanism, taker)]
         self.lower, self.upper = np.array(found, dtype=float).reshape(-1, 2).T
         names = [(taker.name, channel) for taker in mechanism.commanded for channel in taker.channels]
         self._index = {name: index for index, name in enumerate(names)}
@@ -54,18 +51,3 @@ class CommandRanges:
                         f"the {channel} {value:.6g} of '{joint}' at point {number} is beyond the limits of the joint, "
                         f"{lower:.6g} to {upper:.6g}. Stay within them."
                     )
-
-
-def _bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
-    """The bounds of each command of an actuator or a drive."""
-    position, speed = (-np.inf, np.inf), np.inf
-    if isinstance(taker, CommandedDrive):
-        position, speed = (taker.lower, taker.upper), taker.velocity_limit
-    elif isinstance(taker.port, CoordinatePort):
-        for joint in mechanism.joints.values():
-            if taker.port.coordinate in joint.coordinate_names:
-                limits = joint.limits_of(joint.coordinate_names.index(taker.port.coordinate))
-                position = position if limits is None else (limits.lower, limits.upper)
-                speed = np.inf if joint.velocity_limit is None else joint.velocity_limit
-    for channel in taker.channels:
-        yield {"position": position, "velocity": (-speed, speed)}.get(channel, (-np.inf, np.inf))

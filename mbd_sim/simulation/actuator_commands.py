@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, listed, nearest, quoted
+from mbd_sim.errors import CommandError, counted, listed, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.channels import Channel, channel_names
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.drives import CommandedDrive
 
 Command = float | Mapping[Channel, float]
+MemberCommand = float | Array | Mapping[Channel, float | Array]  # for all members of an ensemble, or (k,)
 
 
 class CommandMap:
@@ -39,18 +40,46 @@ class CommandMap:
         :raises CommandError: an unknown actuator or channel, or a value that is not a finite number.
         """
         merged = current.copy()
+        for index, value in self._given(commands):
+            merged[index] = _finite(self.names[index], value)
+        return merged
+
+    def merged_rows(
+        self, current: Array, commands: Array | Mapping[str, MemberCommand] | Sequence[Mapping[str, Command]]
+    ) -> Array:
+        """All commands (k, n) of k members after new ones, see `Ensemble.set_commands`.
+
+        :raises CommandError: see `merged`; or the commands do not fit the members.
+        """
+        count, size = current.shape
+        if isinstance(commands, Mapping):
+            merged = current.copy()
+            for index, value in self._given(commands):
+                merged[:, index] = _rows(self.names[index], value, (count,))
+            return merged
+        if not isinstance(commands, np.ndarray) and any(isinstance(one, Mapping) for one in commands):
+            if len(commands) != count:
+                counts = f"{counted(len(commands), 'command')} for {counted(count, 'member')}"
+                raise CommandError(f"{counts}. Give one mapping for each.")
+            pairs = zip(current, commands, strict=True)
+            return np.array([self.merged(row, given) for row, given in pairs]).reshape(count, size)
+        return _rows(f"{counted(size, 'channel')} ({listed(list(self.names))})", commands, (count, size))
+
+    def _given(self, commands: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
+        """The index and the value of each command.
+
+        :raises CommandError: an unknown actuator or channel.
+        """
         for name, given in commands.items():
             if name not in self.takers:
                 remedy = nearest(name, self.takers) if self.takers else "This mechanism has no actuators."
                 raise CommandError(f"there is no actuator '{name}'. {remedy}")
             channels = self.takers[name].channels
-            by_channel = given if isinstance(given, Mapping) else {channels[0]: given}
-            for channel, value in by_channel.items():
+            for channel, value in (given if isinstance(given, Mapping) else {channels[0]: given}).items():
                 if (name, channel) not in self._index:
                     message = f"actuator '{name}' takes no {channel}. Command its {listed(list(channels))}."
                     raise CommandError(message)
-                merged[self._index[name, channel]] = _finite(f"{name}.{channel}", value)
-        return merged
+                yield self._index[name, channel], value
 
     def checked(self, labels: Sequence[str], values: Array) -> Array:
         """All commands (n,), as a recording has them.
@@ -60,6 +89,20 @@ class CommandMap:
         if tuple(labels) != self.names or len(values) != len(self.names) or not np.all(np.isfinite(values)):
             raise CommandError(f"the commands do not fit: one finite number is needed for {listed(list(self.names))}.")
         return values
+
+
+def _rows(name: str, value: object, shape: tuple[int, ...]) -> Array:
+    """Finite numbers of a shape, of which fewer are repeated for all members."""
+    try:
+        if isinstance(value, str | bytes):
+            raise TypeError(f"{quoted(value)} is a text")
+        rows = np.broadcast_to(np.asarray(value, dtype=float), shape)
+    except (TypeError, ValueError) as error:
+        counts = f"the commands of {name} do not fit {counted(shape[0], 'member')}: {error}"
+        raise CommandError(f"{counts}. Give numbers for all of them, or one for each.") from error
+    if not np.all(np.isfinite(rows)):
+        raise CommandError(f"a command of {name} is not finite. Give finite numbers.")
+    return rows
 
 
 def _finite(name: str, value: object) -> float:

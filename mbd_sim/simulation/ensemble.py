@@ -18,13 +18,13 @@ from mbd_sim.compiler.ensemble_kernel import (
     advance_one_by_one,
     compile_members,
 )
-from mbd_sim.errors import CommandError, DivergedError, counted, nearest
+from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.shaped_arrays import require_finite
 from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
-from mbd_sim.simulation.actuator_commands import Command, CommandMap
+from mbd_sim.simulation.actuator_commands import Command, CommandMap, MemberCommand
 from mbd_sim.simulation.argument_checks import (
     member_numbers,
     positive_count,
@@ -41,7 +41,7 @@ from mbd_sim.simulation.ensemble_variants import Change, Variants, member_change
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
 from mbd_sim.simulation.snapshot import MemberFailure
-from mbd_sim.simulation.time_dependence import time_dependence
+from mbd_sim.simulation.time_dependence import sampling_steps, time_dependence
 
 ENOUGH = 2_000_000  # instructions of all members together from which on threads save time
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
@@ -133,16 +133,23 @@ class Ensemble(EnsembleReadings):
     ) -> None:
         """Return some members to their start states, or to given ones (n, nq) and (n, nv), while the time goes on.
 
-        That begins a new run of these members, because it requires that nothing depends on the time. See `reset`.
+        That begins a new run of these members, because it requires that nothing depends on the time. See `reset`. With
+        sampled servos, it is possible at the steps at which all of them sample, as at time zero.
 
         :param members: (n,) their indices, each once.
-        :raises ValueError: see `reset`; or the motion depends on the time; or `members` are a mask.
+        :raises ValueError: see `reset`; or the motion depends on the time; or servos do not sample at this step; or
+            `members` are a mask.
         :raises IndexError: there is no such member.
         :raises CommandError: see `reset`.
         :raises EventError: see `reset`.
         """
         if (reason := self._time_dependence) is not None:
             raise ValueError(f"members cannot start again by themselves, because {reason}. Use reset().")
+        if self.steps % (every := self._sampling_steps):
+            raise ValueError(
+                f"members cannot start again at step {self.steps}, because servos sample at every multiple of {every} "
+                f"steps. Restart them at such a step, or use reset()."
+            )
         some = member_numbers(members, len(self))
         if not some.size:
             return
@@ -158,6 +165,10 @@ class Ensemble(EnsembleReadings):
     @cached_property
     def _time_dependence(self) -> str | None:
         return time_dependence(self.model)
+
+    @cached_property
+    def _sampling_steps(self) -> int:
+        return sampling_steps(self.model)
 
     def _started(self, members: NDArray[np.intp], q: Array | None, u: Array | None) -> tuple[Array, Array, Array]:
         """States (n, m), inputs and energies of some members at their start, see `reset`."""
@@ -233,19 +244,28 @@ class Ensemble(EnsembleReadings):
         """A copy of the states (k, n) at which the members start: see `state`."""
         return self._starts.copy()
 
-    def set_commands(self, commands: Sequence[Mapping[str, Command]]) -> None:
-        """Command the actuators of each member, one mapping for each: see `Simulation.set_commands`.
+    @property
+    def command_names(self) -> tuple[str, ...]:
+        """The names `actuator.channel` of all commands, in their order."""
+        return self._command_map.names
 
-        :raises CommandError: wrong number of mappings, an unknown actuator or channel, or a value that is not finite;
+    @property
+    def commands(self) -> Array:
+        """A copy of the commands (k, n) in the order of `command_names`, in SI units."""
+        return self._groups.get("inputs", self._command_map.range)
+
+    def set_commands(self, commands: Array | Mapping[str, MemberCommand] | Sequence[Mapping[str, Command]]) -> None:
+        """Command the actuators from the next step on: see `Simulation.set_commands`.
+
+        All commands (k, n) in the order of `command_names`, or (n,) for all members; or some by the name of an
+        actuator, one number or (k,) each, or such by channel; or one mapping for each member.
+
+        :raises CommandError: wrong shape or number, an unknown actuator or channel, or a value that is not finite;
             nothing is changed then.
         """
-        if len(commands) != len(self):
-            counts = f"{counted(len(commands), 'command')} for {counted(len(self), 'member')}"
-            raise CommandError(f"{counts}. Give one mapping for each.")
         where = self._command_map.range
         present = self._groups.get("inputs", where)
-        new = [self._command_map.merged(row, given) for row, given in zip(present, commands, strict=True)]
-        self._groups.put("inputs", np.array(new), where)
+        self._groups.put("inputs", self._command_map.merged_rows(present, commands), where)
 
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.

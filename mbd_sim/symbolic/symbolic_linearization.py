@@ -12,14 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mbd_sim.analysis.equilibrium import equilibrium
+from mbd_sim.analysis.equilibrium import nearest_equilibrium
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.symbolic.actuated_equilibrium import equilibrium_with_states, states_at_rest
+from mbd_sim.symbolic.actuated_equilibrium import states_at_rest
 from mbd_sim.symbolic.characteristic_polynomial import characteristic_polynomial
 from mbd_sim.symbolic.equation_limits import MAX_OPERATIONS
 from mbd_sim.symbolic.equilibrium_formulas import NEAR, constrained_equilibrium, free_equilibrium
@@ -82,8 +82,8 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
     terms = _terms(equations)
     if any(equations.time in matrix.free_symbols for matrix in terms):
         return None
-    derived = derive(mechanism)
-    found = _equilibrium(derived, terms.rates.rows > 0)
+    near = nearest_equilibrium(derived := derive(mechanism))
+    found = None if near is None else (near.q, near.states)
     numbers = _numbers(derived, equations, *found) if found else {}
     smooth = _without_kinks(terms, numbers) if found else None
     if found is None or smooth is None or any(drift != 0 for drift in terms.drifts):
@@ -187,14 +187,6 @@ def _can_be_linearized(mechanism: Mechanism, equations: SymbolicEquations) -> bo
     states = [state for one in equations.actuators for state in one.states]
     lawful = all(one.law is not None and not one.delay for one in equations.actuators)
     return lawful and all(state.sampled is None for state in states) and not has_one_sided(mechanism)
-
-
-def _equilibrium(derived: Equations, has_states: bool) -> tuple[Array, Array] | None:
-    """The coordinates (nq,) and the states of actuators (k,) at an equilibrium near the start, or None."""
-    found = equilibrium(derived)
-    if has_states:
-        return equilibrium_with_states(derived, found)
-    return None if found is None else (found, derived.start_state[:0])
 
 
 def _formulas(

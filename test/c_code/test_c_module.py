@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Ensemble, Simulation
 from mbd_sim.c_code.exported_model import export_model
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
@@ -121,6 +121,38 @@ def test_loops_close_for_changed_parameters_as_in_the_file():
     before = code.y.copy()
     assert code.assemble() == 0  # too short
     assert np.array_equal(code.y, before)
+
+
+TURNTABLE = """
+mechanism: turntable
+parameters: {w: 3 rad/s, a: 0.5}
+parts:
+  table: {mass: 1, inertia: [1, 1, 1]}
+  one: {mass: 1, center: [0.3, 0, 0], inertia: [0.01, 0.02, 0.02], points: {tip: [0.6, 0, 0]}}
+  two: {mass: 2, center: [0.3, 0, 0], inertia: [0.01, 0.04, 0.04]}
+joints:
+  spin: {type: revolute, between: [ground, table], axis: [0, 0, 1], drive: w*t}
+  a: {type: revolute, between: [table, one], axis: [0, 0, 1], position: a}
+  b: {type: revolute, between: [one.tip, two], axis: [0, 0, 1], position: -a}
+constraints: {gear: {type: coupling, terms: {a: 1, b: 1}}}
+"""
+
+
+def test_speeds_beside_a_drive_have_the_least_kinetic_energy_as_in_the_simulation_and_for_members():
+    code = CompiledModule(parse_mechanism(TURNTABLE), parameters=("w", "a"))
+    speeds = [(3.0, 0.5), (-7.0, 0.4), (0.0, 0.3)]
+    members = Ensemble(code.model.mechanism, [{"w": w, "a": a} for w, a in speeds * 6])
+    for index, (w, a) in enumerate(speeds):
+        code.p[:] = w, a
+        assert code.assemble() == 1
+        simulation = Simulation(code.model.mechanism, parameters={"w": w, "a": a})
+        kinetic = simulation.energies.kinetic
+        assert code.y[simulation.model.u_range] == pytest.approx(simulation.u, rel=1e-12, abs=1e-15)
+        assert members.u[index] == pytest.approx(simulation.u, rel=1e-12, abs=1e-15)
+        for change in (-0.1, 0.1):
+            y = simulation.state.copy()
+            y[simulation.model.u_range] += [change, -change]
+            assert simulation.model.energies(0.0, y).kinetic > kinetic
 
 
 def flat_parallelograms(count):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
-from mbd_sim.dynamics.constraint_rank import null_space
+from mbd_sim.dynamics.constraint_rank import null_space, rank_of, unit_rows
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.dynamics.test_assembly_errors import FOUR_BAR, four_bar
+from test.generators.loops import random_mechanisms, with_same_mechanisms
 from test.generators.mechanisms import derived
 from test.oracles import kane
 
@@ -131,6 +133,32 @@ def test_nearest_speeds_change_by_the_least_kinetic_energy():
     gradient = equations.constraints.gradient(0.0, q)
     assert gradient @ found == pytest.approx(np.zeros(len(gradient)), abs=1e-13)
     assert (mass @ (found - u)) @ null_space(gradient) == pytest.approx(np.zeros(1), abs=1e-13)
+
+
+@with_same_mechanisms
+@given(random_mechanisms())
+def test_speeds_at_the_start_have_the_least_kinetic_energy_beside_drives(drawn):
+    """By Kane's kinetic energy, which drives move as well: no change that the constraints allow would lessen it."""
+    text, _ = drawn
+    mechanism = parse_mechanism(text)
+    try:
+        equations = derive(mechanism)
+    except MechanismError:  # nothing can move
+        return
+    start, constraints = equations.start, equations.constraints
+    gradient = constraints.gradient(0.0, start.q)
+    if not len(gradient) or rank_of(unit_rows(gradient)) < start.rank:
+        return
+    fixed = np.array([flag for joint in mechanism.joints.values() for flag in joint.fixed_speeds], dtype=bool)
+    free = null_space(np.vstack([unit_rows(gradient), np.eye(len(start.u))[fixed]]))
+    zeros = np.zeros(len(start.u))
+
+    def kinetic(u):
+        return kane.equations(mechanism, start.q, u, zeros).kinetic
+
+    size = 1.0 + kinetic(start.u)
+    for direction in free.T:
+        assert abs(kinetic(start.u + direction) - kinetic(start.u - direction)) <= 1e-8 * size
 
 
 def test_closing_does_not_change_fixed_coordinates():

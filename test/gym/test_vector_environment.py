@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from mbd_sim import CommandError, Ensemble
 from mbd_sim.gym import TASKS, MechanismEnv, MechanismVectorEnv
 from mbd_sim.gym.tasks import upright
+from mbd_sim.load import parse_mechanism
 
 ENVS, ACTIONS = 9, 25  # one more than a vector
 
@@ -144,3 +145,76 @@ def test_mistakes_are_refused():
         envs.reset(options={"reset_mask": np.array([0, 1])})
     with pytest.raises(CommandError, match="not finite"):
         envs.step(np.full((2, 1), np.nan))
+
+
+MOTOR = """
+mechanism: pole
+integrator: {step: 1 ms}
+parts: {arm: {mass: 1, inertia: [0.1, 0.1, 0.1], points: {tip: [0.2, 0, 0]}}, rod: {mass: 0.2, center: [0, 0, 0.3], inertia: [0.01, 0.01, 0]}}
+joints:
+  base: {type: revolute, between: [ground, arm], axis: [0, 0, 1], limits: {lower: -2, upper: 1, stiffness: 10}}
+  hinge: {type: revolute, between: [arm.tip, rod], axis: [1, 0, 0], position: 0.1, effort_limit: 0.5}
+actuators:
+  drive: {type: dc_motor, joint: base, torque_constant: 0.2, resistance: 1, voltage_limit: 12 V, inductance: 1e-3, SERVO}
+sensors: {angle: {type: encoder, joint: hinge, counts: 512, rate: 100 Hz}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("servo", "actuated", "low", "high"),
+    [
+        ("", None, [-12.0], [12.0]),
+        ("servo: {controls: position, kp: 20, kd: 1}", None, [-2.0], [1.0]),
+        ("servo: {controls: position, kp: 20, ki: 3, kd: 1, sample_rate: 200 Hz}", ["drive", "hinge"], [-2.0, -0.5], [1.0, 0.5]),
+        ("servo: {controls: velocity, kp: 2}", ["hinge", "drive.velocity"], [-0.5, -3.0], [0.5, 4.0]),
+        ("delay: 2 ms", ["drive.voltage"], [-12.0], [12.0]),
+    ],
+)  # fmt: skip
+def test_commands_of_motors_are_actions_and_each_episode_is_that_of_one_environment(servo, actuated, low, high):
+    mechanism = parse_mechanism(MOTOR.replace(", SERVO", f", {servo}" if servo else ""))
+    limits = {"drive": (-3.0, 4.0)} if low[-1] == -3.0 else None
+    options = {"actuated": actuated, "command_limits": limits, "start_noise": 0.05}
+    many = MechanismVectorEnv(
+        mechanism, 3, reward=lambda members, actions: members.q[:, 0], max_episode_steps=4, **options
+    )
+    alone = [MechanismEnv(mechanism, reward=lambda sim, action: sim.q[0], **options) for _ in range(3)]
+    assert many.single_action_space.low.tolist() == low and many.single_action_space.high.tolist() == high
+    assert alone[0].action_space == many.single_action_space
+    seen, _ = many.reset(seed=5)
+    single = [env.reset(seed=5 + index)[0] for index, env in enumerate(alone)]
+    assert np.array_equal(seen, single)
+    rng, age = np.random.default_rng(1), 0
+    for _ in range(12):
+        actions = rng.uniform(-20.0, 20.0, (3, len(low))).astype(np.float32)
+        seen, _, _, ended, _ = many.step(actions)
+        age += 1
+        if age > 4:  # the step after an episode begins the next one
+            single, age = [env.reset()[0] for env in alone], 0
+        else:
+            single = [env.step(action)[0] for env, action in zip(alone, actions, strict=True)]
+        assert np.array_equal(seen, single) and ended.all() == (age == 4)
+
+
+def test_commands_without_a_range_and_wrong_names_are_refused():
+    servo = parse_mechanism(MOTOR.replace("SERVO", "servo: {controls: velocity, kp: 2}"))
+
+    def build(actuated=None, limits=None, mechanism=servo, **options):
+        return MechanismVectorEnv(
+            mechanism, 2, actuated, reward=lambda *_: np.zeros(2), command_limits=limits, **options
+        )
+
+    with pytest.raises(ValueError, match=r"command of drive has no limit.*'command_limits'"):
+        build()
+    with pytest.raises(ValueError, match="there is no command 'driv'. Did you mean 'drive'"):
+        build(limits={"driv": 1.0})
+    with pytest.raises(ValueError, match="limit of the command drive is"):
+        build(limits={"drive": (2.0, 1.0)})
+    with pytest.raises(ValueError, match=r"'drive\.velocity' is named twice"):
+        build(["drive", "drive.velocity"], {"drive": 1.0})
+    same = parse_mechanism(MOTOR.replace(", SERVO", "").replace("  drive:", "  base:"))
+    with pytest.raises(ValueError, match=r"a coordinate and an actuator. Write 'base\.voltage' .* or 'efforts\.base'"):
+        build(["base"], mechanism=same)
+    assert build(["base.voltage"], mechanism=same).single_action_space.high == [12.0]
+    sampled = parse_mechanism(MOTOR.replace("SERVO", "servo: {controls: velocity, kp: 2, sample_rate: 250 Hz}"))
+    with pytest.raises(ValueError, match="sample at every multiple of 4 steps, and frame_skip is 6"):
+        build(limits={"drive": 1.0}, mechanism=sampled, frame_skip=6)
