@@ -39,6 +39,9 @@ def add_signals(parser: argparse.ArgumentParser) -> None:
     )
 
 
+ROUND_OFF = 1e-14
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_working_point(parser)
@@ -78,9 +81,18 @@ def _table(name: str, matrix: Array, rows: Sequence[str], columns: Sequence[str]
     yield f"\n{name} ({len(rows)} × {len(columns)})"
     if not matrix.size:
         return
-    texts = [[f"{value + 0.0:.6g}" for value in row] for row in matrix.tolist()]
+    texts = [[f"{value:.6g}" for value in row] for row in settled(matrix).tolist()]
     widths = [max(len(column), *(len(row[place]) for row in texts)) for place, column in enumerate(columns)]
     first = max(map(len, rows))
     yield " ".join([" " * first, *(f"{column:>{width}}" for column, width in zip(columns, widths, strict=True))])
     for row, values in zip(rows, texts, strict=True):
         yield " ".join([f"{row:<{first}}", *(f"{value:>{width}}" for value, width in zip(values, widths, strict=True))])
+
+
+def settled(matrix: Array) -> Array:
+    """A matrix with 0 in place of entries that are round-off in comparison with their row and with their column."""
+    import numpy as np
+
+    size = np.abs(matrix)
+    scale = np.minimum(size.max(axis=0, keepdims=True), size.max(axis=1, keepdims=True))
+    return np.where(size <= ROUND_OFF * scale, 0.0, matrix)
