@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.cli.working_point import add_working_point, simulation_at, state_text
 
@@ -47,12 +48,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_working_point(parser)
     add_signals(parser)
     parser.add_argument("--json", action="store_true", help="print names, units and matrices as JSON")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write a table: .csv, .parquet or .npz; a row for the rate of each state and for each output, a column "
+        "for each state and each input",
+    )
 
 
 def execute(options: argparse.Namespace) -> int:
     """Print the system."""
+    from mbd_sim.playback.plot_files import require_suffix
+    from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
+
+    if options.out is not None:
+        require_suffix(options.out, SUFFIXES)
+        require_packages_for(options.out)
     simulation = simulation_at(options)
     system = simulation.state_space(options.input, options.output)
+    if options.out is not None:
+        write_columns(options.out, _columns(system), {"mechanism": simulation.mechanism.name})
     if options.json:
         print(json.dumps(_content(system), indent=2, ensure_ascii=False))
         return 0
@@ -64,7 +80,18 @@ def execute(options: argparse.Namespace) -> int:
         ("D", system.d, system.outputs, system.inputs),
     ):
         print("\n".join(_table(name, matrix, rows, columns)))
+    if options.out is not None:
+        print(f"wrote {options.out}")
     return 0
+
+
+def _columns(system: StateSpace) -> dict[str, Any]:
+    """The names of the rows, and a column for each state and each input: A and B above C and D."""
+    import numpy as np
+
+    whole = np.block([[system.a, system.b], [system.c, system.d]])
+    rows = [f"rate of {name}" for name in system.states] + list(system.outputs)
+    return {"row": np.array(rows), **dict(zip((*system.states, *system.inputs), whole.T, strict=True))}
 
 
 def _content(system: StateSpace) -> dict[str, object]:
