@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -135,6 +135,18 @@ def temporary_file(name: str) -> Iterator[Path]:
         return
     with folder:
         yield Path(folder.name, name)
+
+
+def text_table(columns: Mapping[str, Sequence[object]], most: int) -> Iterator[str]:
+    """The lines of a table of numbers and words, aligned at the right, with at most so many rows."""
+    rows = min(most, max((len(values) for values in columns.values()), default=0))
+    texts = [
+        [name, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values[:rows])]
+        for name, values in columns.items()
+    ]
+    widths = [max(map(len, column)) for column in texts]
+    for row in zip(*texts, strict=True):
+        yield "  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True))
 
 
 class ProgressBar:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.cli.working_point import add_working_point, simulation_at
 
@@ -39,17 +40,35 @@ def add_signals(parser: argparse.ArgumentParser) -> None:
     )
 
 
+ROUND_OFF = 1e-14
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_working_point(parser)
     add_signals(parser)
     parser.add_argument("--json", action="store_true", help="print names, units and matrices as JSON")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write a table: .csv, .parquet or .npz; a row for the rate of each state and for each output, a column "
+        "for each state and each input",
+    )
 
 
 def execute(options: argparse.Namespace) -> int:
     """Print the system."""
+    from mbd_sim.playback.plot_files import require_suffix
+    from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
+
+    if options.out is not None:
+        require_suffix(options.out, SUFFIXES)
+        require_packages_for(options.out)
     simulation, state = simulation_at(options)
     system = simulation.state_space(options.input, options.output)
+    if options.out is not None:
+        write_columns(options.out, _columns(system), {"mechanism": simulation.mechanism.name})
     if options.json:
         print(json.dumps(_content(system), indent=2, ensure_ascii=False))
         return 0
@@ -61,7 +80,18 @@ def execute(options: argparse.Namespace) -> int:
         ("D", system.d, system.outputs, system.inputs),
     ):
         print("\n".join(_table(name, matrix, rows, columns)))
+    if options.out is not None:
+        print(f"wrote {options.out}")
     return 0
+
+
+def _columns(system: StateSpace) -> dict[str, Any]:
+    """The names of the rows, and a column for each state and each input: A and B above C and D."""
+    import numpy as np
+
+    whole = np.block([[system.a, system.b], [system.c, system.d]])
+    rows = [f"rate of {name}" for name in system.states] + list(system.outputs)
+    return {"row": np.array(rows), **dict(zip((*system.states, *system.inputs), whole.T, strict=True))}
 
 
 def _content(system: StateSpace) -> dict[str, object]:
@@ -78,9 +108,18 @@ def _table(name: str, matrix: Array, rows: Sequence[str], columns: Sequence[str]
     yield f"\n{name} ({len(rows)} × {len(columns)})"
     if not matrix.size:
         return
-    texts = [[f"{value + 0.0:.6g}" for value in row] for row in matrix.tolist()]
+    texts = [[f"{value:.6g}" for value in row] for row in settled(matrix).tolist()]
     widths = [max(len(column), *(len(row[place]) for row in texts)) for place, column in enumerate(columns)]
     first = max(map(len, rows))
     yield " ".join([" " * first, *(f"{column:>{width}}" for column, width in zip(columns, widths, strict=True))])
     for row, values in zip(rows, texts, strict=True):
         yield " ".join([f"{row:<{first}}", *(f"{value:>{width}}" for value, width in zip(values, widths, strict=True))])
+
+
+def settled(matrix: Array) -> Array:
+    """A matrix with 0 in place of entries that are round-off in comparison with their row and with their column."""
+    import numpy as np
+
+    size = np.abs(matrix)
+    scale = np.minimum(size.max(axis=0, keepdims=True), size.max(axis=1, keepdims=True))
+    return np.where(size <= ROUND_OFF * scale, 0.0, matrix)

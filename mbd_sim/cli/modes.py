@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="vary a value of the file: joints.elbow.damping=0:2:50 (50 values from 0 to 2) or l=0.5,1,2; give it two "
         "times for a stability map",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="with --vary, write a table: .csv, .parquet or .npz")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write a table of the modes, or of the eigenvalues over --vary: .csv, .parquet or .npz",
+    )
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="with --vary, draw it: .png, .svg or .pdf")
     add_quiet(parser)
 
@@ -65,24 +70,34 @@ def execute(options: argparse.Namespace) -> int:
         return _equilibria(options)
     if options.vary:
         return _varied(options)
-    if options.out or options.plot:
-        raise InputError("--out and --plot are for eigenvalues over varied values", "Give --vary, or --animate.")
+    if options.plot:
+        raise InputError("--plot is for eigenvalues over varied values", "Give --vary, or --animate.")
     return _modes(options)
 
 
 def _modes(options: argparse.Namespace) -> int:
     from mbd_sim.analysis.mode_shapes import mode_shapes
     from mbd_sim.errors import InputError
+    from mbd_sim.playback.plot_files import require_suffix
+    from mbd_sim.playback.table_export import SUFFIXES as TABLES
+    from mbd_sim.playback.table_export import require_packages_for, write_columns
 
+    if options.out is not None:
+        require_suffix(options.out, TABLES)
+        require_packages_for(options.out)
     simulation, state = simulation_at(options)
     shapes = mode_shapes(simulation.linearize())
     print(state)
     for number, shape in enumerate(shapes, 1):
         print("\n".join(_mode_lines(number, shape, simulation.coordinate_names)))
+    if options.out is not None:
+        write_columns(
+            options.out, _mode_columns(shapes, simulation.coordinate_names), {"mechanism": simulation.mechanism.name}
+        )
+        print(f"wrote {options.out}")
     if options.animate is not None:
         from mbd_sim.drawing.animation_file import SUFFIXES
         from mbd_sim.linear_analysis.mode_animation import animate_mode
-        from mbd_sim.playback.plot_files import require_suffix
 
         require_suffix(options.animate, SUFFIXES)
         if not 1 <= options.mode <= len(shapes):
@@ -106,6 +121,23 @@ def _equilibria(options: argparse.Namespace) -> int:
     for number, one in enumerate(found, 1):
         print(f"{number:>3}  {place_text(simulation, one.q)}\n   {equilibrium_text(simulation, one)}")
     return 0
+
+
+def _mode_columns(shapes: Sequence[ModeShape], names: Sequence[str]) -> dict[str, Array]:
+    """A row for each mode; the shape has an amplitude in m or rad and a phase for each coordinate."""
+    import numpy as np
+
+    values = np.array([shape.mode.eigenvalue for shape in shapes])
+    found = {
+        "frequency_Hz": np.array([shape.mode.frequency for shape in shapes]),
+        "damping_ratio": np.array([shape.mode.damping for shape in shapes]),
+        "real_1_s": values.real,
+        "imaginary_rad_s": values.imag,
+    }
+    for index, name in enumerate(names):
+        entries = np.array([shape.displacements[index] for shape in shapes])
+        found[f"{name}.amplitude"], found[f"{name}.phase_deg"] = np.abs(entries), np.degrees(np.angle(entries))
+    return found
 
 
 def _rate(shape: ModeShape) -> str:

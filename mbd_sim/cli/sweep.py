@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from mbd_sim.cli.common import (
     positive_in,
     print_notes,
     seed_number,
+    text_table,
 )
 from mbd_sim.errors import counted
 
@@ -31,6 +33,7 @@ DESCRIPTION = (
 
 SAMPLES = 1000  # of each run, from which its extremes are taken, unless --every is given
 MAX_PROBLEMS = 5  # printed
+MOST_ROWS, MOST_COLUMNS = 20, 6  # of the table that is printed where no file is written
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "velocities.elbow, losses.friction, or events.impact for the number of impacts",
     )
     add_method_and_step(parser, "from the file")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write a table with a row per run: .parquet or .csv")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write a table with a row per run: .parquet or .csv (default: print it)",
+    )
     parser.add_argument(
         "--histories", type=Path, metavar="FILE", help="write a table of all coordinates over time: .parquet or .csv"
     )
@@ -138,6 +146,8 @@ def execute(options: argparse.Namespace) -> int:
     if options.plot is not None:
         draw(options.plot, results.runs, planned.names, shown, f"{mechanism.name} after {options.time:g} s")
     print(_summary(mechanism.name, results, seconds, [options.out, options.histories, options.plot]))
+    if options.out is None and options.histories is None and options.plot is None:
+        print("\n".join(_table(results, planned.names, settings.quantities)))
     return 1 if results.problems else 0
 
 
@@ -151,3 +161,17 @@ def _summary(name: str, results: Results, seconds: float, paths: list[Path | Non
     if len(results.problems) > MAX_PROBLEMS:
         lines.append(f"  … and {len(results.problems) - MAX_PROBLEMS} more")
     return "\n".join([*lines, *(f"  wrote {path}" for path in paths if path is not None and path.exists())])
+
+
+def _table(results: Results, varied: Sequence[str], quantities: Sequence[str]) -> Iterator[str]:
+    """The varied values of each run with the chosen quantities, or else with the final positions of all coordinates."""
+    runs = results.runs
+    chosen = [name for name in runs if any(name.startswith(f"{quantity}.") for quantity in quantities)]
+    shown = chosen or [name for name in runs if name.endswith(".position") and name not in varied]
+    columns = {name: runs[name].tolist() for name in ("run", *varied, *shown[:MOST_COLUMNS])}
+    yield from text_table(columns, MOST_ROWS)
+    more = [counted(len(runs["run"]) - MOST_ROWS, "run")] if len(runs["run"]) > MOST_ROWS else []
+    if others := len(runs) - len(columns):
+        more.append(counted(others, "column"))
+    if more:
+        yield f"{' and '.join(more)} more: --out FILE.csv writes all"

@@ -20,6 +20,7 @@ from mbd_sim.mechanism.records import Mechanism
 HEAD = 20  # width of the first column
 LINES = 13  # of the table, and more only for singular points
 WIDTH = 14  # of its columns
+ROUND_OFF = 1e-12  # of a number, relative to those from which it is computed
 JUMP = 0.25  # change from one position to the next, relative to the range of the values, that is remarked
 
 
@@ -164,7 +165,7 @@ def _usual_columns(motion: DrivenMotion, points: Sequence[str], loads: DriveLoad
     for name in points:
         position = motion.point(name).position
         columns |= {f"{name} {axis} (m)": position[:, index] for index, axis in enumerate("xyz")
-                    if np.ptp(position[:, index]) > 1e-9}  # fmt: skip
+                    if np.ptp(position[:, index]) > ROUND_OFF * motion.system.constraints.size}  # fmt: skip
     if loads is not None:
         for name, effort in loads.efforts.items():
             columns[f"{name} ({'N·m' if is_rotation(motion.mechanism, name) else 'N'})"] = effort
@@ -176,8 +177,16 @@ def _table(motion: DrivenMotion, columns: Mapping[str, Array]) -> Iterator[str]:
     rows = {int(row) for row in np.linspace(0, len(motion) - 1, min(LINES, len(motion))).round()}
     marks = {one.row: one.kind for one in motion.singular}
     widths = [max(len(name), WIDTH) for name in columns]
+    settled = [_settled(motion, name, values) for name, values in columns.items()]
     yield "  ".join(name.rjust(width) for name, width in zip(columns, widths, strict=True))
     for row in sorted(rows | marks.keys()):
-        numbers = [f"{round(float(values[row]), 9) + 0.0:.6g}" for values in columns.values()]
+        numbers = [f"{values[row]:.6g}" for values in settled]
         text = "  ".join(number.rjust(width) for number, width in zip(numbers, widths, strict=True))
         yield f"{text}  {marks.get(row, '')}".rstrip()
+
+
+def _settled(motion: DrivenMotion, name: str, values: Array) -> Array:
+    """A column with 0 in place of round-off: of a full turn, of the size of the mechanism, or of its largest number."""
+    unit = {"(deg)": 360.0, "(m)": motion.system.constraints.size}.get(name.rpartition(" ")[2], 0.0)
+    scale = max(unit, float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values))))
+    return np.where(np.abs(values) <= ROUND_OFF * scale, 0.0, values)

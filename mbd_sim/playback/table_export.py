@@ -89,7 +89,11 @@ def _write_csv(path: Path, found: Columns) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(_quoted(name) for name in found) + "\n")
         for row in zip(*lists, strict=True):
-            stream.write(",".join("" if value != value else repr(value) for value in row) + "\n")  # nan: empty
+            stream.write(",".join(map(_field, row)) + "\n")
+
+
+def _field(value: object) -> str:
+    return _quoted(value) if isinstance(value, str) else "" if value != value else repr(value)  # nan: empty
 
 
 def _quoted(name: str) -> str:

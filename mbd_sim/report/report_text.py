@@ -32,7 +32,8 @@ def _structure(found: dict[str, Any]) -> list[str]:
         "",
         f"{'part':16s} {'mass kg':>10s}  {'center of mass m':28s} shapes",
         *(
-            f"{part['name']:16s} {part['mass']:10.4g}  {_vector(part['center']):28s} {', '.join(part['shapes'])}"
+            f"{part['name']:16s} {part['mass']:10.4g}  {_vector(part['center'], _size(found)):28s} "
+            f"{', '.join(part['shapes'])}"
             for part in found["parts"]
         ),
         "",
@@ -124,7 +125,7 @@ def _dynamics(found: dict[str, Any]) -> list[str]:
         *_mass(found["mass_matrix"]),
         *_inertia_forces(found["inertia_forces"]),
         *_one_sided(found),
-        *_compliant_contacts(found["compliant_contacts"]),
+        *_compliant_contacts(found["compliant_contacts"], _size(found)),
         *_motions(found["small_motions"]),
         f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
         f"{integrator['instructions_per_evaluation']} instructions per evaluation",
@@ -139,19 +140,19 @@ def _one_sided(found: dict[str, Any]) -> list[str]:
     left, free = found["one_sided"]["degrees_of_freedom"], found["degrees_of_freedom"]
     some = "1 element leaves" if len(elements) == 1 else f"{len(elements)} elements leave"
     head = f"One-sided           {some} {left} of {free} degrees of freedom at the start"
-    return [head, *_contact_lines(elements)]
+    return [head, *_contact_lines(elements, _size(found))]
 
 
-def _compliant_contacts(elements: dict[str, Any]) -> list[str]:
+def _compliant_contacts(elements: dict[str, Any], size: float) -> list[str]:
     """The compliant contacts at the start."""
-    return [f"Compliant contacts  {len(elements)}", *_contact_lines(elements)] if elements else []
+    return [f"Compliant contacts  {len(elements)}", *_contact_lines(elements, size)] if elements else []
 
 
-def _contact_lines(elements: dict[str, Any]) -> Iterator[str]:
+def _contact_lines(elements: dict[str, Any], size: float) -> Iterator[str]:
     for name, element in elements.items():
         text = f"{name}: {element['state']}"
         if element["state"] == "open":
-            text += f", gap {element['gap']:.6g}"
+            text += f", gap {_rounded(element['gap'], size):.6g}"
         elif element["normal"]:
             text += f", force {element['normal']:.6g}"
         yield f"  {text}"
@@ -162,9 +163,15 @@ def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:
         return "closes a loop"
     if joint["drive"]:
         return "driven"
-    given = zip(joint["position"], joint["position_units"], strict=False)
-    turned = [f"{math.degrees(value) + 0.0:.4g}°" for value, unit in given if unit == "rad" and value]
-    return _vector(joint["position"]) + (f" ({', '.join(turned)})" if turned else "")
+    units = joint["position_units"]
+    values = [
+        _rounded(value, 1.0 if unit == "rad" else _size(found))
+        for value, unit in zip(joint["position"], units, strict=False)
+    ]
+    turned = [
+        f"{math.degrees(value):.4g}°" for value, unit in zip(values, units, strict=False) if unit == "rad" and value
+    ]
+    return _vector(values, 0.0) + (f" ({', '.join(turned)})" if turned else "")
 
 
 def _mobility(found: dict[str, Any]) -> list[str]:
@@ -231,10 +238,11 @@ def _grouped(names: list[str]) -> list[str]:
 
 def _mass(matrix: dict[str, Any]) -> list[str]:
     regular = "positive definite" if matrix["positive_definite"] else "singular"
+    t2, t1, t0 = _all_rounded([matrix[name] for name in ("T2", "T1", "T0")])
     return [
         f"Mass matrix         {regular}, condition number {matrix['condition']:.3g} at the start",
-        f"Kinetic energy      T2 {matrix['T2']:.6g} J (quadratic in the speeds), T1 {matrix['T1']:.6g} J (linear), "
-        f"T0 {matrix['T0']:.6g} J (constant)",
+        f"Kinetic energy      T2 {t2:.6g} J (quadratic in the speeds), T1 {t1:.6g} J (linear), "
+        f"T0 {t0:.6g} J (constant)",
     ]
 
 
@@ -243,12 +251,13 @@ def _inertia_forces(terms: dict[str, Any] | None) -> list[str]:
     if terms is None:
         return []
     complementary = [a + b for a, b in zip(terms["gyroscopic"], terms["unsteady"], strict=True)]
-    lines = [
-        f"Inertia forces      relative {_vector(terms['relative'])}, transport {_vector(terms['transport'])}, "
-        f"Coriolis {_vector(complementary)} at the start"
-    ]
-    if max(abs(value) for row in terms["gyroscopic_matrix"] for value in row) > 1e-12:
-        rows = ", ".join(_vector(row) for row in terms["gyroscopic_matrix"])
+    largest = max(abs(value) for row in (terms["relative"], terms["transport"], complementary) for value in row)
+    relative, transport, coriolis = (
+        _vector(row, largest) for row in (terms["relative"], terms["transport"], complementary)
+    )
+    lines = [f"Inertia forces      relative {relative}, transport {transport}, Coriolis {coriolis} at the start"]
+    if (largest := max(abs(value) for row in terms["gyroscopic_matrix"] for value in row)) > 1e-12:
+        rows = ", ".join(_vector(row, largest) for row in terms["gyroscopic_matrix"])
         lines.append(f"  gyroscopic matrix [{rows}]: skew-symmetric, does no work")
     return lines
 
@@ -262,7 +271,9 @@ def _motions(small: dict[str, Any]) -> list[str]:
     lines = [f"Equilibrium         at {place}{unstable}"]
     for mode in small["modes"]:
         if mode["frequency"]:
-            lines.append(f"  natural mode      {mode['frequency']:.6g} Hz, damping ratio {mode['damping']:.4g}")
+            lines.append(
+                f"  natural mode      {mode['frequency']:.6g} Hz, damping ratio {_rounded(mode['damping']):.4g}"
+            )
         elif mode["growth"]:
             verb = "grows" if mode["growth"] > 0.0 else "decays"
             constant = 1.0 / abs(mode["growth"])
@@ -277,10 +288,20 @@ def _axes(joint: dict[str, Any]) -> str:
     return " ".join(_vector(axis) for axis in joint["axes"]) + lead
 
 
-def _vector(values: list[float]) -> str:
-    return "[" + ", ".join(f"{_rounded(value):.4g}" for value in values) + "]" if values else ""
+def _size(found: dict[str, Any]) -> float:
+    """The size of the mechanism in m, with which its lengths are compared."""
+    return float(found.get("size", 1.0))
+
+
+def _vector(values: list[float], scale: float = 1.0) -> str:
+    return "[" + ", ".join(f"{_rounded(value, scale):.4g}" for value in values) + "]" if values else ""
+
+
+def _all_rounded(values: list[float]) -> list[float]:
+    """The values, or 0 where they are round-off in comparison with the largest."""
+    return [_rounded(value, max(map(abs, values))) for value in values]
 
 
 def _rounded(value: float, scale: float = 1.0) -> float:
     """The value, or 0 where it is round-off in comparison with `scale`."""
-    return 0.0 if abs(value) < ROUND_OFF * scale else value
+    return value if abs(value) > ROUND_OFF * scale else 0.0

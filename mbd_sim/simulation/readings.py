@@ -88,10 +88,13 @@ class Readings(RunState):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a user should know before the first step: why the method was chosen, and limits that do not act."""
-        from mbd_sim.simulation.remarks import remarks
+        """What a user should know: why the method was chosen, limits that do not act, drives that jump.
 
-        return remarks(self.model)
+        Jumps of drives are sought in the time of the run, and before its first step in the first 10 s.
+        """
+        from mbd_sim.simulation.remarks import LOOK_AHEAD, remarks
+
+        return remarks(self.model, self.time or LOOK_AHEAD)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""

@@ -7,17 +7,31 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_angle_remarks
 from mbd_sim.simulation.compiled_model import Model
 
+LOOK_AHEAD = 10.0  # s after the start in which jumps of drives are sought
 
-def remarks(model: Model) -> tuple[str, ...]:
-    """Sentences on an unusual method, limits that do not act, undetermined friction, and angles beyond a full turn."""
+
+def remarks(model: Model, end: float = LOOK_AHEAD) -> tuple[str, ...]:
+    """Sentences on an unusual method, limits that do not act, drives that jump, angles beyond a full turn, and others.
+
+    :param end: the time in s until which jumps of drives are sought.
+    """
     found = (
         *model.mechanism.source.remarks,
         model.method_remark,
         limits_remark(model.mechanism),
         friction_remark(model),
         *bare_angle_remarks(model.mechanism.source),
+        *_jump_remarks(model.mechanism, end),
     )
     return tuple(remark for remark in found if remark)
+
+
+def _jump_remarks(mechanism: Mechanism, end: float) -> list[str]:
+    if not mechanism.driven_names and not mechanism.constraints:
+        return []
+    from mbd_sim.simulation.drive_jumps import jump_remarks  # which needs CasADi
+
+    return [*jump_remarks(mechanism, end)]
 
 
 def friction_remark(model: Model) -> str:

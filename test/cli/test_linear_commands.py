@@ -4,8 +4,12 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mbd_sim import Simulation
+from mbd_sim.analysis.mode_shapes import mode_shapes
+from mbd_sim.cli.linearize import settled
 from mbd_sim.cli.main import main
 from test.linear_analysis.columns import COLUMN
 
@@ -67,3 +71,44 @@ def test_a_frequency_response(column, capsys):
         first = next(csv.DictReader(file))
     assert float(first["frequency_Hz"]) == pytest.approx(0.1)
     assert main([*arguments, "--from", "3", "--to", "2"]) == 1
+
+
+def read_table(path):
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_the_matrices_of_a_linearization_as_a_table(tmp_path, capsys):
+    out = tmp_path / "matrices.csv"
+    assert main(["linearize", "double_rod", "--out", str(out)]) == 0
+    system = to_equilibrium_of("double_rod").state_space(None, None)
+    rows = read_table(out)
+    whole = np.block([[system.a, system.b], [system.c, system.d]])
+    assert [row["row"] for row in rows] == [*(f"rate of {name}" for name in system.states), *system.outputs]
+    assert np.array([[float(row[name]) for name in (*system.states, *system.inputs)] for row in rows]) == pytest.approx(
+        whole, abs=1e-12
+    )
+    assert f"wrote {out}" in capsys.readouterr().out
+
+
+def to_equilibrium_of(name):
+    from mbd_sim.linear_analysis.working_point import to_equilibrium
+
+    simulation = Simulation.from_file(name)
+    to_equilibrium(simulation)
+    return simulation
+
+
+def test_the_modes_as_a_table(tmp_path):
+    out = tmp_path / "modes.csv"
+    assert main(["modes", "double_rod", "--out", str(out)]) == 0
+    modes = [shape.mode for shape in mode_shapes(to_equilibrium_of("double_rod").linearize())]
+    rows = read_table(out)
+    assert [float(row["frequency_Hz"]) for row in rows] == pytest.approx([mode.frequency for mode in modes])
+    names = Simulation.from_file("double_rod").coordinate_names
+    assert max(float(row[f"{name}.amplitude"]) for row in rows for name in names) == pytest.approx(1.0)
+
+
+def test_entries_of_round_off_are_printed_as_zero():
+    found = settled(np.array([[1e-17, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]))
+    assert found.tolist() == [[0.0, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]
