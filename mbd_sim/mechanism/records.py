@@ -192,6 +192,18 @@ class Joint:
                 assert_never(coordinate.direction)
 
 
+@dataclass(frozen=True)
+class Move:
+    """By how much the frames of a joint were moved at most, so that its loops are exact: in m and in rad."""
+
+    distance: float
+    angle: float
+
+    def exceeds(self, other: Move) -> bool:
+        """Whether it is longer or turns by more than another one."""
+        return self.distance > other.distance or self.angle > other.angle
+
+
 @dataclass(frozen=True, eq=False)
 class Attachment:
     """A point (3,) of a part, or of ground, in that part's frame."""
@@ -206,7 +218,8 @@ class Mechanism:
 
     `tree` has their names from ground outwards, those that split parts last. `closing` joints close loops;
     they have no coordinates. Contacts that approach more slowly than `rest_speed` in m/s or rad/s do not rebound.
-    `sensor_seed` selects the noise of `sensors`.
+    `sensor_seed` selects the noise of `sensors`. `moved` are the joints that differ from the file, see
+    `mbd_sim.exact_geometry`.
     """
 
     name: str
@@ -234,6 +247,7 @@ class Mechanism:
     sensors: tuple[AnySensor, ...] = ()
     sensor_seed: int = 0
     rest_speed: float = 1e-5
+    moved: Mapping[str, Move] = field(default_factory=dict)
 
     @property
     def all_joints(self) -> Mapping[str, Joint]:
@@ -322,9 +336,9 @@ def _weld(joint: Joint) -> Joint:
     pose = joint.parent_pose if joint.reversed else joint.child_pose
     if joint.axis.any():
         pose = Pose(pose.position, pose.rotation @ aligning_z(joint.axis))
-    zeros = np.zeros(3)
-    none = dict.fromkeys(("position", "velocity", "stiffness", "rest", "damping"), np.zeros(0))
-    return Joint(joint.name, "fixed", joint.outboard_part, joint.outboard, pose, pose, zeros, zeros, **none)
+    no_axis, none = np.zeros(3), np.zeros(0)
+    ends = joint.outboard_part, joint.outboard
+    return Joint(joint.name, "fixed", *ends, pose, pose, no_axis, no_axis, none, none, none, none, none)
 
 
 def require_mechanism(given: object) -> Mechanism:

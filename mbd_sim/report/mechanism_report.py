@@ -130,6 +130,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
         "closing_joints": list(mechanism.closing),
         "split_parts": {name: joint.outboard_part for name, joint in mechanism.joints.items() if joint.splits},
+        "moved": {name: dataclasses.asdict(move) for name, move in mechanism.moved.items()},
         "mobility": dataclasses.asdict(counted),
         "stated_compliances": [joint.name for joint in mechanism.all_joints.values() if joint.compliance != 1.0],
         "degrees_of_freedom": counted.degrees_of_freedom,

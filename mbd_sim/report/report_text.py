@@ -197,6 +197,11 @@ def _mobility(found: dict[str, Any]) -> list[str]:
     if closing:
         lines.append(f"  loops closed by   {', '.join(closing)}")
         lines += _assembly_modes(found)
+    if found["moved"]:
+        lines.append(
+            "  made exact        axes and points of loops, within the digits of the file (tolerance: 0 keeps them):"
+        )
+        lines += [f"                    {name} by {_move(move)}" for name, move in found["moved"].items()]
     if numbers["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(numbers["redundant"])]
         degree, stated = numbers["static_indeterminacy"], found["stated_compliances"]
@@ -211,6 +216,12 @@ def _mobility(found: dict[str, Any]) -> list[str]:
             verdict = "integrable, so it also restricts positions" if row["integrable"] else "not integrable"
             lines.append(f"  nonholonomic      {row['name']}: {verdict}")
     return lines
+
+
+def _move(move: dict[str, float]) -> str:
+    """By how much a joint was moved; what is round-off is left out."""
+    sizes = (1e3 * move["distance"], "mm", 1e-9), (math.degrees(move["angle"]), "°", 1e-11)
+    return " and ".join(f"{size:.3g} {unit}".replace(" °", "°") for size, unit, least in sizes if size > least)
 
 
 def _assembly_modes(found: dict[str, Any]) -> list[str]:

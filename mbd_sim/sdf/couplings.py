@@ -13,7 +13,7 @@ from mbd_sim.sdf.joints import TYPES, axis_of
 from mbd_sim.sdf.values import Values
 
 SINGLE = ("revolute", "continuous", "prismatic", "screw")
-PARALLEL = 1e-9
+PARALLEL = 1e-3  # rad, within which the axes of a gearbox are those of its joints
 
 Names = Mapping[int, str]  # of joints in the mechanism, by their id
 
@@ -91,7 +91,8 @@ def _rotation(
     link: Node | None,
     direction: Array,
 ) -> tuple[Node, float] | None:
-    """The joint between a body and a link about a direction in the world, and the sign of its angle for the link."""
+    """The joint between a body and a link most nearly about a direction in the world, and the sign of its angle."""
+    found: list[tuple[float, Node, float]] = []
     for joint in joints:
         if joint.element.attributes.get("type") not in ("revolute", "continuous"):
             continue
@@ -101,6 +102,7 @@ def _rotation(
             continue
         own = world_pose(joint).rotation @ axis_of(values, joint, axis, old_axes=False)
         cosine = float(own @ direction)
-        if np.linalg.norm(own - cosine * direction) <= PARALLEL:
-            return joint, (1.0 if cosine > 0.0 else -1.0) * (1.0 if ends == (body, link) else -1.0)
-    return None
+        sign = (1.0 if cosine > 0.0 else -1.0) * (1.0 if ends == (body, link) else -1.0)
+        found.append((float(np.linalg.norm(own - cosine * direction)), joint, sign))
+    sine, nearest, sign = min(found, key=lambda one: one[0], default=(np.inf, None, 0.0))
+    return (nearest, sign) if nearest is not None and sine <= PARALLEL else None

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.exact_geometry.snapping import with_exact_loops
 from mbd_sim.geometry.batch import array
 from mbd_sim.mechanism.attachments import PointsByPart
 from mbd_sim.mechanism.records import GROUND, Mechanism
@@ -74,7 +75,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         for name, joint in joints.items()
         if name in outboard
     }
-    return Mechanism(
+    mechanism = Mechanism(
         name=file.mechanism,
         description=file.description.strip(),
         parts=elements.parts,
@@ -101,6 +102,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         bases=elements.bases,
         sensor_seed=round(file.sensor_seed),
     )
+    return with_exact_loops(mechanism, file.tolerance)
 
 
 def _named_joints(elements: MechanismElements) -> set[str]:

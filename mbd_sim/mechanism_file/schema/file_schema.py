@@ -111,6 +111,7 @@ class PartSpec(Spec):
         return self
 
 
+Tolerance = Annotated[float, Quantity("", at_least=0, at_most=0.01)]
 RestSpeed = Annotated[float, Quantity("m/s", at_least=0)]
 
 
@@ -136,6 +137,11 @@ class MechanismFile(Spec):
         {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
     )
     tables: dict[Name, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
+    tolerance: Tolerance = Field(
+        1e-3,
+        description="loops whose axes are parallel, or meet, within this angle in rad, and this part of their size, "
+        "mean exactly that; 0: as written",
+    )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     # Made without validation, which would build both records at every start.
     integrator: IntegrationSpec = IntegrationSpec.model_construct()

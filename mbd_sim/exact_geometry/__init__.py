@@ -1,0 +1,9 @@
+"""Loops whose axes are parallel, or meet, only to the digits of the file: the nearest exact geometry.
+
+| module | |
+|---|---|
+| `snapping` | the mechanism with exact geometry, and by how much each joint was moved |
+| `loop_positions` | a configuration in which all loops are closed as well as their geometry allows |
+| `freedoms` | the freedoms of joints as twists, and the gaps of closing joints |
+| `families` | which axes of a loop are meant to be parallel, to coincide, or to meet in a point |
+"""
