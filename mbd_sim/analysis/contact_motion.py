@@ -133,7 +133,7 @@ class ContactMotion:
         active = inputs[self._equations.inputs.contact][self._contact.contacts.layout.active]
         if not np.any(active < 0.0):
             return np.asarray(np.linalg.solve(slope, right))
-        scale = np.where(active < 0.0, 1.0 / np.sqrt(np.abs(active)), 1.0)
+        scale = 1.0 / np.sqrt(np.where(active < 0.0, -active, 1.0))
         solution = np.linalg.lstsq(slope * scale, right, rcond=DEPENDENT)[0]
         return np.asarray(scale.reshape(-1, *[1] * (right.ndim - 1)) * solution)
 

@@ -17,7 +17,7 @@ from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.stepping import ESTIMATED_EVERY, emit_plain_advance
 
 PART, TO_EVENT, WHOLE = range(3)  # what to do at an event: ignore it, end before its step, or undo all steps
-GRAZING = 4.0 / 27.0  # the largest value of x (1 - x)², by which a cubic falls below its ends for unit slopes
+GRAZING = 1.5  # of the step times the larger rate at both ends: the sum of both gaps below which they may have met
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
 NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros
@@ -223,17 +223,21 @@ class _Check:
         return b.and_(falls, b.fcmp_ordered(">", load(b, self._after, slope), number(0.0)))
 
     def _grazes(self, h: Value) -> Value:
-        """Whether a gap that turns back within the step may have been negative before that."""
+        """Whether a gap that turns back within the step may have been negative before that.
+
+        Small bodies that fly past each other approach and part at full speed, without any curve in between.
+        """
         b, gaps, found = self._b, self._guards.gaps, FALSE
-        factor = b.fmul(number(GRAZING), h)
+        reach = b.fmul(number(GRAZING), h)
         for gap in range(gaps):
             (last_gap, last_slope), (value, slope) = (
                 (load(b, values, gap), load(b, values, gap + gaps)) for values in (self._before, self._after)
             )
-            lower = b.select(b.fcmp_ordered("<", value, last_gap), value, last_gap)
-            deep = b.fcmp_ordered("<", lower, b.fmul(factor, b.fsub(slope, last_slope)))
+            falls = b.fneg(last_slope)
+            fastest = b.select(b.fcmp_ordered(">", slope, falls), slope, falls)
+            near = b.fcmp_ordered("<", b.fadd(last_gap, value), b.fmul(reach, fastest))
             open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance))
-            found = b.or_(found, b.and_(b.and_(self._turns_back(gap), open_before), deep))
+            found = b.or_(found, b.and_(b.and_(self._turns_back(gap), open_before), near))
         return found
 
     def _turns(self, slip: tuple[int, int], inputs: Value) -> Value:

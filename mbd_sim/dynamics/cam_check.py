@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mbd_sim.dynamics.cam_contacts import LEAST_CURVATURE, follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.contacts import Ball, Cam, Contact
+from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.records import Mechanism
 
@@ -84,7 +84,7 @@ def _cam_and_roller(contact: Contact) -> tuple[TimeExpression, float | None] | N
     """The profile of a cam, and the radius in m of its roller; None for the radius of a flat follower."""
     if isinstance(contact.first, Cam):
         return contact.first.profile, None
-    if isinstance(contact.second, Cam) and isinstance(contact.first, Ball):
+    if isinstance(contact.second, Cam) and isinstance(contact.first, Ball | Barrel):
         return contact.second.profile, contact.first.radius
     return None
 

@@ -84,7 +84,8 @@ def _friction_guard(
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
     Friction that depends on other friction at rest does not move either. A clutch that is released is watched until it
-    has a capacity, or slips. Along two directions the stored direction is renewed where sliding has turned by 60 degrees.
+    has a capacity, or slips. Along two directions the stored direction is renewed where sliding has turned by 60
+    degrees.
     """
     rows = list(element.rows)
     stored = contacts.stored_direction(element)

@@ -20,6 +20,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, Face, Rim, RimPoint
 
 FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
+ALONG = 1e-9  # of a tube's radius, by which a ball in the plane of a ring may be beside it by round-off
 STEEP = 0.8  # component of a normal along y, from which on z is the reference for directions of slip
 
 
@@ -67,11 +68,15 @@ def touch(contact: Contact, first: Frame, second: Frame, still: int | None = Non
         case Ball() as ball, Ball() as other:
             line = first.position - second.position
             return _round(contact, ball, other.radius, first, line, lambda normal: tangents(normal, still))
+        case Ball() as ball, Barrel() as barrel if contact.inside:
+            return _ball_in_barrel(contact, ball, barrel, first, second)
         case Ball() as ball, Barrel() as barrel:
-            axis, line = _turned(second, barrel.axis), first.position - second.position
-            across = line - axis * ca.dot(axis, line)
-            return _round(contact, ball, barrel.radius, first, across, lambda normal: (ca.cross(axis, normal), axis))
-        case Ball() as ball, Cam() as cam:
+            return _ball_on_barrel(ball, barrel, first, second)
+        case Barrel() as inner, Barrel() as barrel:
+            axis, across, _ = _cylindrical(barrel, first, second)
+            roller = Ball(inner.at, inner.radius)
+            return _round(contact, roller, barrel.radius, first, across, lambda normal: (ca.cross(axis, normal), axis))
+        case Ball() | Barrel() as ball, Cam() as cam:
             return _ball_on_cam(ball, cam, first, second)
         case Cam() as cam, Face() as face:
             normal, axes = _turned(second, face.normal), ca.sparsify(first.rotation @ constant(cam.axes))
@@ -158,6 +163,46 @@ def _round(contact: Contact, ball: Ball, radius: float, first: Frame, line: ca.S
     return Touch(distance, normal, first.position - ball.radius * normal, sides(normal))
 
 
+def _cylindrical(barrel: Barrel, first: Frame, second: Frame) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The axis (3,) of a barrel, what leads (3,) from there to the first frame, and how far along it that is in m."""
+    axis, line = _turned(second, barrel.axis), first.position - second.position
+    along = ca.dot(axis, line)
+    return axis, line - axis * along, along
+
+
+def _ball_on_barrel(ball: Ball, barrel: Barrel, first: Frame, second: Frame) -> Touch:
+    """A ball at the side, on an end, or at an edge of a cylinder."""
+    axis, across, along = _cylindrical(barrel, first, second)
+    radial, up = ca.sqrt(ca.dot(across, across) + FLAT), ca.if_else(along < 0.0, -1.0, 1.0)
+    beside, beyond = radial - barrel.radius, ca.fabs(along) - 0.5 * barrel.length
+    outward, at_edge, on_end = across / radial, (beside > 0.0) * (beyond > 0.0), beyond > beside
+    size = ca.sqrt(beside * beside + beyond * beyond + FLAT)
+    distance = ca.if_else(at_edge, size, ca.fmax(beside, beyond)) - ball.radius
+    flat = ca.if_else(on_end, up * axis, outward)
+    normal = ca.if_else(at_edge, (beside * outward + (beyond * up) * axis) / size, flat)
+    around, fixed = ca.cross(axis, outward), _turned(second, perpendiculars(barrel.axis)[0])
+    side = ca.if_else(on_end * (beside <= 0.0), fixed, around)
+    return Touch(distance, normal, first.position - ball.radius * normal, (side, ca.cross(normal, side)))
+
+
+def _ball_in_barrel(contact: Contact, ball: Ball, barrel: Barrel, first: Frame, second: Frame) -> Touch:
+    """A ball inside a tube with a thin wall, or at the edge of one of its ends."""
+    axis, across, along = _cylindrical(barrel, first, second)
+    inner = _round(contact, ball, barrel.radius, first, across, lambda normal: (ca.cross(axis, normal), axis))
+    radial, up = ca.sqrt(ca.dot(across, across) + FLAT), ca.if_else(along < 0.0, -1.0, 1.0)
+    beside, beyond = radial - barrel.radius, ca.fabs(along) - 0.5 * barrel.length
+    outside, outward = beyond > ALONG * barrel.radius, across / radial
+    size = ca.sqrt(beside * beside + beyond * beyond + FLAT)
+    normal = ca.if_else(outside, (beside * outward + (beyond * up) * axis) / size, inner.normal)
+    around = ca.if_else(outside, ca.cross(axis, outward), inner.sides[0])
+    return Touch(
+        ca.if_else(outside, size - ball.radius, inner.distance),
+        normal,
+        first.position - ball.radius * normal,
+        (around, ca.if_else(outside, ca.cross(normal, around), inner.sides[1])),
+    )
+
+
 def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
     """Two directions (3,) perpendicular to a `normal` (3,) and to each other.
 
@@ -174,7 +219,7 @@ def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
     return side, ca.cross(normal, side)
 
 
-def _ball_on_cam(ball: Ball, cam: Cam, first: Frame, second: Frame) -> Touch:
+def _ball_on_cam(ball: Ball | Barrel, cam: Cam, first: Frame, second: Frame) -> Touch:
     """The ball, or a roller, at the nearest point of the profile."""
     axes = ca.sparsify(second.rotation @ constant(cam.axes))
     center = axes.T @ (first.position - second.position)

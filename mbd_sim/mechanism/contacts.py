@@ -55,11 +55,12 @@ class RimPoint:
 
 @dataclass(frozen=True, eq=False)
 class Barrel:
-    """The surface of a cylinder around `axis`, without ends."""
+    """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
 
     at: Attachment
     axis: Array
     radius: float
+    length: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +101,8 @@ class Cushion:
 class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
-    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, ball and cam, cam and
-    face. `names` are those of both for people, `quantity` both and the corner or rim in one word.
+    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
+    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people, `quantity` both and the corner or rim in one word.
     """
 
     name: str

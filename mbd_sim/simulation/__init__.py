@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.compliant_states import compliant_names as compliant_names
     from mbd_sim.simulation.compliant_states import states_of_compliant_contacts as states_of_compliant_contacts
     from mbd_sim.simulation.contact_records import with_friction as with_friction
+    from mbd_sim.simulation.contact_pairs import require_computable_pairs as require_computable_pairs
     from mbd_sim.simulation.contact_start import require_free_start as require_free_start
     from mbd_sim.simulation.contact_start import require_outside as require_outside
     from mbd_sim.simulation.contact_stepping import contact_stepper as contact_stepper
@@ -37,6 +38,7 @@ else:
         __name__,
         {
             "actuator_states": ("efforts_on", "states_of_actuators"),
+            "contact_pairs": ("require_computable_pairs",),
             "contact_records": ("with_friction",),
             "compliant_states": ("compliant_names", "states_of_compliant_contacts"),
             "contact_stepping": ("contact_stepper",),

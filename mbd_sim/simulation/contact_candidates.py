@@ -245,7 +245,7 @@ class Candidates:
         return modes
 
     def _held(self, closed: list[int], rates: Array, size: float) -> list[int]:
-        """Of the gaps that were to open, those which the closed ones hold: elastic supports leave them without force."""
+        """Of the gaps that were to open, those which the closed ones hold: without force on elastic supports."""
         found, rank = list[int](), len(independent(self._terms.matrix, closed))
         for gap in sorted(self._forced.open & set(self._touching)):
             if abs(rates[gap]) <= size and len(independent(self._terms.matrix, [*closed, gap])) == rank:

@@ -87,6 +87,8 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         require_parts(wrenches, mechanism)
         values = LiveValues(mechanism, live)
         model = build_model(mechanism, method, wrenches, values.parameters, step)
+        if mechanism.contacts:
+            simulation.require_computable_pairs(model)
         if model.contact is not None:
             simulation.require_free_start(model)
         self._begin(mechanism, model, values, step)

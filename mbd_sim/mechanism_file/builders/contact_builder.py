@@ -116,8 +116,6 @@ class _ContactBuilder:
                 )
                 return None
             one, other = other, one
-        if isinstance(one, Barrel):  # both: their axes are parallel, so that only the distance across them counts
-            one = Ball(one.at, one.radius)
         if inside and not one.radius < other.radius:
             message = (
                 f"the radius {one.radius:g} m of {first.name} is not less than {other.radius:g} m of {second.name}"
@@ -177,12 +175,7 @@ class _ContactBuilder:
                     message = f"{_article(solid.kind)} cannot be in contact with a cam"
                     self._context.report(place, message, "Give a sphere, cylinder, disc or point, or a 'plane'.")
                     break
-                yield (
-                    f"{_word(solid.name)} on {_word(spec.cam)}",
-                    (solid.name, spec.cam),
-                    Ball(body.at, body.radius),
-                    cam,
-                )
+                yield f"{_word(solid.name)} on {_word(spec.cam)}", (solid.name, spec.cam), body, cam
 
     def _differ(self, where: Location, one: str, other: str) -> bool:
         if one == other:

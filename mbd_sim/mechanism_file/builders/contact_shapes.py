@@ -59,7 +59,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
 
 
 def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
-    """A shape, or a point, as a ball or an endless cylinder; None for shapes with corners."""
+    """A shape, or a point, as a ball or a cylinder; None for shapes with corners."""
     if isinstance(shape, Pose):
         return Ball(Attachment(part, np.array(shape.position)), 0.0)
     pose = pose_of(shape)
@@ -69,7 +69,9 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             return Ball(center, 0.0)
         case schema.SphereSpec(radius=r):
             return Ball(center, r)
-        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r) | schema.CylinderSpec(radius=r):
-            return Barrel(center, pose.rotation[:, 2], r)
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
+            return Barrel(center, pose.rotation[:, 2], r, 0.0)
+        case schema.CylinderSpec(radius=r, length=length):
+            return Barrel(center, pose.rotation[:, 2], r, length)
         case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec():
             return None
