@@ -217,7 +217,7 @@ def _residual(simulation: Simulation) -> list[str]:
 def _accuracy(simulation: Simulation) -> list[str]:
     """The largest estimated error of a step, with a warning if it is too large."""
     advice = simulation.step_advice
-    lines = [f"  step error       at most {simulation.error_estimate:.1g}, estimated, relative to 1 + |q| and 1 + |u|"]
+    lines = [f"  step error       at most {simulation.error_estimate:.1g}, estimated, relative to scales of q and u"]
     return lines if advice is None else [*lines, f"  WARNING          {advice}"]
 
 

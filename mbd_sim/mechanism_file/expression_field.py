@@ -65,7 +65,7 @@ class ExpressionField:
         expression, unit = split_unit(str(value))
         parameters.require_unit(expression, None if unit else self.unit)
         expression = parameters.functions.expanded(expression)
-        parameters.require_clear(expression)
+        parameters.require_clear(expression, self.state)
         used = names_in(expression, values)
         if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
             what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"

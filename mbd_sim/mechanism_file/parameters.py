@@ -47,12 +47,13 @@ class Parameters:
             names_in(self.functions.expanded(expression), self.unresolved) & self.unresolved
         )
 
-    def require_clear(self, expression: str) -> None:
-        """Refuse an expression with a name that is a constant or the time, and a joint as well.
+    def require_clear(self, expression: str, state: bool = False) -> None:
+        """Refuse an expression with a name that is a constant, and a joint as well; or the time, where it has a `state`.
 
         :raises InputError: which one.
         """
-        if found := sorted(self.ambiguous and names_in(expression, self.ambiguous) & self.ambiguous):
+        doubtful = self.ambiguous if state else self.ambiguous - {TIME}
+        if found := sorted(doubtful and names_in(expression, doubtful) & doubtful):
             what = "the time" if found[0] == TIME else "a constant"
             message = f"'{found[0]}' is {what} in expressions, and the name of a joint"
             raise InputError(message, f"Rename the joint, or write {found[0]}.position for its coordinate.")

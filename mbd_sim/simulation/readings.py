@@ -76,7 +76,7 @@ class Readings(RunState):
 
     @property
     def error_estimate(self) -> float:
-        """The largest estimated error of every eighth step since time zero, relative to 1 + |q| and 1 + |u|."""
+        """The largest estimated error of every eighth step since time zero, relative to s + |q| and s + |u|."""
         return self._memory.error_estimate
 
     @property

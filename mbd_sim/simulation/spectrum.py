@@ -27,7 +27,7 @@ def fastest_mode(equations: Equations, time: float, y: Array, inputs: Array) -> 
     """The fastest mode at a state, from finite differences; the rate is 0 if it cannot be found."""
     if equations.layout.nv == 0:
         return FastestMode(0.0, 0)
-    return _largest(_jacobian(equations, time, y, inputs), _speeds(equations))
+    return _largest(equations, _jacobian(equations, time, y, inputs))
 
 
 def is_slower(equations: Equations, time: float, y: Array, inputs: Array, rate: float) -> bool:
@@ -38,7 +38,7 @@ def is_slower(equations: Equations, time: float, y: Array, inputs: Array, rate: 
     """
     if equations.layout.nv == 0:
         return True
-    power = _jacobian(equations, time, y, inputs) / rate
+    power = _scaled(equations, _jacobian(equations, time, y, inputs)) / rate
     if not np.all(np.isfinite(power)):
         return True  # as in `fastest_mode`
     with np.errstate(all="ignore"):
@@ -61,7 +61,7 @@ def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: 
     with np.errstate(all="ignore"):
         jacobian[nq : nq + nv, nq : nq + nv] += inverse_mass * damping.ravel()
         jacobian[nq : nq + nv, :nq] += inverse_mass @ stiffness
-    return _largest(jacobian, _speeds(equations))
+    return _largest(equations, jacobian)
 
 
 def _speeds(equations: Equations) -> slice:
@@ -79,9 +79,16 @@ def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Arr
     return jacobian
 
 
-def _largest(jacobian: Array, speeds: slice) -> FastestMode:
+def _scaled(equations: Equations, jacobian: Array) -> Array:
+    """The derivatives of the components divided by their scales: it has the same eigenvalues."""
+    scales = np.array(scale_values(equations.scales[: len(jacobian)], equations.step))
+    scaled: Array = jacobian * scales / scales[:, None]
+    return scaled
+
+
+def _largest(equations: Equations, jacobian: Array) -> FastestMode:
     if not np.all(np.isfinite(jacobian)):
         return FastestMode(0.0, 0)
-    values, vectors = np.linalg.eig(jacobian)
+    values, vectors = np.linalg.eig(_scaled(equations, jacobian))
     fastest = int(np.argmax(np.abs(values)))
-    return FastestMode(float(np.abs(values[fastest])), int(np.argmax(np.abs(vectors[speeds, fastest]))))
+    return FastestMode(float(np.abs(values[fastest])), int(np.argmax(np.abs(vectors[_speeds(equations), fastest]))))

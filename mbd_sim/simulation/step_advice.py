@@ -18,7 +18,7 @@ from mbd_sim.simulation.spectrum import fastest_mode
 if TYPE_CHECKING:
     from mbd_sim.simulation.undefined_expressions import UndefinedExpression
 
-TOLERATED = 1e-5  # estimated error of a step relative to 1 + |q| and 1 + |u|; shipped mechanisms stay below 1e-6
+TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
 TARGET = 1e-7  # error of a step at which the proposed step size aims
 MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
 USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is

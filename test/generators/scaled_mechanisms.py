@@ -1,6 +1,6 @@
 """Mechanisms in other units of length, mass and time: every quantity of a file is multiplied by what its unit becomes.
 
-With factors that are powers of four, no number is rounded, and every digit of a motion stays the same unless a number
+With factors that are powers of 16, no number is rounded, and every digit of a motion stays the same unless a number
 with a dimension is hidden in the engine. Angles and currents keep their units. Sensors are left out.
 """
 
@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
+from mbd_sim.mechanism_file.builders.cylinder_builder import TRANSITION
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
 from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.library import find
-from mbd_sim.mechanism_file.measured import Measured
 from mbd_sim.mechanism_file.quantity import Quantity
 from mbd_sim.mechanism_file.repetition import expanded
 from mbd_sim.mechanism_file.schema import actuator_schema, constraint_schema, contact_schema, force_schema, law_schema
@@ -195,6 +195,8 @@ class _Scaler:
         if getattr(spec, "torque_speed", None) is not None:
             pair = (self.units.factor(f"{angle}/s"), self.units.factor(effort))
             found["torque_speed"] = [(float(a) * pair[0], float(b) * pair[1]) for a, b in spec.torque_speed]
+        if isinstance(spec, actuator_schema.CylinderSpec) and spec.transition is None:
+            found["transition"] = TRANSITION[spec.type] * self.units.factor("Pa")
         if spec.servo is not None:
             position = spec.servo.controls == "position"
             error = angle if position else f"{angle}/s"
@@ -279,6 +281,3 @@ def _inner(kind, count: int):
             inner = typing.get_args(one)
             return inner if _is(one, tuple) and len(inner) == count else (inner[0],) * count
     return (None,) * count
-
-
-assert Measured  # amounts become plain numbers

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 LARGEST_ELONGATION = 20.0  # m or rad, up to which the potential of an expression is exact
 REGULARIZATION_BELOW_ONE = 1e-2  # m/s or rad/s, of powers below 1, whose slope at rest is infinite
-REGULARIZATION = 1e-9  # m/s or rad/s, of all other powers
+REGULARIZATION = 1e-30  # m/s or rad/s, of all other powers: none but for the derivatives at rest
 
 
 def build_elastic_law(spec: schema.ForceCurveSpec | schema.TorqueCurveSpec) -> ElasticLaw | Varying:

@@ -1,0 +1,72 @@
+"""No number with a dimension is hidden: a mechanism in other units moves with the same digits."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism.one_sided import has_one_sided
+from test.generators.mechanisms import SHIPPED
+from test.generators.scaled_mechanisms import Units, scaled
+
+# Their loops are assembled, and their redundant rows found, with tolerances in m.
+ASSEMBLED = {"bennett", "driveline", "stewart"}
+SMOOTH = [name for name in SHIPPED if name not in ASSEMBLED and not has_one_sided(load_mechanism(name))]
+LARGE = Units(length=16.0**5, mass=16.0**-5, time=16.0**5)  # powers of 16 near 1e6
+SMALL = Units(length=16.0**-5, mass=16.0**5, time=16.0**-5)
+DECIMAL = Units(length=1e-6, mass=1e-9, time=1e-6)  # µm, µg and µs in place of m, kg and s
+
+
+def motion(mechanism, units):
+    """Coordinates and speeds at some steps in the units of the file, the method, and the advice on the step."""
+    simulation = Simulation(mechanism)
+    lengths = [mechanism.coordinate(name).rotation for name in simulation.coordinate_names]
+    factors = np.where(np.array(lengths, dtype=bool), 1.0, units.length)
+    rows = []
+    for steps in (1, 10, 200):
+        simulation.step(steps)
+        coordinates = np.array(simulation.model.coordinates(simulation.state))
+        rows.append([*(coordinates / factors), *(simulation.u / factors * units.time)])
+    return np.array(rows), simulation.model.method_name, simulation.step_advice is None, simulation.remarks != ()
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_a_shipped_mechanism_moves_alike_in_other_units(name):
+    """They differed by up to 5e-8, in the method that was chosen, and in the advice on the step."""
+    expected, *choices = motion(scaled(name, Units()), Units())
+    for units in (LARGE, SMALL):
+        found, *others = motion(scaled(name, units), units)
+        assert others == choices
+        assert np.max(np.abs(found - expected), initial=0.0) <= 4e-13 * np.max(np.abs(expected), initial=0.0)
+
+
+@pytest.mark.parametrize("name", ["motor_drive", "cart_pendulum_spring", "four_bar", "quadratic_drag", "spring_chain"])
+def test_units_that_are_powers_of_ten_change_no_digit_but_the_last(name):
+    expected, *choices = motion(scaled(name, Units()), Units())
+    found, *others = motion(scaled(name, DECIMAL), DECIMAL)
+    assert others == choices
+    assert np.max(np.abs(found - expected)) <= 1e-11 * np.max(np.abs(expected))
+
+
+OSCILLATOR = """
+mechanism: oscillator
+parts: {{block: {{mass: 1}}}}
+joints: {{rail: {{type: prismatic, between: [ground, block], axis: [1, 0, 0], position: {amplitude}, stiffness: {stiffness}}}}}
+"""
+
+
+@pytest.mark.parametrize("amplitude", [1.0, 1e-6, 1e-9])
+def test_a_small_motion_is_as_accurate_as_a_large_one(amplitude):
+    """The error was 1.4e-13 of an amplitude of 1 m, and 3.6e-10 of one of 1 µm, as it was compared with 1 m."""
+    mechanism = parse_mechanism(OSCILLATOR.format(amplitude=amplitude, stiffness=1e4))
+    simulation = Simulation(mechanism, method="adams11")
+    simulation.run(until=5.0)
+    assert simulation.q[0] / amplitude == pytest.approx(np.cos(500.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("amplitude", [1.0, 1e-6, 1e-9])
+def test_the_advice_on_a_step_does_not_depend_on_the_unit_of_length(amplitude):
+    mechanism = parse_mechanism(OSCILLATOR.format(amplitude=amplitude, stiffness=1e5))
+    simulation = Simulation(mechanism, method="rk4")
+    simulation.run(until=1.0)
+    assert "a step of 0.001 s is too large" in simulation.step_advice
