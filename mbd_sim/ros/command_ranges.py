@@ -67,5 +67,7 @@ def _bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[
                 limits = joint.limits_of(joint.coordinate_names.index(taker.port.coordinate))
                 position = position if limits is None else (limits.lower, limits.upper)
                 speed = np.inf if joint.velocity_limit is None else joint.velocity_limit
-    for channel in taker.channels:
-        yield {"position": position, "velocity": (-speed, speed)}.get(channel, (-np.inf, np.inf))
+    own = (-np.inf, np.inf) if isinstance(taker, CommandedDrive) else taker.command_range
+    for index, channel in enumerate(taker.channels):
+        lower, upper = {"position": position, "velocity": (-speed, speed)}.get(channel, (-np.inf, np.inf))
+        yield (max(lower, own[0]), min(upper, own[1])) if index == 0 else (lower, upper)
