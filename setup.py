@@ -105,6 +105,8 @@ setup(
     ],
     extras_require={
         "gym": ["gymnasium>=1.0"],
+        # Reading MJCF: the compiler of MuJoCo.
+        "mjcf": ["mujoco-core>=4.0"],
         # Linear systems as objects of python-control.
         "control": ["control>=0.10"],
         # In a ROS 2 installation these come from the system instead.
@@ -152,7 +154,7 @@ setup(
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
-            "mujoco>=3.3",
+            "mujoco-core>=4.0",
             "mypy>=1.10",
             "plotly>=5.20",
             "psutil>=5.9",

@@ -20,9 +20,8 @@ from typing import TypeVar
 import numpy as np
 
 from mbd_sim import disk_cache
-from mbd_sim.errors import MechanismError
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.file_limits import digest_of, read_text
+from mbd_sim.mechanism_file.file_limits import digest_of_file
 
 T = TypeVar("T")
 
@@ -41,11 +40,8 @@ def _is_found_again(mechanism: Mechanism) -> bool:
 
 def _is_unchanged(mechanism: Mechanism) -> bool:
     """Whether the other files that a mechanism depends on are those that were read for it."""
-    try:
-        read = mechanism.source.other_files or {}
-        return all(digest_of(read_text(Path(path))) == digest for path, digest in read.items())
-    except MechanismError:  # such a file cannot be read; another attempt says why
-        return False
+    read = mechanism.source.other_files or {}
+    return all(digest_of_file(Path(path)) == digest for path, digest in read.items())
 
 
 def _always(result: object) -> bool:

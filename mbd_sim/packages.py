@@ -11,6 +11,7 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "PIL": "pillow",
     "collada": "pycollada",
     "dask": "'dask[distributed]'",
+    "mujoco": "mujoco-core",
     "distributed": "'dask[distributed]'",
     "rerun": "rerun-sdk",
     "rerun_notebook": "'rerun-sdk[notebook]'",

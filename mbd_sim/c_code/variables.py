@@ -10,7 +10,7 @@ from mbd_sim.dynamics.actuator_layout import ENERGIES, FLUID, PRESSURES
 from mbd_sim.dynamics.audit_states import AUDIT_STATES
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor
+from mbd_sim.mechanism.actuators import Actuator, DcMotor
 from mbd_sim.mechanism.drives import CommandedDrive, commanded_drives
 from mbd_sim.mechanism.records import Mechanism
 
@@ -150,11 +150,8 @@ def _command_unit(mechanism: Mechanism, taker: Actuator | CommandedDrive, channe
 
 def _unit_of(mechanism: Mechanism, taker: Actuator | CommandedDrive, quantity: str) -> str:
     """The unit of a position, velocity or effort of an actuator or drive."""
-    if isinstance(taker, CommandedDrive):
-        rotates = mechanism.joints[taker.name].kind.rotates
-    else:
-        port = taker.port
-        rotates = isinstance(port, CoordinatePort) and mechanism.coordinate(port.coordinate).rotation
+    own = taker.port.rotation if isinstance(taker, Actuator) else None
+    rotates = mechanism.joints[taker.name].kind.rotates if own is None else own
     units = {"position": "rad", "velocity": "rad/s", "effort": "N.m"}
     return units[quantity] if rotates else {"position": "m", "velocity": "m/s", "effort": "N"}[quantity]
 

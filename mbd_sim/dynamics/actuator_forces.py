@@ -8,16 +8,17 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 import casadi as ca
+import numpy as np
 
 from mbd_sim.dynamics.actuator_layout import PRESSURES, ActuatorSlots
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.cylinders import CylinderOutput, cylinder_output
 from mbd_sim.dynamics.element_forces import ElementForces
 from mbd_sim.dynamics.joint_forces import JointForces
-from mbd_sim.dynamics.motors import MotorOutput, dc_motor, effort_motor
+from mbd_sim.dynamics.motors import MotorOutput, dc_motor, effort_motor, within
 from mbd_sim.dynamics.rotors import speed_rows
 from mbd_sim.dynamics.servos import ServoSignals, servo_output, with_reference
-from mbd_sim.dynamics.spatial_algebra import is_finite, is_symbolic
+from mbd_sim.dynamics.spatial_algebra import constant, is_finite, is_symbolic
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.actuators import (
     Actuator,
@@ -26,6 +27,8 @@ from mbd_sim.mechanism.actuators import (
     EffortMotor,
     LinePort,
     Servo,
+    SumPort,
+    WrenchPort,
 )
 from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
@@ -33,11 +36,12 @@ from mbd_sim.mechanism.cylinders import Cylinder
 
 @dataclass(frozen=True, eq=False)
 class PortMotion:
-    """The position and the speed of a port; `line` (3,) is the unit vector of its effort on the second point."""
+    """The position and the speed of a port; `direction` (3,) is that of its effort, in ground's axes, and `couple`."""
 
     x: ca.SX
     v: ca.SX
-    line: ca.SX | None = None
+    direction: ca.SX | None = None
+    couple: ca.SX | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +86,11 @@ def with_actuators(
         match actuator.port:
             case CoordinatePort(coordinate=name):
                 own[rows[name]] += motor.effort
-            case LinePort(first=first, second=second):
-                assert port.line is not None
-                applied.add_force(second, motor.effort * port.line)
-                applied.add_force(first, -motor.effort * port.line)
+            case SumPort(factors=factors):
+                for name, factor in factors.items():
+                    own[rows[name]] += factor * motor.effort
+            case LinePort() | WrenchPort():
+                add_effort(applied, actuator.port, port, motor.effort)
             case _:
                 assert_never(actuator.port)
         power += motor.effort * port.v
@@ -93,39 +98,76 @@ def with_actuators(
     return replace(joints, own=own, applied_power=power), replace(elements, wrenches=wrenches)
 
 
+def add_effort(applied: AppliedWrenches, port: LinePort | WrenchPort, motion: PortMotion, effort: ca.SX) -> None:
+    """Apply the effort of an actuator to the parts on which it acts."""
+    assert motion.direction is not None
+    if isinstance(port, LinePort):
+        applied.add_force(port.second, effort * motion.direction)
+        applied.add_force(port.first, -effort * motion.direction)
+        return
+    assert motion.couple is not None
+    applied.add_force(port.at, effort * motion.direction)
+    if np.any(port.couple):
+        applied.add_couple(port.at, effort * motion.couple)
+
+
 def port_motion(traced: TracedMechanism, actuator: Actuator) -> PortMotion:
     """The motion of the port of an actuator."""
     match actuator.port:
         case CoordinatePort(coordinate=name):
-            for link in traced.links:
-                if name in link.joint.coordinate_names:
-                    offset = link.joint.coordinate_names.index(name)
-                    return PortMotion(traced.state.q[link.q.start + offset], traced.state.u[link.u.start + offset])
-            raise ValueError(f"actuator {actuator.name} acts on '{name}', which is not a coordinate")
+            return PortMotion(*_coordinate(traced, name))
+        case SumPort(factors=factors):
+            terms = [(factor, *_coordinate(traced, name)) for name, factor in factors.items()]
+            position, speed = (sum((c * one[i] for c, *one in terms), ca.SX(1, 1)) for i in (0, 1))
+            return PortMotion(position, speed)
         case LinePort(first=first, second=second):
             applied = AppliedWrenches(traced.links, traced.motions, traced.poses)
             start, end = applied.motion_of(first), applied.motion_of(second)
             line = end.position - start.position
             length = ca.sqrt(ca.dot(line, line))
             return PortMotion(length, ca.dot(line, end.velocity - start.velocity) / length, line / length)
+        case WrenchPort(at=at, force=force, couple=couple):
+            applied = AppliedWrenches(traced.links, traced.motions, traced.poses)
+            motion, axes = applied.motion_of(at), applied.rotation(at.part)
+            direction, turning = axes @ constant(force), axes @ constant(couple)
+            speed = ca.dot(direction, motion.velocity) + ca.dot(turning, motion.omega)
+            return PortMotion(ca.SX(1, 1), speed, direction, turning)
         case _:
             assert_never(actuator.port)
 
 
-def commands_in_effect(traced: TracedMechanism, slots: ActuatorSlots) -> Mapping[Channel, ca.SX]:
-    """The commands of an actuator by channel, after their delay."""
+def _coordinate(traced: TracedMechanism, name: str) -> tuple[ca.SX, ca.SX]:
+    """The position and the speed of a coordinate; the position is 0 for a component of an angular velocity."""
+    for link in traced.links:
+        joint = link.joint
+        if name in joint.coordinate_names:
+            offset = joint.coordinate_names.index(name)
+            turns = joint.kind.quaternion is not None and joint.kind.coordinates[offset].rotation
+            position = ca.SX(1, 1) if turns else traced.state.q[link.q.start + offset]
+            return position, traced.state.u[link.u.start + offset]
+    raise ValueError(f"an actuator acts on '{name}', which is not a coordinate")
+
+
+def commands_in_effect(
+    traced: TracedMechanism, slots: ActuatorSlots, bounds: tuple[float, float]
+) -> Mapping[Channel, ca.SX]:
+    """The commands of an actuator by channel, after their delay; the first one within its bounds."""
     if slots.delay:
-        return {channel: traced.y[slots.states[channel]] for channel in slots.commands}
-    return {channel: traced.inputs[index] for channel, index in slots.commands.items()}
+        found = {channel: traced.y[slots.states[channel]] for channel in slots.commands}
+    else:
+        found = {channel: traced.inputs[index] for channel, index in slots.commands.items()}
+    first = next(iter(found))
+    return {**found, first: within(found[first], bounds)}
 
 
-def servo_signals(traced: TracedMechanism, servo: Servo, slots: ActuatorSlots, port: PortMotion) -> ServoSignals:
+def servo_signals(traced: TracedMechanism, actuator: Actuator, slots: ActuatorSlots, port: PortMotion) -> ServoSignals:
     """What the servo of an actuator reads; with a rate limit, its reference."""
-    zero, given = ca.SX(1, 1), commands_in_effect(traced, slots)
+    assert actuator.servo is not None
+    zero, given = ca.SX(1, 1), commands_in_effect(traced, slots, actuator.command_range)
     wanted: dict[Channel, ca.SX] = {"position": zero, "velocity": zero, "effort": zero, **given}
     signals = ServoSignals(port.x, port.v, wanted["position"], wanted["velocity"], wanted["effort"])
     if "reference" in slots.states:
-        return with_reference(servo, signals, traced.y[slots.states["reference"]])
+        return with_reference(actuator.servo, signals, traced.y[slots.states["reference"]])
     return signals
 
 
@@ -140,10 +182,10 @@ def _motor_command(
     """What commands the motor, and the rate of the integral of a continuous servo."""
     servo = actuator.servo
     if servo is None:
-        return commands_in_effect(traced, slots)[actuator.control], None
+        return commands_in_effect(traced, slots, actuator.command_range)[actuator.control], None
     if servo.period is not None:
         return traced.y[slots.states["output"]], None
-    signals = servo_signals(traced, servo, slots, port)
+    signals = servo_signals(traced, actuator, slots, port)
     result = servo_output(servo, signals, servo.limit, integral_of(traced, slots))
     return result.output, result.integral_rate
 
@@ -153,7 +195,7 @@ def _output(
 ) -> MotorOutput | CylinderOutput:
     match actuator.motor:
         case EffortMotor() as motor:
-            return effort_motor(motor, command, port.v)
+            return effort_motor(motor, command, port.x, port.v)
         case DcMotor() as motor:
             current = traced.y[slots.states["current"]] if "current" in slots.states else ca.SX(1, 1)
             return dc_motor(_without_repeated_limit(motor, actuator.servo), command, current, port.v)

@@ -206,9 +206,9 @@ def _sampled(
     """The new values of what a servo holds, by their index in y."""
     states, new = slots.states, dict[int, ca.SX]()
     period = servo.period if servo.period is not None else traced.step
-    signals = servo_signals(traced, servo, slots, port)
+    signals = servo_signals(traced, actuator, slots, port)
     if "reference" in states:
-        command = commands_in_effect(traced, slots)[servo.controls]
+        command = commands_in_effect(traced, slots, actuator.command_range)[servo.controls]
         moved = moved_reference(servo, traced.y[states["reference"]], command, period)
         new[states["reference"]] = moved
         signals = with_reference(servo, signals, moved)

@@ -24,6 +24,7 @@ from mbd_sim.dynamics.joint_forces import joint_dissipation, joint_forces
 from mbd_sim.dynamics.kinematics import SymbolicPose, joint_motion, part_poses
 from mbd_sim.dynamics.links import Link, build_links
 from mbd_sim.dynamics.mass_moments import MassMoments
+from mbd_sim.dynamics.motion import quaternion_rotation
 from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.state_variables import StateVariables
@@ -237,11 +238,15 @@ def _add_moments(
 
 def _add_rotors(energies: _Energies, mechanism: Mechanism, links: Sequence[Link], kinematics: _Kinematics) -> None:
     """Add the kinetic energy of rotors, ½ J (N q')². The efforts of actuators are among the efforts."""
-    coordinates = coordinates_by_name(links, kinematics.t, kinematics.q)
+    speeds = {name: kinematics.rate(x) for name, x in coordinates_by_name(links, kinematics.t, kinematics.q).items()}
+    for link in links:
+        if link.joint.kind.quaternion is not None:
+            turn = quaternion_rotation(kinematics.q[link.q, :][-4:])
+            speeds |= dict(zip(link.joint.coordinate_names[-3:], ca.vertsplit(kinematics.omega(turn)), strict=True))
     for actuator in mechanism.actuators:
         motor = actuator.motor
         if isinstance(actuator.port, CoordinatePort) and not isinstance(motor, Cylinder):
-            speed = motor.gear * kinematics.rate(coordinates[actuator.port.coordinate])
+            speed = motor.gear * speeds[actuator.port.coordinate]
             energies.kinetic += 0.5 * motor.rotor_inertia * speed**2
 
 

@@ -45,9 +45,25 @@ def between(value: ca.SX, lower: float | ca.SX, upper: float | ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(value, lower), upper)
 
 
-def effort_motor(motor: EffortMotor, command: ca.SX, speed: ca.SX) -> MotorOutput:
-    """The commanded effort within the limits."""
-    effort = limited(command, motor.effort_limit)
+def within(value: ca.SX, bounds: tuple[float, float]) -> ca.SX:
+    """A value within bounds, each of which may be infinite."""
+    lower, upper = bounds
+    value = ca.fmax(value, lower) if is_finite(lower) else value
+    return ca.fmin(value, upper) if is_finite(upper) else value
+
+
+def _affine(coefficients: tuple[float, float, float], position: ca.SX, speed: ca.SX) -> ca.SX:
+    constant, of_position, of_speed = coefficients
+    return constant + of_position * position + of_speed * speed
+
+
+def effort_motor(motor: EffortMotor, command: ca.SX, position: ca.SX, speed: ca.SX) -> MotorOutput:
+    """The commanded effort with gain and bias, within the limits."""
+    if motor.gain != (1.0, 0.0, 0.0):
+        command = _affine(motor.gain, position, speed) * command
+    if any(motor.bias):
+        command += _affine(motor.bias, position, speed)
+    effort = within(limited(command, motor.effort_limit), motor.effort_range)
     if motor.curve:
         forward, backward = (_interpolated(motor.curve, ca.fmax(v, 0.0)) for v in (speed, -speed))
         effort = between(effort, -backward, forward)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, assert_never
 
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Attachment
@@ -38,7 +39,31 @@ class LinePort:
     rotation: bool = False
 
 
-Port = CoordinatePort | LinePort
+@dataclass(frozen=True)
+class SumPort:
+    """A sum of coordinates with factors: an effort acts on each of them with its factor.
+
+    Components of an angular velocity have no position, and add nothing to that of the port.
+    """
+
+    factors: Mapping[str, float]
+    rotation: bool
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchPort:
+    """A point of a part on which a force and a couple act for each unit of effort, in the part's axes.
+
+    Its speed is that along them; it has no position.
+    """
+
+    at: Attachment
+    force: Array
+    couple: Array
+    rotation: bool = False
+
+
+Port = CoordinatePort | LinePort | SumPort | WrenchPort
 
 
 @dataclass(frozen=True)
@@ -48,10 +73,16 @@ class EffortMotor:
     `curve` are pairs of a speed |v| and the largest effort at it, linear between them and constant beyond. Where the
     motor brakes, the curve's value at rest is the limit. `gear` is the speed of the rotor in rad/s for v = 1, and
     `rotor_inertia` in kg·m² is that of the rotor about its own axis.
+
+    An effort c that is commanded becomes (g₀ + g₁ x + g₂ v) c + b₀ + b₁ x + b₂ v with `gain` g and `bias` b, and then
+    stays within the limit and the `effort_range`.
     """
 
     effort_limit: float = math.inf
     curve: tuple[tuple[float, float], ...] = ()
+    effort_range: tuple[float, float] = (-math.inf, math.inf)
+    gain: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gear: float = 1.0
     rotor_inertia: float = 0.0
 
@@ -111,7 +142,8 @@ class Servo:
 class Actuator:
     """A motor or a cylinder at a port, perhaps with a servo. Commands act after `delay` in s, in whole steps.
 
-    `start` are the commands before the first one, by channel, where they are not those of `default_command`.
+    `start` are the commands before the first one, by channel, where they are not those of `default_command`. Those of
+    the first channel act within `command_range`.
     """
 
     name: str
@@ -120,6 +152,7 @@ class Actuator:
     servo: Servo | None
     start: Mapping[str, float]
     delay: float = 0.0
+    command_range: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def control(self) -> Control:

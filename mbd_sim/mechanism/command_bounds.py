@@ -14,6 +14,7 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
     """The lower and the upper bound of each command of an actuator or a drive, infinite without a limit.
 
     Positions are bounded by the `limits` of a joint and velocities by its `velocity_limit`; for a drive, by its own.
+    The first command of an actuator is bounded by its `command_range` as well.
     """
     position, speed = (-math.inf, math.inf), math.inf
     if isinstance(taker, CommandedDrive):
@@ -24,12 +25,15 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
                 limits = joint.limits_of(joint.coordinate_names.index(taker.port.coordinate))
                 position = position if limits is None else (limits.lower, limits.upper)
                 speed = math.inf if joint.velocity_limit is None else joint.velocity_limit
-    for channel in taker.channels:
-        yield {"position": position, "velocity": (-speed, speed)}.get(channel, (-math.inf, math.inf))
+    own = (-math.inf, math.inf) if isinstance(taker, CommandedDrive) else taker.command_range
+    for index, channel in enumerate(taker.channels):
+        lower, upper = {"position": position, "velocity": (-speed, speed)}.get(channel, (-math.inf, math.inf))
+        yield (max(lower, own[0]), min(upper, own[1])) if index == 0 else (lower, upper)
 
 
 def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
     """The same, with the range of what commands a motor or a valve: beyond it, commands have no further effect."""
     for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
         motor = isinstance(taker, Actuator) and channel == taker.control
-        yield (-taker.output_limit, taker.output_limit) if motor else bounds
+        limit = taker.output_limit if motor else math.inf
+        yield max(bounds[0], -limit), min(bounds[1], limit)

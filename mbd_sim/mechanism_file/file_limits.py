@@ -43,6 +43,14 @@ def read_text(path: Path) -> str:
     return text
 
 
+def digest_of_file(path: Path) -> str:
+    """A digest of the content of a file, which is that of its text; empty if it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
 def digest_of(text: str) -> str:
     """A digest of the text of a file, by which it is found to have changed."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import math
+from typing import assert_never
 
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, LinePort, Servo
+import numpy as np
+
+from mbd_sim.mechanism.actuators import (
+    Actuator,
+    CoordinatePort,
+    DcMotor,
+    EffortMotor,
+    LinePort,
+    Servo,
+    SumPort,
+    WrenchPort,
+)
 from mbd_sim.mechanism.constraints import Cable, Distance
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.laws import Linear
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mjcf.mjcf_document import Document, add_element, number
-from mbd_sim.mjcf.written_loops import spatial_tendon
+from mbd_sim.mjcf.mjcf_document import Document, add_element, number, text
+from mbd_sim.mjcf.written_loops import UNBOUNDED, fixed_tendon, spatial_tendon
 
 
 def attached_parts(mechanism: Mechanism) -> set[str]:
@@ -27,6 +39,8 @@ def attached_parts(mechanism: Mechanism) -> set[str]:
     for actuator in mechanism.actuators:
         if isinstance(actuator.port, LinePort):
             found |= {actuator.port.first.part, actuator.port.second.part}
+        elif isinstance(actuator.port, WrenchPort):
+            found.add(actuator.port.at.part)
     return found
 
 
@@ -88,30 +102,58 @@ def _add_armature(document: Document, actuator: Actuator) -> None:
 
 def _add_actuator(document: Document, actuator: Actuator) -> bool:
     """Whether an actuator could be written."""
-    motor, servo, port = actuator.motor, actuator.servo, actuator.port
+    motor, servo = actuator.motor, actuator.servo
     match motor:
         case EffortMotor(curve=()) if not actuator.delay and (servo is None or _is_plain(servo)):
             limit = min(motor.effort_limit, math.inf if servo is None else servo.limit)
         case EffortMotor() | DcMotor() | Cylinder():
             return False
-    if isinstance(port, CoordinatePort):
-        if port.coordinate not in document.joints:
-            return False
-        attributes = {"name": actuator.name, "joint": port.coordinate}
-    else:
-        tendon = spatial_tendon(document, f"{actuator.name}.line", (port.first, port.second))
-        attributes = {"name": actuator.name, "tendon": tendon.attrib["name"]}
-    section, force_range = document.section("actuator"), f"{number(-limit)} {number(limit)}" if limit < math.inf else ""
-    if servo is None:
-        limits = {"ctrllimited": "true", "ctrlrange": force_range} if force_range else {}
-        add_element(section, "motor", attributes | limits)
+    if (place := _place(document, actuator)) is None:
+        return False
+    section, attributes = document.section("actuator"), {"name": actuator.name, **place}
+    efforts = (max(-limit, motor.effort_range[0]), min(limit, motor.effort_range[1]))
+    if servo is None and motor.gain == (1.0, 0.0, 0.0) and not any(motor.bias):
+        commands = (max(efforts[0], actuator.command_range[0]), min(efforts[1], actuator.command_range[1]))
+        add_element(section, "motor", attributes | _range("ctrl", commands))
         return True
-    limits = {"forcelimited": "true", "forcerange": force_range} if force_range else {}
+    attributes |= _range("ctrl", actuator.command_range) | _range("force", efforts)
+    if servo is None:
+        law = {
+            "gaintype": "affine",
+            "gainprm": text(np.array(motor.gain)),
+            "biastype": "affine",
+            "biasprm": text(np.array(motor.bias)),
+        }
+        add_element(section, "general", attributes | law)
+        return True
     gains = (
         {"kp": number(servo.kp), "kv": number(servo.kd)} if servo.controls == "position" else {"kv": number(servo.kp)}
     )
-    add_element(section, servo.controls, attributes | gains | limits)
+    add_element(section, servo.controls, attributes | gains)
     return True
+
+
+def _place(document: Document, actuator: Actuator) -> dict[str, str] | None:
+    """The attributes that say where an actuator acts; None if MJCF cannot say it."""
+    match actuator.port:
+        case CoordinatePort(coordinate=name):
+            return {"joint": name} if name in document.joints else None
+        case LinePort(first=first, second=second):
+            return {"tendon": spatial_tendon(document, f"{actuator.name}.line", (first, second)).attrib["name"]}
+        case SumPort(factors=factors):
+            tendon = fixed_tendon(document, f"{actuator.name}.sum", factors)
+            return None if tendon is None else {"tendon": tendon.attrib["name"]}
+        case WrenchPort(at=at, force=force, couple=couple):
+            return {"site": document.end(at, f"{actuator.name}.at"), "gear": text(np.concatenate([force, couple]))}
+        case _:
+            assert_never(actuator.port)
+
+
+def _range(of: str, ends: tuple[float, float]) -> dict[str, str]:
+    """The attributes of a range; an end that is infinite is far away."""
+    if ends == (-math.inf, math.inf):
+        return {}
+    return {f"{of}limited": "true", f"{of}range": text(np.clip(ends, -UNBOUNDED, UNBOUNDED))}
 
 
 def _is_plain(servo: Servo) -> bool:

@@ -78,7 +78,7 @@ def _add_constraint(document: Document, constraint: Constraint) -> bool:
         case Cable(points=points):
             return _add_line(document, constraint, points)
         case Clutch(capacity=TimeExpression() as capacity) if not capacity.variables and constraint.static == 1.0:
-            if (tendon := _fixed_tendon(document, constraint.name, constraint.factors)) is None:
+            if (tendon := fixed_tendon(document, constraint.name, constraint.factors)) is None:
                 return False
             tendon.set("frictionloss", number(capacity.at(0.0)))
             return True
@@ -98,7 +98,7 @@ def _add_coupling(document: Document, coupling: Coupling) -> bool:
         law = f"{number(value / factor)} {number(-follows / factor)} 0 0 0"
         _equality(document, "joint", coupling.name, {"joint1": own, "joint2": other, "polycoef": law})
         return True
-    tendon = _fixed_tendon(document, coupling.name, factors)
+    tendon = fixed_tendon(document, coupling.name, factors)
     if tendon is None:
         return False
     if coupling.play is not None:
@@ -111,7 +111,8 @@ def _add_coupling(document: Document, coupling: Coupling) -> bool:
     return True
 
 
-def _fixed_tendon(document: Document, name: str, factors: Mapping[str, float]) -> Element | None:
+def fixed_tendon(document: Document, name: str, factors: Mapping[str, float]) -> Element | None:
+    """A tendon that is a sum of coordinates; None if one of them is no joint of the file."""
     if not factors.keys() <= document.joints.keys():
         return None
     tendon = add_element(document.section("tendon"), "fixed", {"name": name})

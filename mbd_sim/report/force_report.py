@@ -6,7 +6,17 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, assert_never
 
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, Machine
+from mbd_sim.mechanism.actuators import (
+    Actuator,
+    CoordinatePort,
+    DcMotor,
+    EffortMotor,
+    LinePort,
+    Machine,
+    Port,
+    SumPort,
+    WrenchPort,
+)
 from mbd_sim.mechanism.cylinders import Cylinder, Oil
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import (
@@ -113,13 +123,11 @@ def _names(expressions: Sequence[TimeExpression]) -> list[str]:
 
 def actuator_report(actuator: Actuator) -> dict[str, Any]:
     """The type of an actuator, what it acts on, its servo and its commands, and its data in SI units."""
-    port = actuator.port
-    at = port.coordinate if isinstance(port, CoordinatePort) else f"{port.first.part} – {port.second.part}"
     servo = actuator.servo
     return {
         "name": actuator.name,
         "type": _machine(actuator.motor),
-        "at": at,
+        "at": _port(actuator.port),
         "servo": None if servo is None else servo.controls,
         "sample_rate": None if servo is None or servo.period is None else 1.0 / servo.period,
         "commands": list(actuator.channels),
@@ -142,12 +150,29 @@ def _machine(machine: Machine) -> str:
             assert_never(machine)
 
 
+def _port(port: Port) -> str:
+    match port:
+        case CoordinatePort():
+            return port.coordinate
+        case LinePort():
+            return f"{port.first.part} – {port.second.part}"
+        case SumPort():
+            return ", ".join(port.factors)
+        case WrenchPort():
+            return port.at.part
+        case _:
+            assert_never(port)
+
+
 def _limits(actuator: Actuator) -> list[str]:
     """The limits of an actuator as text, with their units."""
     machine, effort = actuator.motor, "N·m" if actuator.port.rotation else "N"
     match machine:
         case EffortMotor():
             given = [(actuator.output_limit, effort)]
+            if any(map(math.isfinite, machine.effort_range)):
+                lower, upper = machine.effort_range
+                return [f"{lower:.4g} to {upper:.4g} {effort}"]
         case DcMotor():
             given = [(machine.voltage_limit, "V"), (machine.current_limit, "A")]
         case Cylinder():

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.analysis.load_sharing import LoadSharing
-from mbd_sim.dynamics.actuator_forces import actuator_forces, port_motion
+from mbd_sim.dynamics.actuator_forces import actuator_forces, add_effort, port_motion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS, actuator_functions
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations, joined
@@ -24,7 +24,7 @@ from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import MbdSimError
-from mbd_sim.mechanism.actuators import LinePort
+from mbd_sim.mechanism.actuators import LinePort, WrenchPort
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.sensors import (
     ORIENTATION,
@@ -231,11 +231,8 @@ def _reactions(
     elements = element_forces(traced.mechanism, traced.links, traced.motions, traced.poses, variables)
     applied = AppliedWrenches(traced.links, traced.motions, traced.poses)
     for number, actuator in enumerate(traced.mechanism.actuators):
-        if isinstance(actuator.port, LinePort):
-            line = port_motion(traced, actuator).line
-            assert line is not None
-            applied.add_force(actuator.port.second, efforts[number] * line)
-            applied.add_force(actuator.port.first, -efforts[number] * line)
+        if isinstance(actuator.port, LinePort | WrenchPort):
+            add_effort(applied, actuator.port, port_motion(traced, actuator), efforts[number])
     wrenches = [
         ca.sparsify(one + more + unit @ multipliers)
         for one, more, unit in zip(elements.wrenches, applied.wrenches, rows.wrenches, strict=True)

@@ -120,8 +120,91 @@ EQUALITIES = {
     "connect_sites": '<connect site1="tip" site2="eye"/>',
     "weld": '<weld body1="three" body2="two"/>',
     "weld_relative": '<weld body1="one" body2="three" relpose="0.21 0.1 0 0.9 0.1 0.2 0"/>',
+    "weld_of_points": '<weld body1="one" body2="three" anchor="0.1 0 0.2" torquescale="0"/>',
     "joint": '<joint joint1="a" joint2="b" polycoef="0.1 0.5"/>',
+    "joint_alone": '<joint joint1="b" polycoef="0.1"/>',
+    "joint_partly_given": '<joint joint1="a" joint2="b" polycoef="0.2"/>',
     "joint_polynomial": '<joint joint1="a" joint2="b" polycoef="0 0.5 0.3 -0.2"/>',
     "tendon_length": '<tendon tendon1="rod"/>',
     "tendons": '<tendon tendon1="ab" tendon2="ef" polycoef="0 2"/>',
+}
+
+# Two links on the joints ja and jb, a ball jc and a free body, to which further elements are added.
+LINKED = """
+<mujoco model="linked">
+  <compiler angle="radian"/>
+  <worldbody>
+    <site name="wall" pos="-0.4 0.2 0.3"/>
+    <body name="a" gravcomp="GRAVCOMP">
+      <joint name="ja" axis="0 1 0" JOINT/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 -0.5" size="0.02" mass="1"/>
+      <site name="mid" pos="0.2 0 -0.3"/>
+      <body name="b" pos="0.3 0 -0.5">
+        <joint name="jb" axis="0 1 0.3" ref="0.2"/>
+        <geom type="capsule" fromto="0 0 0 0.1 0 -0.4" size="0.02" mass="0.7"/>
+        <body name="c" pos="0.1 0 -0.4">
+          <joint name="jc" type="ball" BALL/>
+          <geom type="box" size="0.1 0.05 0.02" pos="0 0 -0.1" mass="0.5"/>
+        </body>
+      </body>
+    </body>
+    <body name="quad" pos="1 0 1" euler="0.1 0.2 0.3">
+      <joint type="free" name="root"/>
+      <geom type="box" size="0.1 0.15 0.02" mass="1.2"/>
+      <site name="rotor" pos="0.1 0.1 0" euler="0.2 0 0"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="sum"><joint joint="ja" coef="1"/><joint joint="jb" coef="-0.5"/></fixed>
+    <spatial name="line"><site site="wall"/><site site="mid"/></spatial>
+  </tendon>
+  <actuator>ACTUATOR</actuator>
+</mujoco>
+"""
+
+
+def linked(actuator="", joint="", ball="", gravcomp="0"):
+    """The model with further elements and attributes."""
+    found = LINKED.replace("ACTUATOR", actuator).replace("JOINT", joint).replace("BALL", ball)
+    return found.replace("GRAVCOMP", gravcomp)
+
+
+# Each with the factor from MuJoCo's ctrl to our command.
+ACTUATORS = {
+    "motor with one-sided range": ('<motor name="m" joint="ja" gear="3" ctrlrange="-0.1 0.4"/>', 3.0),
+    "motor with reversed gear": ('<motor name="m" joint="ja" gear="-3" ctrlrange="-0.1 0.4"/>', -3.0),
+    "motor with one-sided force": ('<motor name="m" joint="ja" gear="3" forcerange="-0.1 0.4"/>', 3.0),
+    "position with a range without zero": ('<position name="m" joint="jb" kp="40" kv="2" ctrlrange="0.2 0.6"/>', 1.0),
+    "position with a one-sided force": ('<position name="m" joint="jb" kp="40" gear="2" forcerange="-1 9"/>', 0.5),
+    "velocity on a sum of joints": (
+        '<velocity name="m" tendon="sum" kv="4" gear="1.5" ctrlrange="-0.3 0.3"/>',
+        1 / 1.5,
+    ),
+    "position on a sum of joints": ('<position name="m" tendon="sum" kp="9" kv="1"/>', 1.0),
+    "position on a line": ('<position name="m" tendon="line" kp="9" kv="1" forcerange="-2 1"/>', 1.0),
+    "motor on a sum of joints": ('<motor name="m" tendon="sum" gear="2"/>', 2.0),
+    "affine bias within a force range": (
+        '<general name="m" joint="ja" gear="2" gainprm="3" biastype="affine" biasprm="0.5 -7 -0.4" forcerange="-1 2"/>',
+        6.0,
+    ),
+    "affine gain": (
+        '<general name="m" joint="ja" gear="2" gaintype="affine" gainprm="3 2 -1" biastype="affine" biasprm="0 -1 0"'
+        ' ctrlrange="-0.3 0.9"/>',
+        1.0,
+    ),
+    "damping ratio": ('<position name="m" joint="ja" kp="20" dampratio="0.7"/>', 1.0),
+    "damper": ('<damper name="m" joint="ja" kv="2" ctrlrange="0 1"/>', 1.0),
+    "armature and damping": ('<motor name="m" joint="jb" gear="3" armature="0.02" damping="0.1 0.2 0.3"/>', 3.0),
+    "ball": ('<motor name="m" joint="jc" gear="0 0 3" ctrlrange="0 1"/>', 3.0),
+    "ball, oblique": ('<motor name="m" joint="jc" gear="1 -2 3" ctrlrange="-0.2 0.1"/>', 1.0),
+    "free joint": ('<motor name="m" joint="root" gear="0 0 1 0 0 0.2" ctrlrange="0 20"/>', 1.0),
+    "site": ('<motor name="m" site="rotor" gear="0 0.1 1 0 0 -0.02" ctrlrange="0.1 20"/>', 1.0),
+    "joint force range": ('<motor name="m" joint="ja" gear="-5"/>', -5.0),
+}
+JOINT_FORCES = {
+    "polynomial damping": {"joint": 'damping="1 0.5 0.2"'},
+    "negative and cubic stiffness": {"joint": 'stiffness="-2 0.5 3" springref="0.3"'},
+    "rest at springref": {"joint": 'stiffness="4" springref="0.3" ref="-0.2"'},
+    "armature and friction of a ball": {"ball": 'armature="0.05" frictionloss="0.2" damping="0.3 0.1"'},
+    "gravity compensation": {"gravcomp": "0.6"},
 }

@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim.load import parse_mechanism
 from test.generators.mechanisms import consistent_state, random_state
-from test.mjcf.models import BODIES, EQUALITIES, FORCES, LINKS
+from test.mjcf.models import ACTUATORS, BODIES, EQUALITIES, FORCES, JOINT_FORCES, LINKS, linked
 from test.oracles.mujoco_oracle import MujocoOracle, OwnAccelerations, import_mujoco
 
 mujoco = import_mujoco()
@@ -64,3 +64,61 @@ def test_equalities_are_exact_constraints(kind):
         violations = oracle.data.efc_pos[: oracle.data.ne]
         assert oracle.data.ne and np.max(np.abs(violations)) <= 1e-3  # moved by the last difference
         assert np.max(np.abs(own(q, u, efforts) - exact)) <= 1e-8 * np.max(np.abs(exact))
+
+
+def state_of(own, rng):
+    """A random state in which nothing is almost at rest, where friction differs."""
+    q = own.equations.start.q.copy()
+    q[:2] += rng.uniform(-0.6, 0.6, 2)
+    q[2:6] = rng.normal(size=4)
+    q[2:6] /= np.linalg.norm(q[2:6])
+    q[9:] = rng.normal(size=4)
+    q[9:] /= np.linalg.norm(q[9:])
+    return q, rng.uniform(0.4, 1.5, len(own.equations.start.u)) * rng.choice([-1.0, 1.0], len(own.equations.start.u))
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+def test_an_actuator_exerts_what_mujocos_does(name):
+    """Gains, biases, ranges and places, beyond the ranges as well, and before the first command."""
+    element, factor = ACTUATORS[name]
+    joint = 'actuatorfrcrange="-3 1"' if name == "joint force range" else ""
+    _, oracle, own = read(linked(element, joint=joint))
+    rng = np.random.default_rng(7)
+    for command in (None, *rng.uniform(-2.0, 2.0, 5)):
+        q, u = state_of(own, rng)
+        exact = oracle.accelerations(q, u, np.zeros(len(u)), () if command is None else (command,))
+        found = own(q, u, np.zeros(len(u)), {} if command is None else {"m": factor * command})
+        assert np.max(np.abs(found - exact)) <= 1e-11 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize("name", JOINT_FORCES)
+def test_forces_of_joints(name):
+    _, oracle, own = read(linked(**JOINT_FORCES[name]))
+    rng = np.random.default_rng(8)
+    for _ in range(3):
+        q, u = state_of(own, rng)
+        friction = -oracle.model.dof_frictionloss * np.sign(u)
+        exact = oracle.accelerations(q, u, friction)
+        assert np.max(np.abs(own(q, u, np.zeros(len(u))) - exact)) <= 1e-11 * np.max(np.abs(exact))
+
+
+def test_a_rest_length_is_that_at_the_rest_positions():
+    """Without springlength, a tendon is at rest where all joints are at their springref."""
+    spring = '<fixed name="s" stiffness="20 3"><joint joint="ja" coef="1"/><joint joint="jb" coef="2"/></fixed>'
+    line = '<spatial name="l" stiffness="50 7"><site site="wall"/><site site="mid"/></spatial>'
+    text = linked(joint='springref="0.5" ref="0.3"').replace("<tendon>", f"<tendon>{spring}{line}")
+    _, oracle, own = read(text)
+    q, u = state_of(own, np.random.default_rng(9))
+    exact = oracle.accelerations(q, u, np.zeros(len(u)))
+    assert np.max(np.abs(own(q, u, np.zeros(len(u))) - exact)) <= 1e-11 * np.max(np.abs(exact))
+
+
+def test_bodies_that_are_replicated_and_attached():
+    world = '<replicate count="3" offset="0 1 0" euler="0 0 20"><body name="a"><joint name="j" axis="0 1 0"/>'
+    world += '<frame euler="30 0 0" pos="0.1 0 0.2"><inertial pos="0.1 0 0.3" mass="3" diaginertia="1 1.2 1.4"/>'
+    world += "</frame></body></replicate>"
+    mechanism, oracle, own = read(f"<mujoco><worldbody>{world}</worldbody></mujoco>")
+    assert [*mechanism.joints] == ["j0", "j1", "j2"]
+    state = random_state(mechanism, np.random.default_rng(1))
+    exact = oracle.accelerations(*state)
+    assert np.max(np.abs(own(*state) - exact)) <= 1e-12 * np.max(np.abs(exact))

@@ -6,12 +6,26 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import assert_never
 
+import numpy as np
+
 from mbd_sim.errors import InputError, listed, nearest
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, LinePort, Machine, Port, Servo
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import (
+    Actuator,
+    CoordinatePort,
+    DcMotor,
+    EffortMotor,
+    LinePort,
+    Machine,
+    Port,
+    Servo,
+    SumPort,
+    WrenchPort,
+)
 from mbd_sim.mechanism.drives import CommandedDrive
-from mbd_sim.mechanism.records import Joint
+from mbd_sim.mechanism.records import GROUND, Joint
 from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.builders.build_context import BuildContext
+from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.cylinder_builder import build_cylinder
 from mbd_sim.mechanism_file.measured import Measured
 from mbd_sim.mechanism_file.schema import actuator_schema as schema
@@ -42,7 +56,13 @@ def build_actuators(
 def actuated_joints(actuators: tuple[Actuator, ...], joints: Mapping[str, Joint]) -> list[str]:
     """The joints on whose coordinates actuators act."""
     owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
-    return [owners[actuator.port.coordinate] for actuator in actuators if isinstance(actuator.port, CoordinatePort)]
+    found = []
+    for actuator in actuators:
+        if isinstance(actuator.port, CoordinatePort):
+            found.append(owners[actuator.port.coordinate])
+        elif isinstance(actuator.port, SumPort):
+            found += [owners[name] for name in actuator.port.factors]
+    return found
 
 
 def _port(
@@ -52,33 +72,71 @@ def _port(
     if spec.between is not None:
         ends = context.attachments((*location, "between"), spec.between)
         return LinePort(ends[0], ends[1]) if ends else None
-    wanted = spec.joint or ""
+    if isinstance(spec, schema.EffortActuatorSpec):
+        if spec.terms is not None:
+            return _sum_port(location, spec.terms, spec.servo, joints, context)
+        if spec.at is not None and spec.wrench is not None:
+            return _wrench_port((*location, "at"), spec.at, np.array(spec.wrench, dtype=float), context)
+    return _coordinate_port((*location, "joint"), spec.joint or "", spec.servo, joints, context)
+
+
+def _wrench_port(where: Location, at: str, wrench: Array, context: BuildContext) -> WrenchPort | None:
+    frame = context.frame(where, at)
+    if frame is None:
+        return None
+    if frame[0] == GROUND:
+        context.report(where, "is a point of ground, which a wrench does not move", "Name a point of a part.")
+        return None
+    axes = frame[1].rotation
+    return WrenchPort(attachment(frame), axes @ wrench[:3], axes @ wrench[3:])
+
+
+def _sum_port(
+    location: Location,
+    terms: Mapping[str, float],
+    servo: schema.ServoSpec | None,
+    joints: Mapping[str, Joint | None],
+    context: BuildContext,
+) -> SumPort | None:
+    ports = [_coordinate_port((*location, "terms", name), name, servo, joints, context) for name in terms]
+    valid = [port for port in ports if port is not None]
+    return SumPort(dict(terms), all(port.rotation for port in valid)) if len(valid) == len(ports) else None
+
+
+def _coordinate_port(
+    where: Location,
+    wanted: str,
+    servo: schema.ServoSpec | None,
+    joints: Mapping[str, Joint | None],
+    context: BuildContext,
+) -> CoordinatePort | None:
     valid = [joint for joint in joints.values() if joint is not None]
     for joint in valid:
         for coordinate, label in zip(joint.kind.coordinates, joint.motion_names, strict=True):
             if label == wanted:
-                return _coordinate(location, joint, CoordinatePort(label, coordinate.rotation), context)
+                return _coordinate(where, joint, CoordinatePort(label, coordinate.rotation), servo, context)
     if wanted in joints:
         named = joints[wanted]
         if named is None:
             return None  # the joint itself is reported
         names = named.motion_names
         remedy = f"Name one of them: {listed(list(names))}." if names else "Name a joint that moves."
-        context.report((*location, "joint"), f"'{wanted}' has {len(names) or 'no'} coordinates", remedy)
+        context.report(where, f"'{wanted}' has {len(names) or 'no'} coordinates", remedy)
     elif "" not in joints:
         every = [label for joint in valid for label in joint.motion_names]
-        context.report((*location, "joint"), f"there is no joint '{wanted}'", nearest(wanted, every))
+        context.report(where, f"there is no joint '{wanted}'", nearest(wanted, every))
     return None
 
 
-def _coordinate(location: Location, joint: Joint, port: CoordinatePort, context: BuildContext) -> CoordinatePort | None:
-    where = (*location, "joint")
+def _coordinate(
+    where: Location, joint: Joint, port: CoordinatePort, servo: schema.ServoSpec | None, context: BuildContext
+) -> CoordinatePort | None:
     if joint.drive:
         message = f"'{joint.name}' is driven: its drive alone prescribes the motion"
         context.report(where, message, "Remove 'drive' from the joint, or the actuator.")
-    elif joint.kind.quaternion is not None:
-        message = f"'{joint.name}' is {joint.type}: an actuator needs a joint whose coordinates are angles or lengths"
-        remedy = "Act 'between' two points, use several joints, or command the efforts of the coordinates directly."
+    elif joint.kind.quaternion is not None and servo is not None:
+        message = f"'{joint.name}' is {joint.type}: a servo needs a joint whose coordinates are angles or lengths"
+        remedy = "Leave out the servo, act 'between' two points, or use several joints."
         context.report(where, message, remedy)
     else:
         return port
@@ -110,7 +168,17 @@ def _actuator(name: str, spec: schema.AnyActuatorSpec, port: Port, context: Buil
             context.report((*location, "command", channel), message, f"Give {' or '.join(actuator.channels)}.")
         _require(context, (*location, "command", channel), value, units[channel])
         start[channel] = float(value)
-    return Actuator(name, port, motor, servo, start, spec.delay)
+    bounds = _range(location, spec, units[actuator.channels[0]], context)
+    return Actuator(name, port, motor, servo, start, spec.delay, bounds)
+
+
+def _range(location: Location, spec: schema.AnyActuatorSpec, unit: str, context: BuildContext) -> tuple[float, float]:
+    """The bounds of the first command."""
+    if spec.command_range is None:
+        return -math.inf, math.inf
+    for index, value in enumerate(spec.command_range):
+        _require(context, (*location, "command_range", index), value, unit)
+    return _pair(spec.command_range)
 
 
 def _gear(location: Location, spec: schema.MotorSpec, port: Port, context: BuildContext) -> float:
@@ -133,6 +201,8 @@ def _effort_motor(
     effort, speed = ("N*m", "rad/s") if port.rotation else ("N", "m/s")
     if spec.effort_limit is not None:
         _require(context, (*location, "effort_limit"), spec.effort_limit, effort)
+    for index, value in enumerate(spec.effort_range or ()):
+        _require(context, (*location, "effort_range", index), value, effort)
     for row, (at, value) in enumerate(spec.torque_speed or ()):
         _require(context, (*location, "torque_speed", row, 0), at, speed)
         _require(context, (*location, "torque_speed", row, 1), value, effort)
@@ -141,7 +211,14 @@ def _effort_motor(
         curve=tuple((float(at), float(value)) for at, value in spec.torque_speed or ()),
         gear=_gear(location, spec, port, context),
         rotor_inertia=spec.rotor_inertia,
+        effort_range=(-math.inf, math.inf) if spec.effort_range is None else _pair(spec.effort_range),
+        gain=spec.gain,
+        bias=spec.bias,
     )
+
+
+def _pair(values: tuple[float, float]) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
 
 
 def _dc_motor(location: Location, spec: schema.DcMotorSpec, port: Port, context: BuildContext) -> DcMotor:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.measured import AmountFromZero, AnyAmount, PositiveAmount
 from mbd_sim.mechanism_file.quantity import (
+    AnyNumber,
     Length,
     PositiveAngularVelocity,
     PositiveLead,
@@ -89,19 +90,33 @@ class ActuatorSpec(Spec):
     An actuator acts on a coordinate, `joint`, or on the distance of two points, `between`.
     """
 
+    PLACES: ClassVar[tuple[str, ...]] = ("joint", "between")
+
     joint: str | None = Field(None, description="a joint, or a coordinate of one such as wrist.angle")
     between: tuple[str, str] | None = Field(None, description="two points, which a positive effort pushes apart")
     servo: ServoSpec | None = None
     command: dict[Literal["position", "velocity", "effort", "voltage", "current", "opening"], AnyAmount] = Field(
         {}, description="commands before the first one; by default the start position, and zero for all others"
     )
+    command_range: tuple[AnyAmount, AnyAmount] | None = Field(
+        None, description="within which the command acts: of the position or velocity of a servo, else of the motor"
+    )
     delay: Delay = Field(0.0, description="of all commands, a whole number of steps")
 
     @model_validator(mode="after")
     def _one_place(self) -> ActuatorSpec:
-        if (self.joint is None) == (self.between is None):
-            given = "both joint and between" if self.joint is not None else "neither joint nor between"
-            raise InputError(f"has {given}", "Give one of them.")
+        given = [key for key in self.PLACES if getattr(self, key) is not None]
+        if len(given) != 1:
+            has = " and ".join(given) if given else f"none of {', '.join(self.PLACES)}"
+            raise InputError(f"has {has}", "Give one of them.")
+        return self
+
+    @model_validator(mode="after")
+    def _ranges_go_up(self) -> ActuatorSpec:
+        for key in ("command_range", "effort_range"):
+            pair = getattr(self, key, None)
+            if pair is not None and pair[0] > pair[1]:
+                raise InputError(f"{key} goes from {pair[0]:g} down to {pair[1]:g}", "Write the smaller number first.")
         return self
 
 
@@ -123,13 +138,40 @@ class MotorSpec(ActuatorSpec):
 
 
 class EffortActuatorSpec(MotorSpec):
-    """A motor that exerts the commanded effort, within its limits."""
+    """A motor that exerts the commanded effort, within its limits.
+
+    Besides a joint and two points, it may act on a sum of coordinates, with factors as `terms`, or exert a `wrench`
+    at a point, `at`. `gain` [g0, g1, g2] and `bias` [b0, b1, b2] make of a command c the effort
+    (g0 + g1 x + g2 v) c + b0 + b1 x + b2 v, with position x and speed v where it acts.
+    """
+
+    PLACES: ClassVar[tuple[str, ...]] = ("joint", "between", "terms", "at")
 
     type: Literal["effort"]
+    terms: dict[str, AnyNumber] | None = Field(None, min_length=1)
+    at: str | None = None
+    wrench: tuple[AnyNumber, AnyNumber, AnyNumber, AnyNumber, AnyNumber, AnyNumber] | None = Field(
+        None, description="force in N and couple in N*m for a command of 1, in the axes of the point"
+    )
     effort_limit: PositiveAmount | None = None
+    effort_range: tuple[AnyAmount, AnyAmount] | None = Field(None, description="a limit that differs by direction")
+    gain: tuple[AnyNumber, AnyNumber, AnyNumber] = (1.0, 0.0, 0.0)
+    bias: tuple[AnyNumber, AnyNumber, AnyNumber] = (0.0, 0.0, 0.0)
     torque_speed: Curve | None = Field(
         None, description="[speed, effort] pairs: the largest effort of the driving motor, from speed 0 on"
     )
+
+    @model_validator(mode="after")
+    def _places_without_axis(self) -> EffortActuatorSpec:
+        if (self.at is None) != (self.wrench is None):
+            raise InputError("'at' and 'wrench' belong together", "Give the point, and the force and couple there.")
+        if self.joint is None and self.rotor_inertia:
+            raise InputError("has a rotor_inertia, but acts on no joint", "Name the joint that turns the rotor.")
+        if self.at is not None and self.servo is not None:
+            raise InputError("a wrench at a point has no position to control", "Leave out 'servo'.")
+        if self.servo is not None and self.model_fields_set & {"gain", "bias"}:
+            raise InputError("has a servo, and gain or bias", "Give the gains of the servo alone.")
+        return self
 
 
 class DcMotorSpec(MotorSpec):

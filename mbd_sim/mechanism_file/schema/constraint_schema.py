@@ -181,11 +181,6 @@ class CouplingSpec(Spec):
         if self.value.state and (self.bound is not None or self.backlash is not None):
             what = "a bound" if self.bound is not None else "backlash"
             raise InputError(f"has {what} and a value that depends on coordinates", "Give one of them.")
-        if len(self.terms) < 2 and self.bound is None and not self.value.state:
-            raise InputError(
-                "names only one coordinate, which has nothing to be coupled to",
-                "Name two coordinates, or add a 'bound'.",
-            )
         if (self.friction is None) != (self.slip is None):
             missing = "friction" if self.friction is None else "slip"
             raise InputError("friction and slip belong together", f"Add '{missing}'.")
