@@ -31,5 +31,7 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
 def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
     """The same, with the range of what commands a motor or a valve: beyond it, commands have no further effect."""
     for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
-        motor = isinstance(taker, Actuator) and channel == taker.control
-        yield (-taker.output_limit, taker.output_limit) if motor else bounds
+        if isinstance(taker, Actuator) and channel == taker.control:
+            yield -taker.output_limit, taker.output_limit
+        else:
+            yield bounds
