@@ -148,7 +148,7 @@ class RestBalance:
 
     def weighted(self, displacement: Array) -> Array:
         """A displacement (nv,) without dimension."""
-        return displacement / self._units[: self._nv]
+        return np.asarray(displacement / self._units[: self._nv])
 
     def distance(self, rest: Rest) -> float:
         """The distance in m from the start, see `Equilibrium`."""
@@ -170,7 +170,7 @@ class RestBalance:
 
     def _rates(self, rest: Rest) -> Array:
         y, inputs = self._point(rest)
-        rates = np.array(self._equations.rates.call([0.0, y, inputs])[0]).ravel()[self._equations.core]
+        rates: Array = np.array(self._equations.rates.call([0.0, y, inputs])[0]).ravel()[self._equations.core]
         rates[self._nv :] += rest.load * rest.holding[self._nv :]
         return rates
 

@@ -59,10 +59,10 @@ class AgentInterface:
         taken = [(index, place) for index, (kind, place) in enumerate(places) if kind == "command"]
         self._sources_of_commands, self._channels = (_places([pair[k] for pair in taken]) for k in (0, 1))
         self.has_commands, self.has_efforts = bool(taken), bool(efforts)
-        bounds = [
+        ranges = [
             (-limits[place], limits[place]) if kind == "effort" else commands.bounds[place] for kind, place in places
         ]
-        self.action_space = _action_space(self.actuated, np.array(bounds, dtype=np.float32).reshape(-1, 2))
+        self.action_space = _action_space(self.actuated, np.array(ranges, dtype=np.float32).reshape(-1, 2))
         angles = _angles(mechanism, model) if trigonometric else np.zeros(model.layout.nq, bool)
         self._others, self._angles = np.flatnonzero(~angles), np.flatnonzero(angles)
         self._least, self._most = (bound.astype(float) for bound in (self.action_space.low, self.action_space.high))
@@ -120,7 +120,7 @@ class AgentInterface:
                 f"the action has the shape {values.shape}. Give one number for each of: {listed(self.actuated)}"
                 f"{f', in {members[0]} rows' if members else ''}."
             )
-        return np.minimum(np.maximum(values, self._least), self._most)
+        return np.asarray(np.minimum(np.maximum(values, self._least), self._most))
 
 
 def _place(name: str, coordinates: Sequence[str], commands: CommandNames) -> tuple[str, int]:

@@ -124,9 +124,11 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         file, model = sim.model.start, sim.model
         q = np.array(given.get("q", file[model.q_range]), dtype=float)
         u = np.array(given.get("u", file[model.u_range]), dtype=float)
+        if self.start_noise and "u" in given:
+            sim.reset(q, u)  # refuses speeds that violate the constraints; noise may
         q += self.np_random.uniform(-self.start_noise, self.start_noise, q.shape)
         u += self.np_random.uniform(-self.start_noise, self.start_noise, u.shape)
-        sim.reset(q, u)
+        sim.reset(q, u, nearest_speeds=bool(self.start_noise) or "u" not in given)
         return self._observation(), {}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:

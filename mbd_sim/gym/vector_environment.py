@@ -167,13 +167,15 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         model, states = self.ensemble.model, self.ensemble.start_states
         coordinates = [("q", states[:, model.q_range]), ("u", states[:, model.u_range])]
         starts = [rows_of(given.get(name, file), file.shape, name)[members].copy() for name, file in coordinates]
+        if self.start_noise and "u" in given:
+            self.ensemble.restart(members, *starts)  # refuses speeds that violate the constraints; noise may
         if not self._generators:
             self._seed(None)
         for row, member in enumerate(members.tolist()):
             for start in starts:
                 noise = self._generators[member].uniform(-self.start_noise, self.start_noise, start.shape[1])
                 start[row] += noise
-        self.ensemble.restart(members, *starts)
+        self.ensemble.restart(members, *starts, nearest_speeds=bool(self.start_noise) or "u" not in given)
 
     def _seed(self, seed: int | Sequence[int | None] | None) -> None:
         """Seed the environments; None leaves a generator as it is, or seeds it at random for the first time."""

@@ -34,6 +34,7 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
 def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
     """The same, with the range of what commands a motor or a valve: beyond it, commands have no further effect."""
     for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
-        motor = isinstance(taker, Actuator) and channel == taker.control
-        limit = taker.output_limit if motor else math.inf
-        yield max(bounds[0], -limit), min(bounds[1], limit)
+        lower, upper = bounds
+        if isinstance(taker, Actuator) and channel == taker.control:
+            lower, upper = max(lower, -taker.output_limit), min(upper, taker.output_limit)
+        yield lower, upper

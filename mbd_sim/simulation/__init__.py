@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.sensor_samples import SensorSamples as SensorSamples
     from mbd_sim.simulation.simulation import Simulation as Simulation
     from mbd_sim.simulation.state_values import checked_values as checked_values
+    from mbd_sim.simulation.state_values import require_allowed_speeds as require_allowed_speeds
     from mbd_sim.simulation.state_values import state_with as state_with
     from mbd_sim.simulation.step_advice import advice_on_step as advice_on_step
     from mbd_sim.simulation.step_advice import divergence as divergence
@@ -52,7 +53,7 @@ else:
             "sensor_model": ("SensorModel",),
             "sensor_samples": ("SensorSamples",),
             "simulation": ("Simulation",),
-            "state_values": ("checked_values", "state_with"),
+            "state_values": ("checked_values", "require_allowed_speeds", "state_with"),
             "step_advice": ("advice_on_step", "divergence"),
         },
     )

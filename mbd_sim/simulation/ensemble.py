@@ -41,6 +41,7 @@ from mbd_sim.simulation.ensemble_variants import Change, Variants, member_change
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
 from mbd_sim.simulation.snapshot import MemberFailure
+from mbd_sim.simulation.state_values import require_allowed_speeds
 from mbd_sim.simulation.time_dependence import sampling_steps, time_dependence
 
 ENOUGH = 2_000_000  # instructions of all members together from which on threads save time
@@ -111,17 +112,18 @@ class Ensemble(EnsembleReadings):
         """
         return cls(load_mechanism(mechanism), members, **options)
 
-    def reset(self, q: Array | None = None, u: Array | None = None) -> None:
+    def reset(self, q: Array | None = None, u: Array | None = None, *, nearest_speeds: bool = False) -> None:
         """Return to time zero and the start states, or to the given ones (k, nq) and (k, nv); zero the efforts.
 
-        Given states are projected to the nearest ones that satisfy the constraints.
+        Given coordinates are moved to the nearest ones that satisfy the constraints. Given speeds have to satisfy them.
 
+        :param nearest_speeds: take the speeds nearest to `u` that satisfy the constraints, however far away.
         :raises ValueError: wrong shape, a value that is not finite, or loops that cannot be closed near a state.
-        :raises CommandError: a member is inside an obstacle.
+        :raises CommandError: a member is inside an obstacle, or its speeds violate the constraints.
         :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         everyone = np.arange(len(self))
-        states, inputs, energies = self._started(everyone, q, u)
+        states, inputs, energies = self._started(everyone, q, u, nearest_speeds)
         self._groups.put("y", states)
         self._put_inputs(inputs)
         self._groups.put("estimates", np.zeros((len(self), 1)))
@@ -129,7 +131,12 @@ class Ensemble(EnsembleReadings):
         self._steps, self._failures, self._start_energies = 0, {}, energies
 
     def restart(
-        self, members: Sequence[int] | NDArray[np.intp], q: Array | None = None, u: Array | None = None
+        self,
+        members: Sequence[int] | NDArray[np.intp],
+        q: Array | None = None,
+        u: Array | None = None,
+        *,
+        nearest_speeds: bool = False,
     ) -> None:
         """Return some members to their start states, or to given ones (n, nq) and (n, nv), while the time goes on.
 
@@ -137,6 +144,7 @@ class Ensemble(EnsembleReadings):
         sampled servos, it is possible at the steps at which all of them sample, as at time zero.
 
         :param members: (n,) their indices, each once.
+        :param nearest_speeds: see `reset`.
         :raises ValueError: see `reset`; or the motion depends on the time; or servos do not sample at this step; or
             `members` are a mask.
         :raises IndexError: there is no such member.
@@ -153,7 +161,7 @@ class Ensemble(EnsembleReadings):
         some = member_numbers(members, len(self))
         if not some.size:
             return
-        states, inputs, energies = self._started(some, q, u)
+        states, inputs, energies = self._started(some, q, u, nearest_speeds)
         self._groups.put_members("y", some, states)
         self._groups.put_members("inputs", some, np.pad(inputs, ((0, 0), (0, self.model.history_size))))
         self._groups.put_members("estimates", some, np.zeros((some.size, 1)))
@@ -170,17 +178,22 @@ class Ensemble(EnsembleReadings):
     def _sampling_steps(self) -> int:
         return sampling_steps(self.model)
 
-    def _started(self, members: NDArray[np.intp], q: Array | None, u: Array | None) -> tuple[Array, Array, Array]:
+    def _started(
+        self, members: NDArray[np.intp], q: Array | None, u: Array | None, nearest_speeds: bool
+    ) -> tuple[Array, Array, Array]:
         """States (n, m), inputs and energies of some members at their start, see `reset`."""
         states, inputs = self._starts[members], self._inputs[members]
         inputs[:, self._effort_inputs] = 0.0
         for given, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if given is not None:
                 states[:, where] = require_finite(rows_of(given, states[:, where].shape, symbol), symbol)
-        for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
+        for member, y, values in zip(members.tolist(), states, inputs[:, self._value_inputs], strict=True):
             self.model.normalize(y)
+            given = y[self.model.u_range].copy()
             if q is not None or u is not None:
                 self.model.project(y, values)
+            if u is not None and not nearest_speeds:
+                require_allowed_speeds(self.model, y, given, values, f"member {member}: ")
         if self.mechanism.commanded:
             for member, y, row in zip(members.tolist(), states, inputs, strict=True):
                 self.model.hold_start(y, row, self._variants.mechanism_of(member))

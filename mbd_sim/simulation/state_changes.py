@@ -26,7 +26,9 @@ class StateChanges(Readings, RunReports):
     effort_map: EffortMap
     _live_inputs: Array
 
-    def reset(self, q: Coordinates | None = None, u: Coordinates | None = None) -> None:
+    def reset(
+        self, q: Coordinates | None = None, u: Coordinates | None = None, *, nearest_speeds: bool = False
+    ) -> None:
         """Return to time zero and to the start state or the given one; zero the efforts, the wrenches and the audit.
 
         Commands of actuators become those before the first one. Live values stay as they are.
@@ -38,11 +40,13 @@ class StateChanges(Readings, RunReports):
         :param q: coordinates (nq,), of which the state is the nearest one that satisfies the constraints; or some
             by the names of coordinates, in m and rad: these stay as they are given, and those of the start follow as
             far as closed loops require.
-        :param u: speeds (nv,), or some by the names of coordinates, in the same way.
+        :param u: speeds (nv,) that satisfy the constraints, but for their digits; or some by the names of coordinates,
+            which the others follow.
+        :param nearest_speeds: take the speeds nearest to `u` that satisfy the constraints, however far away.
         :raises ValueError: wrong length, a value that is not finite, loops that cannot be closed near this state, or
             parts inside each other or beyond a stop; nothing is changed then.
-        :raises CommandError: an unknown or driven coordinate, a value by name that is not finite, or loops that cannot
-            be closed with these values; nothing is changed then.
+        :raises CommandError: an unknown or driven coordinate, a value by name that is not finite, loops that cannot
+            be closed with these values, or speeds that violate the constraints; nothing is changed then.
         """
         model, y, inputs = self.model, self.model.start.copy(), self.model.inputs.copy()
         positions, speeds = (value if isinstance(value, Mapping) else {} for value in (q, u))
@@ -58,7 +62,10 @@ class StateChanges(Readings, RunReports):
                     model, 0.0, y, self._live_inputs, simulation.checked_values(model, positions, speeds)
                 )
             else:
+                given = y[model.u_range].copy()
                 model.project(y, self._live_inputs)
+                if u is not None and not nearest_speeds:
+                    simulation.require_allowed_speeds(model, y, given, self._live_inputs)
             model.hold_start(y, inputs)
             simulation.require_outside(model, 0.0, y, inputs)
         self._memory.load(y, inputs, 0)

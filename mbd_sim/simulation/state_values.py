@@ -14,6 +14,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.joint_state_layout import recorded_state
 
+DIGITS = 1e-3  # of all speeds, in the metric of the mass matrix, by which given ones may be rounded
 ROUNDING = 1e-6  # by how much a given value may change so that loops close, as for positions printed with six digits
 
 
@@ -93,6 +94,31 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         u = dynamics.speeds_of_a_branch(constraints, time, closure.q, u, fixed)
     moved[model.u_range] = u
     return moved
+
+
+def require_allowed_speeds(model: Model, y: Array, given: Array, values: Array | None, whose: str = "") -> None:
+    """Refuse speeds (nv,) that were given and violate the constraints, by more than the digits of people's numbers.
+
+    :param y: the state with the nearest speeds that satisfy the constraints.
+    :param values: as for `Model.project`.
+    :param whose: the beginning of the message.
+    :raises CommandError: it says by how much, and gives the nearest ones.
+    """
+    if not model.row_names:
+        return
+    constraints = model.equations.constraints
+    constraints = constraints if values is None else constraints.with_values(values)
+    mass, u = constraints.mass_matrix(0.0, y[model.q_range]), y[model.u_range]
+    change = u - given
+    if change @ mass @ change <= DIGITS**2 * (given @ mass @ given):
+        return
+    largest = int(np.argmax(np.abs(change)))
+    nearby = ", ".join(f"{name} = {value:.6g}" for name, value in zip(model.coordinate_names, u, strict=True))
+    raise CommandError(
+        f"{whose}the constraints do not allow these speeds: the nearest ones that they allow are {nearby}, of which "
+        f"{model.coordinate_names[largest]} differs by {change[largest]:.6g}. Give these; or some by name, "
+        f"u={{'{model.coordinate_names[0]}': …}}, which the others follow; or take the nearest by nearest_speeds=True."
+    )
 
 
 def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> Array:

@@ -205,7 +205,7 @@ def test_commands_without_a_range_and_wrong_names_are_refused():
 
     with pytest.raises(ValueError, match=r"command of drive has no limit.*'command_limits'"):
         build()
-    with pytest.raises(ValueError, match="there is no command 'driv'. Did you mean 'drive'"):
+    with pytest.raises(ValueError, match=r"there is no command 'driv'\. Did you mean 'drive'"):
         build(limits={"driv": 1.0})
     with pytest.raises(ValueError, match="limit of the command drive is"):
         build(limits={"drive": (2.0, 1.0)})

@@ -246,3 +246,33 @@ def test_limits_of_efforts_can_be_replaced():
     assert np.array_equal(swing.effort_limits, np.tile([1.0, 0.5], (3, 1)))
     with pytest.raises(ValueError, match="negative"):
         swing.set_effort_limits(np.array([1.0, -1.0]))
+
+
+def test_given_speeds_have_to_satisfy_the_constraints_but_for_their_digits():
+    """A full vector is refused as speeds by name are; the message says by how much, and names the nearest ones."""
+    single, members = Simulation.from_file("four_bar"), Ensemble.from_file("four_bar", 3)
+    right = single.u.copy()
+    wrong = right + np.array([0.0, 0.5, 0.0])
+    before = single.state.copy()
+    with pytest.raises(CommandError, match=r"do not allow these speeds.*nearest.*crank_pivot = .*differs by"):
+        single.reset(u=wrong)
+    assert np.array_equal(single.state, before)
+    with pytest.raises(CommandError, match="member 1: the constraints do not allow"):
+        members.reset(u=[right, wrong, right])
+    with pytest.raises(CommandError, match="member 2: the constraints do not allow"):
+        members.restart([2], u=wrong)
+    single.reset(u=np.round(right, 4))
+    members.reset(u=np.round(right, 4))
+    assert single.u == pytest.approx(right, abs=1e-4) and single.violation.velocity < 1e-12
+    assert np.array_equal(members.u, [single.u] * 3)
+    single.reset(u=wrong, nearest_speeds=True)
+    members.restart([2], u=wrong, nearest_speeds=True)
+    assert single.violation.velocity < 1e-12 and np.array_equal(members.u[2], single.u)
+    single.reset(u=np.zeros(3))
+    assert not single.u.any()
+
+
+def test_resting_speeds_that_contradict_a_drive_are_refused():
+    lift = Simulation.from_file("scissor_lift", set={"joints.bearing.drive": "3*t"})
+    with pytest.raises(CommandError, match="do not allow these speeds"):
+        lift.reset(u=np.zeros(len(lift.u)))
