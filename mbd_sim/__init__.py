@@ -26,16 +26,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mbd_sim.errors import (
-    CommandError,
-    DivergedError,
-    InputError,
-    MbdSimError,
-    MechanismError,
-    NoInertiaError,
-    Problem,
-)
-
 if TYPE_CHECKING:
     from mbd_sim.analysis.equilibrium import Equilibrium, equilibria, equilibrium, nearest_equilibrium
     from mbd_sim.analysis.inertia_split import InertiaSplit, inertia_split
@@ -44,6 +34,15 @@ if TYPE_CHECKING:
     from mbd_sim.analysis.linearization import Linearization, Mode, linearize, modes
     from mbd_sim.analysis.regulator import lqr
     from mbd_sim.analysis.state_space import StateSpace
+    from mbd_sim.errors import (
+        CommandError,
+        DivergedError,
+        InputError,
+        MbdSimError,
+        MechanismError,
+        NoInertiaError,
+        Problem,
+    )
     from mbd_sim.geometry.pose import Pose
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
@@ -112,6 +111,15 @@ _MODULES = {
     "mbd_sim.analysis.linearization": ("Linearization", "Mode", "linearize", "modes"),
     "mbd_sim.analysis.regulator": ("lqr",),
     "mbd_sim.analysis.state_space": ("StateSpace",),
+    "mbd_sim.errors": (
+        "CommandError",
+        "DivergedError",
+        "InputError",
+        "MbdSimError",
+        "MechanismError",
+        "NoInertiaError",
+        "Problem",
+    ),
     "mbd_sim.geometry.pose": ("Pose",),
     "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
     "mbd_sim.mechanism.records": ("Mechanism",),

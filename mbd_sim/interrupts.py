@@ -30,11 +30,26 @@ def raise_interrupt(frame: FrameType | None) -> None:
     call = _outermost_casadi(frame)
     if call is None:
         raise KeyboardInterrupt
+    _interrupt_in(call, at_return=True)
+
+
+def repeat_interrupt(lost: sys.UnraisableHookArgs) -> None:
+    """Raise KeyboardInterrupt again where Python would report and drop it, as in a destructor; for `unraisablehook`."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    caller = sys._getframe(1)
+    call = _outermost_casadi(caller)
+    _interrupt_in(call or caller, at_return=call is not None)
+
+
+def _interrupt_in(call: FrameType, *, at_return: bool) -> None:
+    """Raise KeyboardInterrupt where a call in progress returns, or as soon as it goes on."""
 
     def interrupt(traced: FrameType, event: str, _argument: Any) -> TraceFunction | None:
         if traced is not call:
             return None
-        if event == "return":  # or an exception leaves it, which this one replaces
+        if event == "return" or not at_return:  # or an exception leaves it, which this one replaces
             raise KeyboardInterrupt  # which ends the tracing
         return interrupt
 

@@ -12,7 +12,7 @@ HEADER = """# Command line
 `mbd_sim` is one program with the commands below. `mbd_sim COMMAND --help` prints the same text. A `FILE` is a mechanism
 file, a URDF file, or the name of a [shipped mechanism](gallery/index.md).
 
-Exit codes: 0, success; 1, a problem was reported, or `verify` found a difference; 2, wrong usage; 130, interrupted.
+Exit codes: 0, success; 1, a problem was reported, or `verify` found a difference; 2, wrong usage; 130, interrupted; 143, ended by SIGTERM.
 """
 
 

@@ -81,7 +81,8 @@ LONGEST_PATH = 4096  # characters
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code.
 
-    0: success. 1: a problem was reported, or `verify` found a difference. 2: wrong usage. 130: interrupted by Ctrl-C.
+    0: success. 1: a problem was reported, or `verify` found a difference. 2: wrong usage. 130: interrupted; the
+    program makes 143 of it after SIGTERM.
     """
     parser = build_parser()
     complete(parser)

@@ -96,7 +96,11 @@ def _run(
     try:
         try:
             node = make_node(lambda: end_requests.put(0))
-        except USER_ERRORS as error:
+        except Exception as error:
+            if not end_requests.empty():  # a library has replaced the KeyboardInterrupt of a signal
+                return 0
+            if not isinstance(error, USER_ERRORS):
+                raise
             return _fail(name, str(error))
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda received, _: end_requests.put(received))

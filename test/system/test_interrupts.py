@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -146,3 +147,125 @@ sys.exit(command.tracing.main())
 def test_an_interrupt_while_casadi_traces_ends_a_command_quietly() -> None:
     done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+DESTROYED = """
+import signal, sys, types
+from mbd_sim.programs import command
+
+class Object:
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)  # Python reports exceptions of destructors, and drops them
+
+def drop():
+    made = Object()
+
+def main():
+    drop()
+    print("goes on")
+    for number in range(10):
+        pass
+    print("ends")
+
+sys.modules["mbd_sim.dropping"] = types.SimpleNamespace(main=main)
+sys.exit(command.dropping.main())
+"""
+
+
+def test_a_signal_within_a_destructor_ends_a_command_quietly() -> None:
+    done = subprocess.run([sys.executable, "-c", DESTROYED], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "")
+
+
+AGAIN = """
+import signal, sys, types
+from mbd_sim.programs import {kind}
+
+def main():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            print("finished")
+
+sys.modules["mbd_sim.ending"] = types.SimpleNamespace(main=main)
+code = {kind}.ending.main()
+signal.raise_signal(signal.{late})
+sys.exit(code)
+"""
+
+
+@pytest.mark.parametrize("late", ["SIGINT", "SIGTERM"])
+def test_further_signals_while_and_after_a_program_ends_change_nothing_but_the_number(late: str) -> None:
+    for kind, expected in (("node", 0), ("command", 128 + signal.Signals[late])):
+        text = AGAIN.format(kind=kind, late=late)
+        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout, done.stderr) == (expected, "finished\n", "")
+
+
+AT_EXIT = """
+import atexit, signal, sys, types
+from mbd_sim.programs import node
+
+class Late:
+    def __del__(self, raise_signal=signal.raise_signal):
+        raise_signal(15)  # when the interpreter clears the modules
+        raise_signal(2)
+
+late = Late()
+sys.modules["mbd_sim.ending"] = types.SimpleNamespace(main=lambda: 0)
+sys.exit(node.ending.main())
+"""
+
+
+def test_signals_at_the_end_of_the_interpreter_change_nothing() -> None:
+    done = subprocess.run([sys.executable, "-c", AT_EXIT], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+PROGRAMS = {
+    "node": ("node.ros.sim_node.main", ["--ros-args", "-p", "record:=false", "--log-level", "ERROR"]),
+    "replay": ("node.ros.replay_node.main", ["--ros-args", "-p", "bag:=none.mcap"]),
+    "run": ("command.cli.main.main", ["run", "double_rod", "--time", "5"]),
+    "check": ("command.cli.main.main", ["check", "four_bar"]),
+    "help": ("command.cli.main.main", ["--help"]),
+}
+
+
+def handles(process: subprocess.Popen[bytes]) -> bool:
+    """Whether the program has a handler of SIGTERM, which Python alone has not, or has ended."""
+    try:
+        masks = dict(line.split(":", 1) for line in Path(f"/proc/{process.pid}/status").read_text().splitlines())
+    except OSError:
+        return True
+    return "SigCgt" not in masks or bool(int(masks["SigCgt"], 16) >> signal.SIGTERM - 1 & 1)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_signals_at_any_moment_end_programs_with_the_documented_exit_code_and_nothing_else(
+    tmp_path: Path, program: str
+) -> None:
+    path, arguments = PROGRAMS[program]
+    kind = path.partition(".")[0]
+    entry = f"import sys; from mbd_sim.programs import {kind}; sys.exit({path}())"
+    command = [sys.executable, "-c", entry, *arguments]
+    environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain())}
+    span, finished = 1.2 if kind == "node" else 0.8, 1 if program == "replay" else 0
+    for number in range(12):
+        sent = (signal.SIGINT, signal.SIGTERM)[number % 2]
+        with subprocess.Popen(
+            command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        ) as process:  # fmt: skip
+            wait_until(partial(handles, process), "the handlers", meanwhile=lambda: time.sleep(0.001))
+            time.sleep(span * number / 12)
+            process.send_signal(sent)
+            if number % 3 == 2:
+                process.send_signal(sent)  # as a launch file may do
+            assert process.stdout is not None
+            output = process.stdout.read().decode()
+            code = process.wait(PATIENCE)
+        assert code in (finished, 0 if kind == "node" else 128 + sent), (number, output)
+        assert "Traceback" not in output and "Exception ignored" not in output, (number, output)
