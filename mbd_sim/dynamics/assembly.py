@@ -84,7 +84,7 @@ def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, f
 def _least_step(constraints: ConstraintFunctions, t: float, q: Array, gaps: Array, free: Array) -> Array | None:
     """The displacement (nv,) in natural units, of least norm, that closes linearized gaps; None if it is undefined."""
     slope, sizes = constraints.scaled_gradient(t, q), constraints.row_sizes(t, q)
-    rows = constraints.holonomic & (sizes > 0.0)
+    rows = np.logical_and(constraints.holonomic, sizes > 0.0)
     slope = slope[rows][:, free]
     if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(slope))):
         return None

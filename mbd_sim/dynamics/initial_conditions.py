@@ -167,9 +167,10 @@ def assembled_start(
 
 def _weakest(gradient: Array) -> tuple[float, Array]:
     """How much the rows prevent the motion that they prevent least, in natural units, and their shares (m,) in that."""
-    left, values, _ = np.linalg.svd(gradient)
-    last = gradient.shape[1] - 1
-    return float(values[last]), np.abs(left[:, last])
+    left, values, _ = np.linalg.svd(gradient, full_matrices=False)
+    if not values.size:
+        return np.inf, np.zeros(len(gradient))
+    return float(values[-1]), np.abs(left[:, -1])
 
 
 def start_like(
