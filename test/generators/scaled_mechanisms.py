@@ -18,7 +18,6 @@ from mbd_sim.mechanism_file.quantity import Quantity
 from mbd_sim.mechanism_file.repetition import expanded
 from mbd_sim.mechanism_file.schema import actuator_schema, constraint_schema, contact_schema, force_schema, law_schema
 from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.mechanism_file.schema.later import Later
 from mbd_sim.mechanism_file.validation import validate
 from mbd_sim.mechanism_file.yaml_reader import parse_source
 
@@ -245,10 +244,7 @@ def _is(kind, origin) -> bool:
 
 
 def _plain(kind):
-    """A kind without its metadata; a type that is imported later is imported."""
-    for mark in getattr(kind, "__metadata__", ()):
-        if isinstance(mark, Later):
-            return mark.kind
+    """A kind without its metadata."""
     return typing.get_args(kind)[0] if hasattr(kind, "__metadata__") else kind
 
 
