@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, scaled
 from mbd_sim.dynamics.constraint_rank import least_solution, row_is_zero
@@ -207,7 +208,7 @@ def _least_energy_speeds(constraints: ConstraintFunctions, t: float, q: Array, f
     return u
 
 
-def energy_rows(mass_matrix: Array, rows: Array, zero: Array, scales: Array) -> tuple[Array, Array, Array]:
+def energy_rows(mass_matrix: Array, rows: Array, zero: NDArray[np.bool_], scales: Array) -> tuple[Array, Array, Array]:
     """Combinations (nv, nv) of speeds with unit energy, and rows (m, nv) in these: of unit length, and their lengths.
 
     Rows that are `zero` (m,) have an infinite length. Speeds without inertia get a small one; if nothing has inertia,

@@ -9,10 +9,14 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.assembly import CLOSED, tolerated_errors
 from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations_of_rows, expressed_in_state
+from mbd_sim.dynamics.constraint_functions import constraint_functions
+from mbd_sim.dynamics.constraint_rank import row_is_zero
 from mbd_sim.dynamics.contact_places import placed_forces
 from mbd_sim.dynamics.contact_rows import Gap, contact_rows
+from mbd_sim.dynamics.initial_conditions import given_start
 from mbd_sim.dynamics.kinematics import SymbolicPose
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.tracing import TracedMechanism
@@ -21,6 +25,7 @@ from mbd_sim.mechanism.records import Joint
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding, and no share
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
+TIMES = (0.0, 0.137, 0.71)  # s, at which rows are judged, in random configurations
 SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
 
 
@@ -174,26 +179,45 @@ def contact_equations(traced: TracedMechanism) -> ContactEquations:
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
-    impossible = {
-        len(gaps) + number for number in range(len(slips)) if not equations.gradient[len(gaps) + number, :].nnz()
-    }
-    kept = [row for row in range(len(rows)) if row not in impossible]
+    unable = _unable_to_act(traced, equations, len(gaps))
+    unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
+    kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions: list[FrictionElement] = []
     for index, gap in enumerate(gaps):
         own = [len(gaps) + number for number, (owner, _) in enumerate(slips) if owner == index]
         if own := [new_index[row] for row in own if row in new_index]:
             sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
-            frictions.append(FrictionElement(tuple(own), index, partial(_of_any_speed, sliding), static))
+            element = FrictionElement(tuple(own), new_index[index], partial(_of_any_speed, sliding), static)
+            frictions.append(element)
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
+    gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
     layout = ContactLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
     numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
     places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
     return ContactEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places)
+
+
+def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> set[int]:
+    """The rows of gaps that nothing changes and that are not negative, such as between welded parts, and of such slip.
+
+    Rows of slip come after those of the `gaps`.
+    """
+    found = {row for row in range(gaps, len(equations.rows)) if not equations.gradient[row, :].nnz()}
+    if not gaps or traced.layout.drives:
+        return found
+    functions, random = constraint_functions(traced, equations), np.random.default_rng(4)
+    start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    zero = functions.position(0.0, start) >= -CLOSED * functions.row_sizes(0.0, start)
+    for t in TIMES:
+        q = functions.displaced(start, scales * random.normal(size=len(scales)))
+        zero &= row_is_zero(functions.scaled_gradient(t, q))
+        zero &= np.abs(functions.drift(t, q)) <= tolerated_errors(functions, t, q, np.zeros(len(scales)))
+    return found | {row for row in range(gaps) if zero[row]}
 
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:

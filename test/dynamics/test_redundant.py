@@ -199,3 +199,27 @@ def test_steps_do_not_divide_round_off_by_round_off():
     assert not least_solution(noise, gap).any()
     matrix = np.diag([1.0, 0.1 * RANK])
     assert least_solution(matrix, np.ones(2)) == pytest.approx(np.array([1.0, 0.0]))
+
+
+@pytest.mark.parametrize("bound", ["at_most", "at_least"])
+def test_a_gap_between_welded_parts_never_acts(bound):
+    """It neither opens nor closes; what its row has left is round-off."""
+    text = STRUT.replace("1.0565768360853087}", f"1.0565768360853087, bound: {bound}, restitution: 0.5}}")
+    simulation = Simulation(parse_mechanism(text))
+    simulation.run(until=0.5)
+    expected = [-0.3530869495028562, 2.9360132572415556, -8.668652628433184, 6.621133500079806]
+    assert [*simulation.q, *simulation.u] == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.parametrize("drive", ["sin(2*t)", "2*t", "1 - cos(3*t)", {"command": "position", "bandwidth": 50}])
+def test_a_driven_shaft_may_have_two_bearings(drive):
+    """The drift of its rows is round-off as well, and contradicts no drive."""
+    text = json.loads(door([0.0, 0.6, 0.8]))
+    del text["joints"]["a"]["velocity"]
+    text["joints"]["a"]["drive"] = drive
+    text["parts"]["c"] = {"mass": 1, "center": [0.4, 0.1, -0.1], "inertia": [0.3, 0.4, 0.5]}
+    text["joints"]["c"] = {"type": "revolute", "between": ["b", "c"], "axis": [1, 0, 0.3]}
+    one, other = (Simulation(parse_mechanism(each)) for each in (json.dumps(text), _without_second(json.dumps(text))))
+    for simulation in (one, other):
+        simulation.run(until=0.2)
+    assert np.concatenate([one.q, one.u]) == pytest.approx(np.concatenate([other.q, other.u]), rel=1e-13, abs=1e-13)
