@@ -67,8 +67,11 @@ def _modes(options: argparse.Namespace) -> int:
     from mbd_sim.errors import InputError
 
     simulation = simulation_at(options)
-    shapes = mode_shapes(simulation.linearize())
+    linearization = simulation.linearize()
+    shapes = mode_shapes(linearization)
     print(state_text(simulation, options.at))
+    if linearization.remark:
+        print(f"REMARK: {linearization.remark}")
     for number, shape in enumerate(shapes, 1):
         print("\n".join(_mode_lines(number, shape, simulation.coordinate_names)))
     if options.animate is not None:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation as Simulation
     from mbd_sim.simulation.state_values import checked_values as checked_values
     from mbd_sim.simulation.state_values import state_with as state_with
+    from mbd_sim.simulation.step_advice import advice_on_energy as advice_on_energy
     from mbd_sim.simulation.step_advice import advice_on_step as advice_on_step
     from mbd_sim.simulation.step_advice import divergence as divergence
 else:
@@ -57,6 +58,6 @@ else:
             "sensor_samples": ("SensorSamples",),
             "simulation": ("Simulation",),
             "state_values": ("checked_values", "state_with"),
-            "step_advice": ("advice_on_step", "divergence"),
+            "step_advice": ("advice_on_energy", "advice_on_step", "divergence"),
         },
     )
