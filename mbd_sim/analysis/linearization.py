@@ -118,10 +118,15 @@ def linearize_at(
 
 
 def variation_remark(equations: Equations, t: float, y: Array, inputs: Array, a: Array) -> str:
-    """Why eigenvalues do not describe the motion from a state on: its A (n, n) changes there; empty if it is constant."""
+    """Why eigenvalues do not describe the motion from a state on: its A (n, n) changes; empty if it is constant.
+
+    Motions with closed contacts are not examined.
+    """
     nq, nv = equations.layout.nq, equations.layout.nv
     moving = slice(nq + nv)
-    rates = np.array(equations.rates(t, y, inputs), dtype=float).ravel()[moving]
+    if np.any(inputs[equations.inputs.contact]):
+        return ""
+    rates = np.array(equations.rates.call([t, y, inputs])[0], dtype=float).ravel()[moving]
     depends_on_time = bool(equations.rates.jac_sparsity(0, 0).nnz())
     size = float(np.max(np.abs(a), initial=0.0))
     if not size or not (depends_on_time or np.max(np.abs(rates), initial=0.0) > BALANCED * size):

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.actuator_states import states_of_actuators as states_of_actuators
     from mbd_sim.simulation.compliant_states import compliant_names as compliant_names
     from mbd_sim.simulation.compliant_states import states_of_compliant_contacts as states_of_compliant_contacts
-    from mbd_sim.simulation.contact_records import with_friction as with_friction
     from mbd_sim.simulation.contact_pairs import require_computable_pairs as require_computable_pairs
+    from mbd_sim.simulation.contact_records import with_friction as with_friction
     from mbd_sim.simulation.contact_start import require_free_start as require_free_start
     from mbd_sim.simulation.contact_start import require_outside as require_outside
     from mbd_sim.simulation.contact_stepping import contact_stepper as contact_stepper

@@ -39,7 +39,7 @@ def _missed(expression: TimeExpression, step: float) -> float | None:
     t = ca.SX.sym("t")
     function = ca.Function("force", [t], [function_of(expression, {TIME: t})])
     named = [*map(float, NUMBER.findall(expression.text)), *expression.names.values()]
-    near = [np.floor(time / step) + [-1.0, 0.0, 1.0] for time in named if SEARCHED * step < time < LATEST]
+    near = [np.floor(time / step) + np.array([-1.0, 0.0, 1.0]) for time in named if SEARCHED * step < time < LATEST]
     starts = np.unique(np.concatenate([np.arange(SEARCHED, dtype=float), *near]))
     times = step * (starts[:, None] + np.arange(SAMPLES + 1) / SAMPLES)
     values = np.array(function(times.reshape(1, -1)), dtype=float).reshape(times.shape)

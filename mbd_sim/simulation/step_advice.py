@@ -73,8 +73,8 @@ def advice_on_energy(model: Model, energies: Energies, start_energy: float, step
         causes.append(f"the force of {listed(springs)} reverses where its length passes zero")
     cause = f": {'; '.join(causes)}" if causes else ", such as one that jumps"
     return (
-        f"the energy account of {mechanism.name} is open by {abs(energies.residual) / exchanged:.1g} of the energy that "
-        f"has been exchanged. A force may change abruptly within steps of {step:g} s{cause}. Try step "
+        f"the energy account of {mechanism.name} is open by {abs(energies.residual) / exchanged:.1g} of the energy "
+        f"that was exchanged. A force may change abruptly within steps of {step:g} s{cause}. Try step "
         f"{round_down(0.1 * step):g}, or keep the motion away from there."
     )
 
