@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from mbd_sim.analysis.small_motion import small_motion
 from mbd_sim.dynamics.equations import Equations, require_equations
-from mbd_sim.errors import quoted
+from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.mechanism.channels import channel_names
 
 ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:
 LEAST_EIGENVALUE, SPLIT = 1e-6, 1e-5  # the same in 1/s, √(ε g/r) of a balanced r = 1 mm, and relative to the largest
+BRIEF, VARIES = 1e-4, 1e-3  # of the time scale of A, after which A is computed again, and its relative change by then
+BALANCED = 1e-9  # relative rate of a state that counts as constant
 UNDAMPED = 1e-12  # damping ratios of round-off
 
 
@@ -40,7 +42,7 @@ class Linearization:
 
     `states` are the names of s, such as `drive.current`, and `commands` those of c, such as `drive.voltage`, in their
     order and in SI units. Drives that follow commands move on as they do at the state: neither their states nor their
-    commands are among these.
+    commands are among these. A `remark` says that A changes along the motion, if it does.
     """
 
     a: Array
@@ -50,6 +52,7 @@ class Linearization:
     by_commands: Array
     states: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
+    remark: str = ""
 
 
 class Mode(NamedTuple):
@@ -112,6 +115,35 @@ def linearize_at(
     states, commands = equations.actuator_layout.core_names(actuators), channel_names(actuators)
     b, by_commands = small.b[:, :nv], small.b[:, nv : nv + len(commands)]
     return Linearization(small.a, b, small.displacements, small.speeds, by_commands, states, commands)
+
+
+def variation_remark(equations: Equations, t: float, y: Array, inputs: Array, a: Array) -> str:
+    """Why eigenvalues do not describe the motion from a state on: its A (n, n) changes; empty if it is constant.
+
+    Motions with closed contacts are not examined.
+    """
+    nq, nv = equations.layout.nq, equations.layout.nv
+    moving = slice(nq + nv)
+    if np.any(inputs[equations.inputs.contact]):
+        return ""
+    rates = np.array(equations.rates.call([t, y, inputs])[0], dtype=float).ravel()[moving]
+    depends_on_time = bool(equations.rates.jac_sparsity(0, 0).nnz())
+    size = float(np.max(np.abs(a), initial=0.0))
+    if not size or not (depends_on_time or np.max(np.abs(rates), initial=0.0) > BALANCED * size):
+        return ""
+    brief = BRIEF / math.sqrt(max(size, float(np.max(np.abs(rates), initial=0.0))))
+    later = y.copy()
+    later[moving] += brief * rates
+    try:
+        change = np.max(np.abs(linearize_at(equations, t + brief, later, inputs).a - a))
+    except MbdSimError:
+        return ""
+    if change <= VARIES * BRIEF * size:
+        return ""
+    return (
+        f"A changes along the motion at {t:.6g} s: eigenvalues say nothing of its stability, and small motions follow "
+        "this A for a short time only. Linearize about an equilibrium or a steady motion for that."
+    )
 
 
 def modes(linearization: Linearization) -> list[Mode]:

@@ -86,8 +86,11 @@ def _modes(options: argparse.Namespace) -> int:
         require_suffix(options.out, TABLES)
         require_packages_for(options.out)
     simulation, state = simulation_at(options)
-    shapes = mode_shapes(simulation.linearize())
+    linearization = simulation.linearize()
+    shapes = mode_shapes(linearization)
     print(state)
+    if linearization.remark:
+        print(f"REMARK: {linearization.remark}")
     for number, shape in enumerate(shapes, 1):
         print("\n".join(_mode_lines(number, shape, simulation.coordinate_names)))
     if options.out is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,13 +9,12 @@ import casadi as ca
 from mbd_sim.compiler.dense_solver import DenseSolver
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer, local_array, number
+from mbd_sim.compiler.ir_types import INT, element, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import load, loop, store
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.schedule import arranged
+from mbd_sim.compiler.shared_rows import emit_shared_solver
 
-REFINEMENTS = 5  # of shared solutions, each of which divides their error by the ratio of the pivots to `SOFTNESS`
-SOFTNESS = 1e-12  # of the largest diagonal entry, that is added to that of a singular matrix
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 
 
@@ -159,7 +157,7 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
     function.linkage = "internal"
     mask, matrix, right, solution = function.args
     b = IRBuilder(function.append_basic_block("entry"))
-    share = _emit_share(module, active)
+    share = emit_shared_solver(module, n, active.solver)
     small, order, small_right, x, duals, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
     chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
@@ -187,15 +185,13 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
     with b.if_then(b.not_(shared)):
         b.call(active.solver.factorize, [small, order, size])
 
+    def subtract(i: Value, j: Value) -> None:
+        entry = b.fneg(load(b, matrix, b.add(chosen_row(j), b.mul(i, integer(n)))))
+        store(b, b.fma(entry, load(b, duals, j), load(b, solution, i)), solution, i)
+
     def watch(i: Value) -> None:
-        """What an inactive row lacks to bear a force."""
         with b.if_then(b.fcmp_ordered("==", load(b, mask, i), number(0.0))):
-
-            def subtract(j: Value) -> None:
-                entry = b.fneg(load(b, matrix, b.add(chosen_row(j), b.mul(i, integer(n)))))
-                store(b, b.fma(entry, load(b, duals, j), load(b, solution, i)), solution, i)
-
-            loop(b, 0, size, subtract)
+            loop(b, 0, size, lambda j: subtract(i, j))
 
     def solve_column(offset: Value) -> None:
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
@@ -212,87 +208,5 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
 
     for column in range(columns):
         solve_column(integer(column * n))
-    b.ret_void()
-    return function
-
-
-def _emit_share(module: Module, active: ActiveRows) -> Function:
-    """Emit `void share(matrix, weights, right, x, y, i64 sharing, i64 size)`: the first rows are those that share."""
-    if (known := module.functions.get("share")) is not None:
-        return known
-    n = active.rows
-    function = Function(module, FunctionType(VOID, [POINTER] * 5 + [INT] * 2), "share")
-    function.linkage = "internal"
-    given, weights, right, x, y, sharing, size = function.args
-    b = IRBuilder(function.append_basic_block("entry"))
-    matrix, normal, order, residual, change, largest = (local_array(b, count) for count in (n * n, n * n, n, n, n, 1))
-    b.store(number(0.0), largest)
-
-    def place(row: Value, column: Value) -> Value:
-        return b.add(row, b.mul(column, integer(n)))
-
-    def entry(row: Value, column: Value) -> Value:
-        return load(b, matrix, place(row, column))
-
-    def add_to(array: Value, index: Value, factor: Value, value: Value) -> None:
-        store(b, b.fma(factor, value, load(b, array, index)), array, index)
-
-    def others(k: Value, body: Callable[[Value], None]) -> None:
-        loop(b, 0, k, body)
-        loop(b, b.add(k, integer(1)), size, body)
-
-    def eliminate(k: Value) -> None:
-        def subtract(i: Value) -> None:
-            factor = b.fneg(b.fdiv(entry(i, k), entry(k, k)))
-            for first, beyond in ((0, sharing), (b.add(k, integer(1)), size)):
-                loop(b, first, beyond, lambda j: add_to(matrix, place(i, j), factor, entry(k, j)))
-            add_to(right, i, factor, load(b, right, k))
-            store(b, factor, matrix, place(i, k))
-
-        others(k, subtract)
-
-    def normal_entry(i: Value, j: Value) -> None:
-        at = place(i, j)
-        store(b, number(0.0), normal, at)
-        loop(b, 0, sharing, lambda k: add_to(normal, at, b.fdiv(entry(i, k), load(b, weights, k)), entry(j, k)))
-
-    def column(j: Value) -> None:
-        loop(b, 0, sharing, lambda i: normal_entry(i, j))
-        diagonal, known = load(b, normal, place(j, j)), b.load(largest, typ=DOUBLE)
-        b.store(b.select(b.fcmp_ordered(">", diagonal, known), diagonal, known), largest)
-
-    def residual_of(i: Value) -> None:
-        store(b, load(b, right, i), residual, i)
-        loop(b, 0, sharing, lambda k: add_to(residual, i, b.fneg(entry(i, k)), load(b, x, k)))
-
-    def solution_of(k: Value) -> None:
-        store(b, number(0.0), x, k)
-        loop(b, 0, sharing, lambda i: add_to(x, k, entry(i, k), load(b, y, i)))
-        store(b, b.fdiv(load(b, x, k), load(b, weights, k)), x, k)
-
-    def refine(_: Value) -> None:
-        loop(b, 0, sharing, residual_of)
-        b.call(active.solver.solve, [normal, order, residual, change, sharing])
-        loop(b, 0, sharing, lambda i: store(b, b.fadd(load(b, y, i), load(b, change, i)), y, i))
-        loop(b, 0, sharing, solution_of)
-
-    def eliminated(k: Value) -> None:
-        residual_of(k)
-        store(b, b.fdiv(load(b, residual, k), entry(k, k)), x, k)
-
-    def dual(back: Value) -> None:
-        k = b.sub(b.sub(size, integer(1)), b.sub(back, sharing))
-        others(k, lambda i: add_to(y, k, entry(i, k), load(b, y, i)))
-
-    loop(b, 0, integer(n * n), lambda i: store(b, load(b, given, i), matrix, i))
-    for array in (x, y):
-        loop(b, 0, size, lambda i, to=array: store(b, number(0.0), to, i))
-    loop(b, sharing, size, eliminate)
-    loop(b, 0, sharing, column)
-    loop(b, 0, sharing, lambda j: add_to(normal, place(j, j), number(SOFTNESS), b.load(largest, typ=DOUBLE)))
-    b.call(active.solver.factorize, [normal, order, sharing])
-    loop(b, 0, REFINEMENTS, refine)
-    loop(b, sharing, size, eliminated)
-    loop(b, sharing, size, dual)
     b.ret_void()
     return function

@@ -30,7 +30,7 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def least_squares(matrix: Array, right: Array, weights: Array) -> tuple[Array, Array]:
-    """The solution x (n,) of a system with dependent equations for which Σ w x² is least, and y with w x = matrixᵀ y."""
+    """The solution x (n,) of dependent equations for which Σ w x² is least, and y with w x = matrixᵀ y."""
     scaled = (matrix / weights).T
     x, y, normal = np.zeros(len(weights)), np.zeros(len(right)), product(matrix, scaled)
     for _ in range(REFINEMENTS):

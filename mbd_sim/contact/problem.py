@@ -21,16 +21,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbd_sim.contact.elimination import least_squares, product, rank, solve
+from mbd_sim.contact.elimination import rank, solve
 from mbd_sim.contact.lemke import lemke
+from mbd_sim.contact.sharing import SOFTNESS, shared_forces
 from mbd_sim.geometry.pose import Array
 
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS, SWEEPS = 40, 400
-SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
-SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
-SHARING_STEPS, SETTLED = 60, 1e-15  # until forces that are shared do not change any more, relative to their size
-UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 
 
 class NoSolutionError(ValueError):
@@ -82,7 +79,7 @@ def contact_forces(problem: ContactProblem) -> Array:
     start, _ = _quick(_softened(scaled))
     if start is None:
         start = _solution(scaled)
-    shared = _shared(scaled, start)
+    shared = shared_forces(scaled, start)
     polished, residual = _newton(scaled, shared)
     if residual > ACCURATE and (limited := _within_limits(scaled, shared)) is not None:
         polished, residual = _newton(scaled, limited)
@@ -100,7 +97,7 @@ def _within_limits(problem: ContactProblem, forces: Array) -> Array | None:
     ]  # fmt: skip
     limited = replace(problem, frictions=given)
     start, _ = _quick(_softened(limited))
-    return None if start is None else _shared(limited, start)
+    return None if start is None else shared_forces(limited, start)
 
 
 def _softened(problem: ContactProblem) -> ContactProblem:
@@ -109,52 +106,6 @@ def _softened(problem: ContactProblem) -> ContactProblem:
     softer, places = problem.matrix.copy(), range(len(problem.matrix))
     softer[places, places] += SOFTNESS * problem.compliance
     return replace(problem, matrix=softer)
-
-
-def _shared(problem: ContactProblem, forces: Array) -> Array:
-    """The forces of least Σ C λ² near some that satisfy all conditions: with the same contacts closed, and sticking.
-
-    Friction that slides follows its normal force in the direction that it has.
-    """
-    size, rates = float(np.abs(forces).max()), problem.rates(forces)
-    pressed = [row for row in problem.normals if forces[row] > 0.0]
-    closed = [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= UNPRESSED * size]
-    for _ in range(SHARING_STEPS):
-        unit, constant, held = _followers(problem, forces)
-        matrix, free = product(problem.matrix, unit), problem.rates(constant)
-        chosen, others = [*pressed, *held], [row for row in closed if row not in pressed]
-        found, duals = least_squares(matrix[chosen][:, chosen], -free[chosen], problem.compliance[chosen])
-        pulls = [row for row, force in zip(pressed, found.tolist(), strict=False) if force < -UNPRESSED * size]
-        pressed = [row for row in pressed if row not in pulls]
-        gains = product(matrix[chosen][:, others].T, duals)
-        added = [row for row, gain in zip(others, gains.tolist(), strict=True) if gain > UNPRESSED * size and not pulls]
-        pressed = sorted([*pressed, *added])
-        new = constant + product(unit[:, chosen], found)
-        change, forces = float(np.abs(new - forces).max()), new
-        if not pulls and not added and change <= SETTLED * size:
-            break
-    return forces
-
-
-def _followers(problem: ContactProblem, forces: Array) -> tuple[Array, Array, list[int]]:
-    """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,)."""
-    n, rates = len(forces), problem.rates(forces)
-    trial, slow = forces - rates, SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
-    unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
-    for row in problem.normals:
-        unit[row, row] = 1.0
-    for friction in problem.frictions:
-        rows, own = list(friction.rows), trial[list(friction.rows)]
-        limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
-        length, slips = _length(own), _length(rates[rows]) > slow
-        if length < limit * (1.0 - UNPRESSED) or not (slips or friction.normal is None):
-            held += rows
-            unit[rows, rows] = 1.0
-        elif length > 0.0 and friction.normal is None:
-            constant[rows] = own * (limit / length)
-        elif length > 0.0:
-            unit[rows, friction.normal] = own * (friction.size / length)
-    return unit, constant, held
 
 
 def _quick(problem: ContactProblem) -> tuple[Array | None, Array | None]:
@@ -186,7 +137,8 @@ def _solution(problem: ContactProblem) -> Array:
 def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
     """The same problem with rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
 
-    Its largest compliance is 1. The rows of one friction element keep a common scale, so that its circle stays one, and so does its normal row.
+    Its largest compliance is 1. The rows of one friction element keep a common scale, so that its circle stays one, and
+    so does its normal row.
     """
     diagonal = np.diag(problem.matrix).copy()
     for friction in problem.frictions:

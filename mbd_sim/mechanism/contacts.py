@@ -102,7 +102,8 @@ class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
     Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
-    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people, `quantity` both and the corner or rim in one word.
+    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
+    `quantity` both and the corner or rim in one word.
     """
 
     name: str

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.actuator_states import states_of_actuators as states_of_actuators
     from mbd_sim.simulation.compliant_states import compliant_names as compliant_names
     from mbd_sim.simulation.compliant_states import states_of_compliant_contacts as states_of_compliant_contacts
-    from mbd_sim.simulation.contact_records import with_friction as with_friction
     from mbd_sim.simulation.contact_pairs import require_computable_pairs as require_computable_pairs
+    from mbd_sim.simulation.contact_records import with_friction as with_friction
     from mbd_sim.simulation.contact_start import require_free_start as require_free_start
     from mbd_sim.simulation.contact_start import require_outside as require_outside
     from mbd_sim.simulation.contact_stepping import contact_stepper as contact_stepper
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.state_values import checked_values as checked_values
     from mbd_sim.simulation.state_values import require_allowed_speeds as require_allowed_speeds
     from mbd_sim.simulation.state_values import state_with as state_with
+    from mbd_sim.simulation.step_advice import advice_on_energy as advice_on_energy
     from mbd_sim.simulation.step_advice import advice_on_step as advice_on_step
     from mbd_sim.simulation.step_advice import divergence as divergence
 else:
@@ -54,6 +55,6 @@ else:
             "sensor_samples": ("SensorSamples",),
             "simulation": ("Simulation",),
             "state_values": ("checked_values", "require_allowed_speeds", "state_with"),
-            "step_advice": ("advice_on_step", "divergence"),
+            "step_advice": ("advice_on_energy", "advice_on_step", "divergence"),
         },
     )

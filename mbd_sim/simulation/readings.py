@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -81,10 +82,13 @@ class Readings(RunState):
 
     @property
     def step_advice(self) -> str | None:
-        """A sentence that names a better step or method if the step is too large for the mechanism, else None."""
+        """A sentence that names a better step or method if the step is too large for the mechanism, else None.
+
+        Too large are steps with large errors, and such as leave the energy account open.
+        """
         return simulation.advice_on_step(
             self.model, self.time, self._memory.y, self._memory.inputs, self.step_size, self.error_estimate
-        )
+        ) or simulation.advice_on_energy(self.model, self.energies, self.start_energy, self.step_size)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -94,7 +98,7 @@ class Readings(RunState):
         """
         from mbd_sim.simulation.remarks import LOOK_AHEAD, remarks
 
-        return remarks(self.model, self.time or LOOK_AHEAD)
+        return remarks(self.model, self.step_size, self.time or LOOK_AHEAD)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""
@@ -163,10 +167,11 @@ class Readings(RunState):
         :raises MechanismError: an actuator is sampled or delayed, or has a rate limit.
         :raises MbdSimError: a contact is about to change, so that the motion has no derivatives.
         """
-        from mbd_sim.analysis.linearization import linearize_at
+        from mbd_sim.analysis.linearization import linearize_at, variation_remark
 
         equations, memory = self.model.equations, self._memory
-        return linearize_at(equations, self.time, memory.y, memory.inputs, self._derivatives)
+        found = linearize_at(equations, self.time, memory.y, memory.inputs, self._derivatives)
+        return replace(found, remark=variation_remark(equations, self.time, memory.y, memory.inputs, found.a))
 
     def state_space(self, inputs: Iterable[str] | None = None, outputs: Iterable[str] | None = None) -> StateSpace:
         """x' = A x + B i, o = C x + D i for small changes about this state, with chosen inputs and outputs.

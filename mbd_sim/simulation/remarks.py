@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from mbd_sim.contact.elimination import independent
 from mbd_sim.errors import listed
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_angle_remarks
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.pulses import pulse_remarks
 
 LOOK_AHEAD = 10.0  # s after the start in which jumps of drives are sought
 
 
-def remarks(model: Model, end: float = LOOK_AHEAD) -> tuple[str, ...]:
-    """Sentences on an unusual method, limits that do not act, drives that jump, angles beyond a full turn, and others.
+def remarks(model: Model, step: float, end: float = LOOK_AHEAD) -> tuple[str, ...]:
+    """Sentences on what acts in another way than a reader of the file may expect.
 
+    An unusual method, limits that do not act, undetermined friction, forces shorter than a step, drives that jump, and
+    angles beyond a full turn.
+
+    :param step: in s.
     :param end: the time in s until which jumps of drives are sought.
     """
     found = (
@@ -20,6 +26,8 @@ def remarks(model: Model, end: float = LOOK_AHEAD) -> tuple[str, ...]:
         model.method_remark,
         limits_remark(model.mechanism),
         friction_remark(model),
+        sharing_remark(model),
+        *pulse_remarks(model.mechanism, step),
         *bare_angle_remarks(model.mechanism.source),
         *_jump_remarks(model.mechanism, end),
     )
@@ -49,6 +57,31 @@ def friction_remark(model: Model) -> str:
         "determine. It is computed from one of the possible forces, which depends on the joint that is cut, and not "
         "from those of reactions(). Choose joints without the redundant equations that `mbd_sim check` lists, such as "
         "a spherical joint in place of a revolute one."
+    )
+
+
+def sharing_remark(model: Model) -> str:
+    """Which elements with friction at rest share a load at the start in a way that equilibrium leaves open."""
+    contact = model.contact
+    if contact is None:
+        return ""
+    modes = contact.modes(model.inputs)
+    sliding = set(contact.sliding(modes))
+    resting = [
+        (rows, contact.names[gap] if gap is not None else contact.row_names[rows[0]])
+        for index, (rows, gap) in enumerate(contact.frictions)
+        if index not in sliding and index not in contact.loaded and (gap is None or modes[gap])
+    ]
+    rows = [row for own, _ in resting for row in own]
+    if len(resting) < 2:
+        return ""
+    matrix = contact.terms(0.0, model.start, model.inputs).matrix
+    if len(independent(matrix, rows)) == len(rows):
+        return ""
+    return (
+        f"friction at rest of {listed([repr(name) for _, name in resting])} is statically indeterminate: the motion is "
+        "determined, but how these share the load is not. They share it as equal elastic supports, as far as their "
+        "limits allow."
     )
 
 

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.errors import DivergedError
+from mbd_sim.errors import DivergedError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.spectrum import fastest_mode
+from mbd_sim.simulation.state_records import Energies
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.undefined_expressions import UndefinedExpression
 
 TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
+OPEN_ACCOUNT = 1e-4  # residual relative to the energy exchanged
 TARGET = 1e-7  # error of a step at which the proposed step size aims
 MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
 USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is
@@ -52,6 +54,28 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
     return (
         f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
         f"Try {' or '.join(proposals)}."
+    )
+
+
+def advice_on_energy(model: Model, energies: Energies, start_energy: float, step: float) -> str | None:
+    """A sentence on an energy account that does not close, with what may be the cause; None if it closes.
+
+    Estimates of errors overlook what happens within single steps, such as a force that jumps; the account does not.
+    """
+    changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
+    exchanged = max(energies.kinetic, *map(abs, changes))
+    if not abs(energies.residual) > OPEN_ACCOUNT * exchanged:
+        return None
+    mechanism, causes = model.mechanism, list[str]()
+    if turning := [f"'{each.name}'" for each in mechanism.bushings if np.any(each.stiffness[3:, 3:])]:
+        causes.append(f"the couple of {listed(turning)} reverses where a bushing turns past half a turn")
+    if springs := [f"'{each.name}'" for each in mechanism.springs if each.needs_line]:
+        causes.append(f"the force of {listed(springs)} reverses where its length passes zero")
+    cause = f": {'; '.join(causes)}" if causes else ", such as one that jumps"
+    return (
+        f"the energy account of {mechanism.name} is open by {abs(energies.residual) / exchanged:.1g} of the energy "
+        f"that was exchanged. A force may change abruptly within steps of {step:g} s{cause}. Try step "
+        f"{round_down(0.1 * step):g}, or keep the motion away from there."
     )
 
 

@@ -72,13 +72,23 @@ def test_two_balls_are_as_far_apart_as_their_centers_less_the_radii(seed):
     assert gaps(simulation, y) == pytest.approx([np.linalg.norm(line) - 0.8], abs=1e-14)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_ball_is_as_far_from_a_cylinder_as_from_its_axis_less_the_radii(seed):
+@pytest.mark.parametrize("seed", range(40))
+def test_a_ball_is_as_far_from_a_cylinder_as_from_its_nearest_point(seed):
+    """Beside it, beyond an end, and at an edge."""
     simulation = pair("between: [a, b]", b=CYLINDER)
     y, poses = random_state(simulation, seed)
     axis = poses["b"].rotation @ (np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0))
-    line = placed(poses["a"], [0.1, 0.2, 0.3]) - placed(poses["b"], [0.2, 0, 0.1])
-    assert gaps(simulation, y) == pytest.approx([np.linalg.norm(np.cross(axis, line)) - 0.8], abs=1e-14)
+    center = placed(poses["b"], [0.2, 0, 0.1])
+    first = simulation.model.layout.q["a"].start
+    y[first : first + 3] += (
+        center + 1.5 * np.random.default_rng(seed).normal(size=3) - placed(poses["a"], [0.1, 0.2, 0.3])
+    )
+    line = placed(simulation.model.poses(0.0, y)["a"], [0.1, 0.2, 0.3]) - center
+    along, across = axis @ line, line - axis * (axis @ line)
+    if abs(along) < 0.5 and np.linalg.norm(across) < 0.5:
+        return  # the center is inside
+    nearest = axis * np.clip(along, -0.5, 0.5) + across * min(1.0, 0.5 / np.linalg.norm(across))
+    assert gaps(simulation, y) == pytest.approx([np.linalg.norm(line - nearest) - 0.3], abs=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(3))
