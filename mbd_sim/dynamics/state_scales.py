@@ -19,7 +19,9 @@ from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import STATES
 from mbd_sim.mechanism.records import Mechanism
 
-BASE = 16.0  # sizes are rounded to its powers, so that mechanisms of similar sizes have the same code
+# Lengths and masses are rounded to powers of this number, so that mechanisms of similar sizes have the same code, such
+# as those from 5 mm to 5 m, or from 5 µm to 5 mm.
+BASE, MIDDLE = 1024.0, 0.16
 
 
 class Scale(NamedTuple):
@@ -37,7 +39,7 @@ def state_scales(
     :param step: in s.
     :param core: the number of components before the energies.
     """
-    length, energy = _rounded(_length(mechanism, step)), 0.0
+    length, mass = _rounded(_length(mechanism, step) / MIDDLE), 0.0
     q, u = list[Scale](), list[Scale]()
     for joint in mechanism.joints.values():
         lengths = [1.0 if coordinate.rotation else length for coordinate in joint.kind.coordinates]
@@ -50,8 +52,9 @@ def state_scales(
         rotation = mechanism.joints[name].kind.coordinates[0].rotation
         q += [Scale(1.0 if rotation else length, times) for times in range(STATES)]
     for part in mechanism.parts.values():
-        energy += part.mass * length**2 + float(np.trace(part.inertia))
-    result = [*q, *u, *[Scale()] * (core - len(q) - len(u)), *[Scale(_rounded(energy), 2)] * (size - core)]
+        mass += part.mass + float(np.trace(part.inertia)) / length**2
+    energy = _rounded(mass) * length**2
+    result = [*q, *u, *[Scale()] * (core - len(q) - len(u)), *[Scale(energy, 2)] * (size - core)]
     for actuator, slots in zip(mechanism.actuators, actuators.slots, strict=True):
         for name, index in slots.states.items():
             if index < core:

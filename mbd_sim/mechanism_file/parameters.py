@@ -48,7 +48,7 @@ class Parameters:
         )
 
     def require_clear(self, expression: str, state: bool = False) -> None:
-        """Refuse an expression with a name that is a constant, and a joint as well; or the time, where it has a `state`.
+        """Refuse an expression with the name of a joint that is a constant too, or with a `state` the time.
 
         :raises InputError: which one.
         """

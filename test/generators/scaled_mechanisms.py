@@ -1,6 +1,6 @@
 """Mechanisms in other units of length, mass and time: every quantity of a file is multiplied by what its unit becomes.
 
-With factors that are powers of 16, no number is rounded, and every digit of a motion stays the same unless a number
+With factors that are powers of 1024, no number is rounded, and every digit of a motion stays the same unless a number
 with a dimension is hidden in the engine. Angles and currents keep their units. Sensors are left out.
 """
 

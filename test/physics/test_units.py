@@ -12,8 +12,8 @@ from test.generators.scaled_mechanisms import Units, scaled
 # Their loops are assembled, and their redundant rows found, with tolerances in m.
 ASSEMBLED = {"bennett", "driveline", "stewart"}
 SMOOTH = [name for name in SHIPPED if name not in ASSEMBLED and not has_one_sided(load_mechanism(name))]
-LARGE = Units(length=16.0**5, mass=16.0**-5, time=16.0**5)  # powers of 16 near 1e6
-SMALL = Units(length=16.0**-5, mass=16.0**5, time=16.0**-5)
+LARGE = Units(length=1024.0**2, mass=1024.0**-2, time=1024.0**2)  # 1.05e6, without round-off
+SMALL = Units(length=1024.0**-2, mass=1024.0**2, time=1024.0**-2)
 DECIMAL = Units(length=1e-6, mass=1e-9, time=1e-6)  # µm, µg and µs in place of m, kg and s
 
 
