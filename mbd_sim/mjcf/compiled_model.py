@@ -17,6 +17,7 @@ from mbd_sim.mechanism.source import Origin
 from mbd_sim.mechanism_file.file_limits import digest_of_file, file_error
 from mbd_sim.packages import require_packages
 from mbd_sim.urdf.value_reader import LONGEST_NAME, Reading
+from mbd_sim.urdf.xml_slips import slips_of
 
 MOST = 1000  # elements of a kind in the list of what was left out
 LINE = re.compile(r"line (\d+)|Line number=(\d+)")
@@ -51,6 +52,8 @@ class CompiledModel:
         self.file, self.reading = file, Reading(file, MOST)
         path = Path(file)
         self.on_disk = path.is_file() and path.read_bytes() == text.encode("utf-8", "surrogatepass")
+        for slip in slips_of(text):
+            self.reading.leave_out("XML that is not well-formed, read as it is meant", slip)
         with _collected_warnings(mujoco) as warned:
             try:
                 self.spec = mujoco.MjSpec.from_file(file) if self.on_disk else mujoco.MjSpec.from_string(text)

@@ -44,6 +44,7 @@ class Actuators:
         self._parts, self._model, self._tendons = parts, parts.model, tendons
         self.motors: dict[str, str] = {}
         self.armature: dict[str, float] = {}
+        self._used: set[tuple[int, int]] = set()
         m = self._model.m
         for index in range(m.nactuator):
             group = int(m.actuator_group[index])
@@ -143,12 +144,13 @@ class Actuators:
             factor = self._add_gain(record, name, gain, bias, s)
         efforts = [_limit(m.actuator_forcelimited[index], s * m.actuator_forcerange[index]), place.force_range]
         self._add_ranges(record, tuple(factor * end for end in commands), efforts, bool(servo) or any(bias))
-        for coordinate in place.coordinates:
-            if "joint" in place.keys and coordinate in self.motors and place.force_range != EVERYTHING:
-                sentence = "actuatorfrcrange where several actuators act, here of each of them"
-                model.leave_out(sentence, "actuator", index)
-            if "joint" in place.keys:
-                self.motors.setdefault(coordinate, name)
+        if "joint" in place.keys:
+            self.motors.setdefault(place.keys["joint"], name)
+        where = (int(m.actuator_trntype[index]), int(m.actuator_trnid[index][0]))
+        if where in self._used and place.force_range != EVERYTHING:
+            sentence = "actuatorfrcrange where several actuators act, here of each of them"
+            model.leave_out(sentence, "actuator", index)
+        self._used.add(where)
 
     def _add_gain(self, record: dict[str, Any], name: str, gain: list[float], bias: list[float], s: float) -> float:
         """Add gain and bias of a motor; what an effort that is commanded is for a ctrl of 1."""

@@ -71,7 +71,7 @@ def gearbox_of(
         if axis is None:
             values.reading.report(element, key, f"<{tag}> is missing", "Add it.")
             return None
-        direction = world_pose(joint).rotation @ axis_of(values, joint, axis, old_axes=False)
+        direction = world_pose(joint).rotation @ axis_of(values, joint, axis)
         found = _rotation(values, joints, end, body, link, direction)
         if found is None:
             message = f"no revolute joint about <{tag}> connects its {side} with the reference body"
@@ -100,7 +100,7 @@ def _rotation(
         axis = joint.element.first("axis")
         if axis is None or ends not in ((body, link), (link, body)):
             continue
-        own = world_pose(joint).rotation @ axis_of(values, joint, axis, old_axes=False)
+        own = world_pose(joint).rotation @ axis_of(values, joint, axis)
         cosine = float(own @ direction)
         sign = (1.0 if cosine > 0.0 else -1.0) * (1.0 if ends == (body, link) else -1.0)
         found.append((float(np.linalg.norm(own - cosine * direction)), joint, sign))

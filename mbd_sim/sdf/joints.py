@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.errors import nearest, quoted
 from mbd_sim.geometry.pose import Array
-from mbd_sim.sdf.frame_graph import MODEL, Node, key_of, world_pose
+from mbd_sim.sdf.frame_graph import MODEL, Node, Scope, key_of, world_pose
 from mbd_sim.sdf.values import Values, direction
 from mbd_sim.urdf.value_reader import rows
 from mbd_sim.urdf.xml_elements import Element
@@ -25,14 +25,12 @@ TYPES = {
     "revolute2": "universal",
 }
 GEARBOX = "gearbox"
+OLD_AXES = ("1.0", "1.1", "1.2", "1.3", "1.4")  # versions whose axes are by default in the axes of the model
 READ = ("pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch")
 
 
-def joint_of(values: Values, node: Node, old_axes: bool) -> dict[str, Any]:
-    """The record of a joint without `between`.
-
-    :param old_axes: axes are by default in the axes of the model, as up to version 1.4.
-    """
+def joint_of(values: Values, node: Node) -> dict[str, Any]:
+    """The record of a joint without `between`."""
     element, key = node.element, key_of(node.element)
     kind = element.attributes.get("type", "")
     if kind not in TYPES:
@@ -48,7 +46,7 @@ def joint_of(values: Values, node: Node, old_axes: bool) -> dict[str, Any]:
         case "fixed" | "spherical":
             return record
         case "universal":
-            found = [axis_of(values, node, axis, old_axes) for axis in axes]
+            found = [axis_of(values, node, axis) for axis in axes]
             if len(found) != 2:
                 values.reading.report(element, key, f"{kind} joints have two axes", "Give <axis> and <axis2>.")
                 return {"type": "fixed"}
@@ -61,7 +59,7 @@ def joint_of(values: Values, node: Node, old_axes: bool) -> dict[str, Any]:
                 if any(name in one for one in each):
                     values.reading.leave_out_at(f"{name.replace('_', ' ')} of universal joints", element, key)
             return record
-    record["axis"] = rows(axis_of(values, node, axes[0], old_axes) if axes else direction(None))
+    record["axis"] = rows(axis_of(values, node, axes[0]) if axes else direction(None))
     if record["type"] == "screw":
         record["lead"] = _lead(values, element, key)
     coordinate = _coordinate(values, axes[0], key, kind) if axes else {}
@@ -72,7 +70,7 @@ def joint_of(values: Values, node: Node, old_axes: bool) -> dict[str, Any]:
     return record | coordinate
 
 
-def axis_of(values: Values, node: Node, axis: Element, old_axes: bool) -> Array:
+def axis_of(values: Values, node: Node, axis: Element) -> Array:
     """The direction (3,) of an axis in the frame of its joint.
 
     :raises MechanismError: the frame in which it is expressed does not exist.
@@ -85,12 +83,22 @@ def axis_of(values: Values, node: Node, axis: Element, old_axes: bool) -> Array:
         numbers = None
     vector = direction(numbers)
     named = "" if xyz is None else xyz.attributes.get("expressed_in", "")
-    if values.flag(axis, "use_parent_model_frame", key) or (old_axes and not named):
+    if values.flag(axis, "use_parent_model_frame", key) or (not named and version_of(values, node) in OLD_AXES):
         named = MODEL
     if not named:
         return vector
     frame = world_pose(node.scope.require(named, xyz or axis, f"{key}.xyz.expressed_in"))
     return np.asarray(world_pose(node).rotation.T @ frame.rotation @ vector)
+
+
+def version_of(values: Values, node: Node) -> str:
+    """The version of the file in which a joint stands, which may have been included."""
+    scope: Scope | None = node.scope
+    while scope is not None:
+        if version := scope.element.attributes.get("sdf_version"):
+            return version
+        scope = scope.outer
+    return values.version
 
 
 def _lead(values: Values, joint: Element, key: str) -> float:

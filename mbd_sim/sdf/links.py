@@ -123,6 +123,9 @@ def rotated(pose: Pose) -> dict[str, Any]:
 def _color(values: Values, element: Element, key: str) -> dict[str, Any]:
     material = element.first("material")
     diffuse = None if material is None else material.first("diffuse")
+    if diffuse is not None and len(diffuse.text.split()) not in (3, 4):
+        values.reading.leave_out_at("colors without three or four numbers, with which nothing is drawn", diffuse, key)
+        return {}
     numbers = None if diffuse is None else values.numbers_in(diffuse, f"{key}.material.diffuse", 3, 4)
     if numbers is None or not all(map(math.isfinite, numbers)):
         return {}

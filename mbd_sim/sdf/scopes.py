@@ -71,6 +71,7 @@ class ScopeReader:
             message = "models that are merged are not read"
             raise file_error(include.file, include.line, message, "Remove 'merge', or copy the model.", "include.merge")
         root = parse_xml(read_text(path), str(path))
+        self.values.reading.note_slips(root)
         models = root.all("model")
         if root.tag != "sdf" or len(models) != 1:
             message = f"{path} is not an SDF with one <model>"

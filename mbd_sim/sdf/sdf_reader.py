@@ -55,7 +55,8 @@ class _Reader:
 
     def __init__(self, root: Element, world: Element, file: str, base: Base | None) -> None:
         self.reading, self.root, self.world, self.base = Reading(file, MOST), root, world, base or "free"
-        self.values = Values(self.reading)
+        self.reading.note_slips(root)
+        self.values = Values(self.reading, root.attributes.get("version", "1.7"))
         self.scope = Scope(file, world)
         ScopeReader(self.values).fill(self.scope, world)
         self.links: list[Node] = []
@@ -145,8 +146,7 @@ class _Reader:
         if parent is child:
             self.reading.report(joint.element, key, "connects a link with itself", "Name two links.")
             return
-        version = joint_version(joint) or self.root.attributes.get("version", "1.7")
-        record = joint_of(self.values, joint, old_axes=version in ("1.0", "1.1", "1.2", "1.3", "1.4"))
+        record = joint_of(self.values, joint)
         place = world_pose(joint)
         between = [self._point(parent, place, own), self._point(child, place, own)]
         self.data["joints"][own] = {"type": record.pop("type"), "between": between, **record}
@@ -246,16 +246,6 @@ class _Reader:
             self.reading.leave_out("gravity that is not given, and has the value of the specification", "9.8 m/s²")
         gravity = given or WORLD_GRAVITY
         return {} if gravity == GRAVITY else {"gravity": gravity}
-
-
-def joint_version(joint: Node) -> str:
-    """The version of the file from which a model was included; empty for the main file."""
-    scope: Scope | None = joint.scope
-    while scope is not None:
-        if version := scope.element.attributes.get("sdf_version"):
-            return version
-        scope = scope.outer
-    return ""
 
 
 def _clean(array: Any) -> Any:

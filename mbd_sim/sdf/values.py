@@ -19,8 +19,9 @@ INFINITE = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": ma
 class Values:
     """Values of elements inside others; what is wrong is reported."""
 
-    def __init__(self, reading: Reading) -> None:
-        self.reading = reading
+    def __init__(self, reading: Reading, version: str) -> None:
+        """:param version: of the file, unless a model is included from another one."""
+        self.reading, self.version = reading, version
 
     def text(self, element: Element, tag: str, otherwise: str = "") -> str:
         """The text of the first element with a tag."""

@@ -154,6 +154,9 @@ def color_of(reading: Reading, material: Element, key: str) -> str | None:
     color = material.first("color")
     if color is None:
         return None
+    if len(color.attributes.get("rgba", "").split()) not in (0, 4):
+        reading.leave_out_at("colors without four numbers, with which nothing is drawn", color, f"{key}.color")
+        return None
     rgba = reading.numbers(color, "rgba", f"{key}.color", 4)
     if rgba is None:
         return None

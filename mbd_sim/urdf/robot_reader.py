@@ -90,6 +90,7 @@ class _Robot:
     def __init__(self, robot: Element, file: str, base: Base | None) -> None:
         self.robot, self.base = robot, base or "fixed"
         self.reading = Reading(file)
+        self.reading.note_slips(robot)
         self.origins: dict[Location, Origin] = {}
         self.links = self._named("link")
         named = self._named("joint")

@@ -49,6 +49,12 @@ class Reading:
         other = "" if element.file in ("", self.file) else f"{element.file}, "
         self.leave_out(kind, f"{key} ({other}line {element.line})")
 
+    def note_slips(self, root: Element) -> None:
+        """Note the slips of a file that were mended."""
+        other = "" if root.file in ("", self.file) else f" of {root.file}"
+        for slip in root.slips:
+            self.leave_out(f"XML{other} that is not well-formed, read as it is meant", slip)
+
     @property
     def notes(self) -> tuple[str, ...]:
         """The elements that were not imported, a sentence for each kind."""

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from mbd_sim.errors import quoted
 from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_VALUES, file_error
+from mbd_sim.urdf.xml_slips import mended
 
 MAX_NESTING = 200  # levels; a chain of bodies in an MJCF has as many as it has bodies
 _BEGINS_AS_XML = re.compile(r"\ufeff?\s*<(?!<)")
@@ -21,7 +23,10 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 @dataclass(eq=False)
 class Element:
-    """An element: its tag, attributes, line, the elements in it, its text, and the file where it stands."""
+    """An element: its tag, attributes, line, the elements in it, its text, and the file where it stands.
+
+    `slips` of a root element are those that were mended in the file, see `xml_slips`.
+    """
 
     tag: str
     attributes: dict[str, str]
@@ -29,6 +34,7 @@ class Element:
     children: list[Element] = field(default_factory=list)
     text: str = ""
     file: str = ""
+    slips: tuple[str, ...] = ()
 
     def all(self, tag: str) -> list[Element]:
         """The elements right inside with this tag."""
@@ -54,19 +60,25 @@ def is_xml(text: str) -> bool:
 
 def root_tag(text: str) -> str:
     """The tag of the root element, without reading what is in it; empty if there is none, or it is not XML."""
-    parser = expat.ParserCreate()
 
     def stop(tag: str, attributes: object) -> None:
         raise _RootError(tag)
 
-    parser.StartElementHandler = stop
-    try:
-        parser.Parse(text.removeprefix("\ufeff"), True)
-    except _RootError as root:
-        return root.tag
-    except (expat.ExpatError, UnicodeError):
-        pass
+    text = text.removeprefix("\ufeff")
+    for read in (str, _mended):
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = stop
+        try:
+            parser.Parse(read(text), True)
+        except _RootError as root:
+            return root.tag
+        except (expat.ExpatError, UnicodeError):
+            pass
     return ""
+
+
+def _mended(text: str) -> str:
+    return mended(text)[0]
 
 
 class _RootError(Exception):
@@ -92,12 +104,22 @@ def parse_xml(text: str, file: str) -> Element:
     if found := _SURROGATE.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise file_error(file, line, f"the character U+{ord(found[0]):04X} is not allowed", "Remove it.")
-    reader = _Reader(file)
+    text = text.removeprefix("\ufeff")
     try:
-        reader.parser.Parse(text.removeprefix("\ufeff"), True)
+        return _parsed(text, file)
     except expat.ExpatError as error:
+        with suppress(expat.ExpatError):
+            plain, slips = mended(text)
+            root = _parsed(plain, file)
+            root.slips = slips
+            return root
         message = f"not valid XML: {expat.ErrorString(error.code)}"
         raise file_error(file, error.lineno, message, "Check the tags and quotes near this line.") from error
+
+
+def _parsed(text: str, file: str) -> Element:
+    reader = _Reader(file)
+    reader.parser.Parse(text, True)
     return reader.root.children[0]
 
 

@@ -57,6 +57,21 @@ def test_a_gearbox_couples_two_rotations():
     assert dict(coupling.factors) == {"a": 3.0, "b": 1.0}  # b turns the case about z relative to the second wheel
 
 
+def test_up_to_version_1_4_the_axes_of_gearboxes_are_in_the_models_axes():
+    """The links are turned, and the axes are parallel only in the model's axes."""
+    links = link("case") + link("first", "<pose>0 0 1 1.2 0 0</pose>") + link("second", "<pose>0 1 1 0 0.3 0</pose>")
+    axis = "<axis><xyz>0 0 1</xyz></axis>"
+    joints = joint("f", "revolute", "world", "case", "<axis><xyz>0 1 0</xyz></axis>")
+    joints += joint("a", "revolute", "case", "first", axis) + joint("b", "revolute", "case", "second", axis)
+    gear = "<gearbox_ratio>2</gearbox_ratio><gearbox_reference_body>case</gearbox_reference_body>"
+    axes = f"{axis}<axis2><xyz>0 0 1</xyz></axis2>"
+    text = model(links + joints + joint("g", "gearbox", "first", "second", axes + gear))
+    (coupling,) = parse_mechanism(text.replace('version="1.9"', 'version="1.4"')).constraints
+    assert dict(coupling.factors) == {"a": 2.0, "b": 1.0}
+    with pytest.raises(MechanismError, match="no revolute joint about <axis> connects"):
+        parse_mechanism(text)
+
+
 def test_a_mimic_is_a_coupling():
     mimic = '<axis><xyz>0 0 1</xyz><mimic joint="a" axis="axis"><multiplier>2</multiplier><offset>0.3</offset>'
     mimic += "<reference>0.1</reference></mimic></axis>"
