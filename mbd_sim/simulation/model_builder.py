@@ -49,8 +49,8 @@ def build(
     :param quick: whether the code need not be optimized, if the model can be stored.
     :raises MechanismError: the method does not fit, or the equations are singular at the start.
     """
-    if len(mechanism.all_joints) >= MANY_JOINTS:
-        _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
+    severity = logging.INFO if len(mechanism.all_joints) >= MANY_JOINTS else logging.DEBUG
+    _log.log(severity, "deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, method)
     level = 0 if quick else machine_code.LEVEL
     with compile_processes(level) as processes:
@@ -60,6 +60,7 @@ def build(
         centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
         inputs = equations.inputs_at_start(centers)
         choice = choose_method(mechanism, equations, inputs, method, step)
+        _log.debug("compiling the equations of '%s'", mechanism.name)
         if quick and not can_be_stored(equations):
             kernel = _kernel(equations, choice, None, machine_code.LEVEL)
         else:
