@@ -56,10 +56,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """
         super().__init__("sim_node", **options)
         self.companions: list[SimNode] = []  # the nodes of this program that follow this one
-        log = self.get_logger()
         specs = (*PARAMETERS, *named_starts(self))
         parameters = self.parameters = NodeParameters(self, specs, self._on_parameter_change)
-        with BuildProgress(self):
+        with BuildProgress(self, f"reading {parameters['mechanism']}"):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
         given = parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
@@ -87,10 +86,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             clock=self.rates.clock > 0.0,
             step_size=simulation.step_size,
         )
-        self.publishing_thread.prepare(self.stepping_thread.run.output.snapshot(Due.NEW))
-        self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
+        with BuildProgress(self, "deriving and compiling what the outputs need"):
+            self.publishing_thread.prepare(self.stepping_thread.run.output.snapshot(Due.NEW))
+        self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, self.get_logger())
         self.publishing_thread.recordings = self.recordings
-        self.publishing_thread.viewer = rerun_viewer(parameters, simulation, log)
+        self.publishing_thread.viewer = rerun_viewer(parameters, simulation, self.get_logger())
         self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
         subscriptions = self.subscribed = Subscriptions(
             self,

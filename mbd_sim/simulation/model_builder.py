@@ -43,13 +43,14 @@ def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], ste
     :param step: in s.
     :raises MechanismError: the method does not fit, or the equations are singular at the start.
     """
-    if len(mechanism.all_joints) >= MANY_JOINTS:
-        _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
+    severity = logging.INFO if len(mechanism.all_joints) >= MANY_JOINTS else logging.DEBUG
+    _log.log(severity, "deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, method)
     equations = trace()
     centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
     inputs = equations.inputs_at_start(centers)
     choice = choose_method(mechanism, equations, inputs, method, step)
+    _log.debug("compiling the equations of '%s'", mechanism.name)
     kernel = _kernel(equations, choice)
     prepared = PreparedModel(
         method=choice.method.name,
