@@ -13,7 +13,8 @@ GROUPS = {
     "Recordings and pictures": ("RunRecorder", "RunPicture"),
     "Many simulations": ("Ensemble", "EnsembleEnergies"),
     "Analyses": (
-        "linearize", "Linearization", "StateSpace", "modes", "Mode", "equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",
+        "linearize", "Linearization", "StateSpace", "modes", "Mode", "equilibrium", "nearest_equilibrium", "equilibria",
+        "Equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",
     ),
     "Positions without masses": ("Kinematics",),
     "Equations as formulas": ("symbolic_equations", "SymbolicEquations", "to_latex"),

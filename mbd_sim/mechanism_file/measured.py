@@ -5,9 +5,10 @@ The `effort_limit` of an actuator is in N on a slider and in N·m on a hinge.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from mbd_sim.errors import InputError
+from mbd_sim.geometry.batch import Batch
 from mbd_sim.mechanism_file.parameters import Parameters
 from mbd_sim.mechanism_file.quantity import Quantity
 from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
@@ -31,11 +32,19 @@ class Measured(float):
                 raise InputError(error.message, error.remedy, self.written) from error
 
 
+def plain(value: Any) -> Any:
+    """The number without its unit; a batch of numbers as it is."""
+    return value if isinstance(value, Batch) else float(value)
+
+
 class MeasuredQuantity(Quantity):
     """Marks a field as a quantity whose unit is checked later; its value is `Measured`."""
 
     def _parsed(self, value: Any, parameters: Parameters) -> float:
-        number = Measured(super()._parsed(value, parameters))
+        parsed: Any = super()._parsed(value, parameters)
+        if isinstance(parsed, Batch):
+            return cast(float, parsed)  # its unit is checked with the numbers of single variants
+        number = Measured(parsed)
         if isinstance(value, str) and not parameters.unknown_in(value):
             expression, unit = split_unit(value)
             number.unit, number.written = unit or parameters.unit_of(expression), value

@@ -69,6 +69,7 @@ class Ensemble(EnsembleReadings):
         method: str | None = None,
         step: float | None = None,
         threads: int | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> None:
         """Compile a mechanism for `members`: their number, or the changes of each one from the file, by key.
 
@@ -76,6 +77,8 @@ class Ensemble(EnsembleReadings):
             as `joints.elbow.position`.
         :param method: and `step` (s) replace those of the file.
         :param threads: the largest number of threads; by default the number of available processors.
+        :param progress: called with the fraction of the members that are built; by default it is shown on a terminal,
+            if that takes long. Members that change the same numbers are built at once, others one by one.
         :raises MechanismError: a change does not fit, or concerns a value that is built into the equations, such as
             the direction of an axis; the error names the member.
         :raises ValueError: there are no members, or the step or `threads` is not a positive number.
@@ -83,7 +86,7 @@ class Ensemble(EnsembleReadings):
         changes = member_changes(members)
         self.mechanism = require_mechanism(mechanism)
         self.step_size = step_size(step, mechanism.step)
-        variants = Variants(mechanism, changes)
+        variants = Variants(mechanism, changes, progress)
         self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
         self._variants, self._limits = variants, variants.effort_limits()
         self._failures: dict[int, MemberFailure] = {}
@@ -196,7 +199,7 @@ class Ensemble(EnsembleReadings):
                 require_allowed_speeds(self.model, y, given, values, f"member {member}: ")
         if self.mechanism.commanded:
             for member, y, row in zip(members.tolist(), states, inputs, strict=True):
-                self.model.hold_start(y, row, self._variants.mechanism_of(member))
+                self.model.hold_start(y, row, self._variants.holding(member))
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
         settle_members(self.model, self._contacts, members, states, inputs)
         return states, inputs, np.array(energies)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+import sys
+import time
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -20,9 +23,11 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.variant_batch import FEWEST, build_at_once, first_middle_last, numbers_of
+from mbd_sim.simulation.variant_batch import FEWEST, VariantNumbers, build_at_once, first_middle_last, numbers_of
 
 Change = Mapping[str, float | str]
+Progress = Callable[[float], None]
+UNNOTICED = 2.0  # s, after which a build shows its progress
 
 
 def member_changes(members: int | Sequence[Change]) -> list[Change]:
@@ -49,9 +54,10 @@ class Variants:
     `values` are the numbers in which the equations of the variants differ.
     """
 
-    def __init__(self, mechanism: Mechanism, changes: Sequence[Change]) -> None:
-        """Build the variants.
+    def __init__(self, mechanism: Mechanism, changes: Sequence[Change], progress: Progress | None = None) -> None:
+        """Build the variants, those that change the same numbers at once.
 
+        :param progress: called with the fraction of the variants that are built; by default it is shown on a terminal.
         :raises MechanismError: a change does not fit, or the equations differ by more than values.
         """
         self._mechanism = mechanism
@@ -65,14 +71,32 @@ class Variants:
                 known[key] = len(known)
                 self._changes.append(change)
             self._variant_of.append(known[key])
-        at_once = build_at_once(mechanism, self._changes, self._built)
-        self._numbers = [at_once[number] or numbers_of(self._built(number)) for number in range(len(self._changes))]
+        self._numbers = self._all_numbers(progress or shown_on_terminal(len(self._changes)))
         try:
             data = [numbers.data for numbers in self._numbers]
             self.values: SymbolicParameters = varying_parameters(data[0], data)
         except StructureError as error:
             message = f"the members cannot share one set of equations: {error}"
             raise MechanismError([Problem(message, "Build a separate ensemble for each such value.")]) from error
+
+    def _all_numbers(self, progress: Progress) -> list[VariantNumbers]:
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for number, change in enumerate(self._changes):
+            groups.setdefault(tuple(change), []).append(number)
+        found: dict[int, VariantNumbers] = {}
+        for numbers in groups.values():
+            changes = [self._changes[number] for number in numbers]
+            at_once = build_at_once(self._mechanism, changes, partial(self._built_among, numbers))
+            found |= {number: one for number, one in zip(numbers, at_once, strict=True) if one is not None}
+        for number in range(len(self._changes)):
+            if number not in found:
+                progress(len(found) / len(self._changes))
+                found[number] = numbers_of(self._built(number))
+        progress(1.0)
+        return [found[number] for number in range(len(self._changes))]
+
+    def _built_among(self, numbers: Sequence[int], index: int) -> Mechanism:
+        return self._built(numbers[index])
 
     @property
     def first(self) -> Mechanism:
@@ -82,6 +106,15 @@ class Variants:
     def mechanism_of(self, member: int) -> Mechanism:
         """The mechanism with the values of a member."""
         return self._built(self._variant_of[member])
+
+    def holding(self, member: int) -> Mechanism:
+        """A mechanism with the start commands of a member."""
+        return self.mechanism_of(member) if self._hold_differently else self.first
+
+    @cached_property
+    def _hold_differently(self) -> bool:
+        first = self._numbers[0].held
+        return any(not np.array_equal(numbers.held, first) for numbers in self._numbers)
 
     def _built(self, number: int) -> Mechanism:
         """A variant by its number, which is built when it is first needed.
@@ -139,6 +172,20 @@ class Variants:
     def effort_limits(self) -> Array:
         """The largest absolute effort (k, nv) of each degree of freedom, in N or N·m."""
         return np.array([numbers.effort_limits for numbers in self._numbers])[self._variant_of]
+
+
+def shown_on_terminal(count: int) -> Progress:
+    """Show on a terminal which part of `count` variants is built, from `UNNOTICED` seconds on."""
+    begun, shown = time.monotonic(), False
+
+    def show(fraction: float) -> None:
+        nonlocal shown
+        if sys.stderr.isatty() and (shown or time.monotonic() > begun + UNNOTICED):
+            shown = True
+            end = "\n" if fraction == 1.0 else ""
+            print(f"\rbuilt {round(fraction * count)} of {count} variants", end=end, file=sys.stderr, flush=True)
+
+    return show
 
 
 def _hashable(value: float | str) -> float | str:

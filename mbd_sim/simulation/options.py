@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypedDict
 
 from mbd_sim.errors import MechanismError, nearest
@@ -38,6 +38,7 @@ class EnsembleOptions(TypedDict, total=False):
     method: str | None
     step: float | None
     threads: int | None
+    progress: Callable[[float], None] | None
 
 
 def changed_values(

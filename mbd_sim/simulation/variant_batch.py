@@ -23,12 +23,16 @@ FEWEST = 16  # variants that are worth it
 
 @dataclass(frozen=True, eq=False)
 class VariantNumbers:
-    """What members need of a variant: its `data`, start coordinates and speeds, and `effort_limits` (nv,)."""
+    """What members need of a variant: its `data`, start coordinates and speeds, and `effort_limits` (nv,).
+
+    `held` (n,) is what actuators hold before the first command: see `numbers_held`.
+    """
 
     data: EquationData
     q: Array
     u: Array
     effort_limits: Array
+    held: Array
 
     def same_as(self, other: VariantNumbers) -> bool:
         """Whether all numbers agree to the last bit."""
@@ -44,6 +48,7 @@ class VariantNumbers:
                     (self.q, other.q),
                     (self.u, other.u),
                     (self.effort_limits, other.effort_limits),
+                    (self.held, other.held),
                 )
             )
         )
@@ -52,7 +57,16 @@ class VariantNumbers:
 def numbers_of(mechanism: Mechanism) -> VariantNumbers:
     """The numbers of a variant that is built by itself."""
     q, u = given_starts(mechanism, coordinate_layout(mechanism), 1)
-    return VariantNumbers(equation_data(mechanism), q[0], u[0], mechanism.effort_limits())
+    held = np.array(numbers_held(mechanism), dtype=float)
+    return VariantNumbers(equation_data(mechanism), q[0], u[0], mechanism.effort_limits(), held)
+
+
+def numbers_held(mechanism: Mechanism) -> list[Any]:
+    """The start commands of actuators, and the pressures of cylinders: numbers, or batches of them."""
+    found: list[Any] = []
+    for actuator in mechanism.actuators:
+        found += [*actuator.start.values(), *getattr(actuator.motor, "pressures", ())]
+    return found
 
 
 def build_at_once(
@@ -68,7 +82,7 @@ def build_at_once(
     """
     alone: list[VariantNumbers | None] = [None] * len(changes)
     names = tuple(changes[0])
-    if len(changes) < FEWEST or mechanism.commanded or mechanism.contacts or not names:
+    if len(changes) < FEWEST or mechanism.contacts or not names:
         return alone
     if not all(tuple(change) == names and all(map(_is_number, change.values())) for change in changes):
         return alone
@@ -96,7 +110,8 @@ def _numbers(mechanism: Mechanism, valid: NDArray[np.bool_]) -> list[VariantNumb
     q, u = given_starts(mechanism, coordinate_layout(mechanism), size)
     data = equation_data_of_variants(mechanism, valid)
     limits = of_all(mechanism.effort_limits(), size)
-    return [VariantNumbers(*row) for row in zip(data, q, u, limits, strict=True)]
+    held = np.array([of_all(number, size) for number in numbers_held(mechanism)]).reshape(-1, size).T
+    return [VariantNumbers(*row) for row in zip(data, q, u, limits, held, strict=True)]
 
 
 def _is_number(value: Any) -> bool:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mbd_sim import Ensemble, MechanismError
+from mbd_sim import Ensemble, MechanismError, Simulation
 from mbd_sim.dynamics.initial_conditions import start_like
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
-from mbd_sim.simulation import variant_batch
+from mbd_sim.simulation import ensemble_variants, variant_batch
 from mbd_sim.simulation.compiled_model import build_model
 from mbd_sim.simulation.ensemble_variants import Variants
 from mbd_sim.simulation.variant_batch import FEWEST, build_at_once, numbers_of
@@ -131,3 +131,51 @@ def test_should_a_batch_differ_nothing_of_it_is_used(monkeypatch):
     monkeypatch.setattr(variant_batch, "_numbers", wrong)
     found = build_at_once(mechanism, changes, lambda index: with_values(mechanism, changes[index]))
     assert found == [None] * len(changes)
+
+
+SERVO = """
+mechanism: servo
+parameters: {l: 0.4, kp: 30, angle: 0.2, load: 0.5 kg}
+parts: {arm: {mass: load, center: [0, 0, -l], inertia: [0.1, 0.1, 0.1]}}
+joints: {pin: {type: revolute, between: [ground, arm], axis: [0, 1, 0], position: angle}}
+actuators: {motor: {type: effort, joint: pin, servo: {controls: position, kp: kp, kd: 2}, command: {position: COMMAND}}}
+"""
+
+
+@pytest.mark.parametrize("command", ["0.3", "angle"])
+def test_variants_with_actuators_are_built_at_once_and_begin_as_each_alone(command):
+    """The command at the start may differ from one member to the next; only then is each one built by itself."""
+    mechanism, random = parse_mechanism(SERVO.replace("COMMAND", command)), np.random.default_rng(4)
+    changes = [
+        {"l": length, "kp": gain, "angle": angle} for length, gain, angle in random.uniform(0.2, 0.9, (60, 3)).tolist()
+    ]
+    members = Ensemble(mechanism, changes)
+    assert len(members._variants._mechanisms) == (3 if command == "0.3" else 60)
+    members.step(50)
+    for index in (0, 7, 59):
+        alone = Ensemble(mechanism, [changes[0], changes[index]])
+        alone.step(50)
+        assert np.array_equal(members.state[index], alone.state[1])
+        single = Simulation(with_values(mechanism, changes[index]))
+        single.step(50)
+        assert members.q[index] == pytest.approx(single.q, rel=1e-12)
+
+
+def test_groups_that_change_other_numbers_are_built_at_once_each():
+    mechanism = parse_mechanism(SERVO.replace("COMMAND", "0.3"))
+    changes = [{"l": 0.3 + 0.001 * k} if k % 2 else {"load": 0.3 + 0.001 * k, "kp": 20.0 + k} for k in range(60)]
+    members = Ensemble(mechanism, changes)
+    assert len(members._variants._mechanisms) == 6
+    for index in (0, 1, 31, 58):
+        single = Ensemble(mechanism, [changes[0], changes[1], changes[index]])
+        assert np.array_equal(members._inputs[index][-2:], single._inputs[2][-2:])
+
+
+def test_progress_is_told_for_variants_that_are_built_one_by_one(monkeypatch, capsys):
+    told = []
+    Ensemble.from_file("rod_pendulum", [{"l": f"{k + 1} m"} for k in range(4)], progress=told.append)
+    assert told == [0.0, 0.25, 0.5, 0.75, 1.0]
+    monkeypatch.setattr(ensemble_variants, "UNNOTICED", 0.0)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    Ensemble.from_file("rod_pendulum", [{"l": f"{k + 1} m"} for k in range(4)])
+    assert capsys.readouterr().err.endswith("\rbuilt 3 of 4 variants\rbuilt 4 of 4 variants\n")

@@ -27,7 +27,7 @@ from mbd_sim.mechanism.records import GROUND, Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.cylinder_builder import build_cylinder
-from mbd_sim.mechanism_file.measured import Measured
+from mbd_sim.mechanism_file.measured import Measured, plain
 from mbd_sim.mechanism_file.schema import actuator_schema as schema
 
 BANDWIDTH = 10.0  # times resistance/inductance, of a current loop
@@ -167,7 +167,7 @@ def _actuator(name: str, spec: schema.AnyActuatorSpec, port: Port, context: Buil
             message = f"the actuator takes no {channel}"
             context.report((*location, "command", channel), message, f"Give {' or '.join(actuator.channels)}.")
         _require(context, (*location, "command", channel), value, units[channel])
-        start[channel] = float(value)
+        start[channel] = plain(value)
     bounds = _range(location, spec, units[actuator.channels[0]], context)
     return Actuator(name, port, motor, servo, start, spec.delay, bounds)
 
@@ -208,7 +208,7 @@ def _effort_motor(
         _require(context, (*location, "torque_speed", row, 1), value, effort)
     return EffortMotor(
         effort_limit=_or_infinite(spec.effort_limit),
-        curve=tuple((float(at), float(value)) for at, value in spec.torque_speed or ()),
+        curve=tuple((plain(at), plain(value)) for at, value in spec.torque_speed or ()),
         gear=_gear(location, spec, port, context),
         rotor_inertia=spec.rotor_inertia,
         effort_range=(-math.inf, math.inf) if spec.effort_range is None else _pair(spec.effort_range),
@@ -259,11 +259,11 @@ def _servo(
         context.report(where, "has ki and a limit, but neither kp nor tracking_time", remedy)
     return Servo(
         controls=spec.controls,
-        kp=float(spec.kp),
-        ki=float(spec.ki),
-        kd=float(spec.kd),
-        feedforward=float(spec.velocity_feedforward),
-        limit=float(limit),
+        kp=plain(spec.kp),
+        ki=plain(spec.ki),
+        kd=plain(spec.kd),
+        feedforward=plain(spec.velocity_feedforward),
+        limit=plain(limit),
         tracking_time=_or_infinite(tracking_time),
         rate_limit=_or_infinite(spec.rate_limit),
         period=period,
@@ -281,7 +281,7 @@ def _servo_units(of_position: bool, angle: str, output: str) -> Iterator[tuple[s
 
 
 def _or_infinite(value: float | None) -> float:
-    return math.inf if value is None else float(value)
+    return math.inf if value is None else plain(value)
 
 
 def _require(context: BuildContext, location: Location, value: float, unit: str) -> None:
