@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from mbd_sim.errors import quoted
+from mbd_sim.errors import counted, listed, quoted
 from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.drives import CommandedDrive
@@ -79,6 +79,9 @@ class Part:
     shapes: tuple[Shape, ...] = ()
     meshes: tuple[Mesh, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Part {self.name}: {self.mass:g} kg, {counted(len(self.points), 'point')}>"
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -138,6 +141,9 @@ class Joint:
     cut: bool = False
     reversed: bool = False
     compliance: float = 1.0
+
+    def __repr__(self) -> str:
+        return f"<Joint {self.name}: {self.type}, {self.parent} – {self.child}>"
 
     @property
     def kind(self) -> JointKind:
@@ -224,6 +230,12 @@ class Mechanism:
     sensors: tuple[AnySensor, ...] = ()
     sensor_seed: int = 0
     rest_speed: float = 1e-5
+
+    def __repr__(self) -> str:
+        parts, joints = counted(len(self.parts), "part"), counted(len(self.all_joints), "joint")
+        return (
+            f"<Mechanism {self.name}: {parts}, {joints}; coordinates {listed(list(self.coordinate_names)) or 'none'}>"
+        )
 
     @property
     def all_joints(self) -> Mapping[str, Joint]:
