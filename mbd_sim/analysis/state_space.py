@@ -57,6 +57,10 @@ class StateSpace:
         except np.linalg.LinAlgError:
             return np.array([self._response_at(one) for one in shifted])
 
+    def __repr__(self) -> str:
+        names = (listed(list(one)) or "none" for one in (self.states, self.inputs, self.outputs))
+        return "<StateSpace: states {}; inputs {}; outputs {}>".format(*names)
+
     def _response_at(self, shifted: Array) -> Array:
         try:
             return np.asarray(self.c @ np.linalg.solve(shifted, self.b) + self.d)

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="add the center of mass, inertia tensor and principal axes of each part and of the whole mechanism",
     )
-    parser.add_argument("--draw", metavar="PICTURE", help="draw the initial configuration to a .png or .svg file")
+    parser.add_argument("--draw", metavar="PICTURE", help="draw the initial configuration to a .png, .svg or .pdf file")
     parser.add_argument(
         "--latex",
         action="store_true",

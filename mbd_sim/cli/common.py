@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from mbd_sim.mechanism.records import Mechanism
     from mbd_sim.playback.run_table import RunTable
 
@@ -20,6 +23,7 @@ PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints the completed a
 SECONDS = "{task.completed:.1f} s"
 COUNT = "{task.completed:.0f}/{task.total:.0f}"
 
+PATIENCE = 2.0  # s after which a command shows that it is at work
 DURATION = 10.0  # s that are simulated where no time is given
 
 MCAP_OR_BAG = "an .mcap file or a rosbag2 folder"
@@ -149,6 +153,57 @@ def text_table(columns: Mapping[str, Sequence[object]], most: int) -> Iterator[s
         yield "  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True))
 
 
+class Waiting:
+    """A line with the time that has passed, shown on a terminal while a `with` block takes longer than two seconds.
+
+    It makes room for a `ProgressBar`.
+    """
+
+    _active: Waiting | None = None
+
+    def __init__(self, title: str, quiet: bool) -> None:
+        self._title, self._lock = title, threading.Lock()
+        self._display: Progress | None = None
+        self._timer = None if quiet or not sys.stdout.isatty() else threading.Timer(PATIENCE, self._show)
+
+    def __enter__(self) -> Self:
+        Waiting._active = self
+        if self._timer is not None:
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        Waiting._active = None
+        self._end()
+
+    def _show(self) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        with self._lock:
+            if self._timer is None:
+                return
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+            self._display = Progress(*columns, transient=True)
+            self._display.add_task(self._title, total=None)
+            self._display.start()
+
+    def _end(self) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = None
+            if self._display is not None:
+                self._display.stop()
+            self._display = None
+
+    @classmethod
+    def make_room(cls) -> None:
+        """End what is shown at present."""
+        if cls._active is not None:
+            cls._active._end()
+
+
 class ProgressBar:
     """A progress bar on the terminal, shown while its `with` block runs; with `quiet`, nothing is shown."""
 
@@ -160,6 +215,7 @@ class ProgressBar:
         self._task = self._display.add_task(title, total=total)
 
     def __enter__(self) -> Self:
+        Waiting.make_room()
         self._display.start()
         return self
 

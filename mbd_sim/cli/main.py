@@ -31,7 +31,7 @@ from mbd_sim.cli import (
     verify,
     view,
 )
-from mbd_sim.cli.common import find_temporary_folder
+from mbd_sim.cli.common import Waiting, find_temporary_folder
 from mbd_sim.cli.completion import complete
 from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.packages import missing_package
@@ -89,7 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     find_temporary_folder(options)
     try:
-        return COMMANDS[options.command].execute(options)
+        with Waiting(options.command, getattr(options, "quiet", False)):
+            return COMMANDS[options.command].execute(options)
     except MbdSimError as error:
         print(error, file=sys.stderr)
         return 1

@@ -6,7 +6,14 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.cli.common import add_quiet, read_run_table
-from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
+from mbd_sim.cli.plot_options import (
+    add_coordinates,
+    add_plot_style,
+    add_show,
+    chosen_style,
+    plotted_coordinates,
+    shown_plots,
+)
 from mbd_sim.cli.recorded_run import add_run, recorded_run
 
 HELP = "plot energies, joints, residual, measurements and phase portrait of a run"
@@ -20,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, required=True, metavar="FILE", help="file to write: .png, .svg, .pdf or .html"
     )
     add_show(parser)
+    add_coordinates(parser)
     add_plot_style(parser)
     add_quiet(parser)
 
@@ -36,7 +44,7 @@ def execute(options: argparse.Namespace) -> int:
     names = shown_plots(options, options.out)
     with recorded_run(options.recording, options, reactions="reactions" in names) as path:
         table = read_run_table(path, options.quiet, options.recording)
-    chosen = panels(table, names)
+    chosen = panels(table, names, plotted_coordinates(options, options.out), degrees=options.deg)
     run_plots.draw(options.out, table, chosen, style)
     print(f"wrote {options.out}: {', '.join(dict.fromkeys(panel.title.lower() for panel in chosen))}")
     return 0

@@ -37,6 +37,27 @@ def add_show(parser: argparse._ActionsContainer, plots: Sequence[str] = RUN_PLOT
     )
 
 
+def add_coordinates(parser: argparse._ActionsContainer) -> None:
+    """Declare `--coordinates` and `--deg`."""
+    parser.add_argument(
+        "--coordinates",
+        metavar="NAMES",
+        default="",
+        help="coordinates to plot, separated by commas, or patterns such as 'leg_*' (default: all)",
+    )
+    parser.add_argument("--deg", action="store_true", help="plot angles in degrees (default: rad)")
+
+
+def plotted_coordinates(options: argparse.Namespace, path: Path | None) -> list[str]:
+    """The names and patterns that `--coordinates` lists.
+
+    :raises InputError: it or `--deg` is given without a plot.
+    """
+    if path is None and (options.coordinates or options.deg):
+        raise InputError("--coordinates, --deg: nothing is plotted", "Give --plot too.")
+    return [name.strip() for name in options.coordinates.split(",") if name.strip()]
+
+
 def shown_plots(options: argparse.Namespace, path: Path | None) -> list[str]:
     """The names that `--show` lists.
 

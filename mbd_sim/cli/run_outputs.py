@@ -18,7 +18,14 @@ from mbd_sim.cli.common import (
     read_run_table,
     temporary_file,
 )
-from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
+from mbd_sim.cli.plot_options import (
+    add_coordinates,
+    add_plot_style,
+    add_show,
+    chosen_style,
+    plotted_coordinates,
+    shown_plots,
+)
 from mbd_sim.errors import counted
 
 if TYPE_CHECKING:
@@ -42,6 +49,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         "--plot", type=Path, metavar="FILE", help="plot energies, joints and residual: .png, .svg, .pdf or .html"
     )
     add_show(group)
+    add_coordinates(group)
     add_plot_style(group)
     group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .webp, .mp4 or .html")
     group.add_argument(
@@ -107,6 +115,7 @@ class RunOutputs:
             table_export.require_packages_for(options.out)
         self._style, self._shown = chosen_style(options, options.plot), shown_plots(options, options.plot)
         panels.require_names(self._shown)
+        self._coordinates = plotted_coordinates(options, options.plot)
         if options.plot is not None:
             plot_files.require_suffix(options.plot, plot_files.PLOT_SUFFIXES)
             plot_files.require_plot_packages(options.plot)
@@ -210,7 +219,7 @@ class RunOutputs:
             columns = table_export.export(options.out, table)
             self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
         if options.plot is not None:
-            chosen = panels(table, self._shown)
+            chosen = panels(table, self._shown, self._coordinates, degrees=options.deg)
             run_plots.draw(options.plot, table, chosen, self._style)
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")

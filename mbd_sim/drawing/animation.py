@@ -15,7 +15,7 @@ from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.part_outlines import bounding_points, pointer_paths
 from mbd_sim.drawing.picture import POINTS, pixels
 from mbd_sim.drawing.projection import Page, view_of
-from mbd_sim.drawing.sheet import FRONT, GRAY, MARKS, SheetPath, SheetText
+from mbd_sim.drawing.sheet import FRONT, GRAY, MARKS, Sheet, SheetPath, SheetText
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.attachments import resolve_reference
 from mbd_sim.mechanism.records import Mechanism
@@ -25,6 +25,8 @@ TRACE_POINTS = 8  # of a traced path for each frame
 SAMPLES = 60  # random configurations from which the window is found
 STROKE = 0.5  # m in each direction, of sliding joints without limits
 MARGIN = 1.12
+BORDER = 3.0  # pt, around everything that is drawn
+FITTINGS = 4
 TRACE_COLORS = ((208, 58, 50), (124, 77, 190), (20, 136, 110))
 TRACE_WIDTH, TRACE_DOT = 1.6, 3.0  # pt, of the line and of the dot at its end
 NEARLY = 1e-6  # frames by which a time may be early by round-off
@@ -70,12 +72,35 @@ class Animation:
         scale = float(np.min(self._size / np.maximum((high - low) * margin, 0.2 * self._mechanism_size)))
         self._page = Page(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
+        self._fit([(start, *shown)[number] for number in _extreme(projected)])
 
-    def frame(self, poses: Mapping[str, Pose], caption: str = "") -> NDArray[np.uint8]:
-        """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
+    def _fit(self, configurations: Sequence[Mapping[str, Pose]]) -> None:
+        """Make the page smaller, or move it, where symbols of these configurations reach beyond the window."""
+        room = self._size - 2.0 * BORDER
+        for _ in range(FITTINGS):  # symbols have a size of their own, so that the first attempt may not be enough
+            low, high = self._bounds(configurations)
+            excess = float(np.max((high - low) / room))
+            if excess <= 1.0:
+                break
+            self._page = Page(self._view, self._page.scale / excess)
+            self._shift = 0.5 * self._size + (self._shift - 0.5 * self._size) / excess
+        low, high = self._bounds(configurations)
+        self._shift = np.clip(self._shift, BORDER - low, np.maximum(self._size - BORDER - high, BORDER - low))
+
+    def _bounds(self, configurations: Sequence[Mapping[str, Pose]]) -> tuple[Array, Array]:
+        """The corners (2,) of everything that is drawn, before it is moved into the window."""
+        bounds = [self._sheet(poses).bounds() for poses in configurations]
+        return np.min([one[0] for one in bounds], axis=0), np.max([one[1] for one in bounds], axis=0)
+
+    def _sheet(self, poses: Mapping[str, Pose]) -> Sheet:
         curves = constraint_curves(self._mechanism, poses, self._view)
         sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves, self._start)
         sheet.add(*traced_point_paths(self._page, self._mechanism, self._traced, poses))
+        return sheet
+
+    def frame(self, poses: Mapping[str, Pose], caption: str = "") -> NDArray[np.uint8]:
+        """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
+        sheet = self._sheet(poses)
         sheet.add(*self._extended_traces(poses))
         sheet = sheet.translated(self._shift)
         if caption:
@@ -138,6 +163,12 @@ def traced_points(mechanism: Mechanism, names: Sequence[str]) -> list[tuple[str,
         part, pose = resolve_reference(name, points)
         found.append((part, pose.position if "." in name else np.array(tip_of(mechanism.parts[part]))))
     return found
+
+
+def _extreme(projected: Sequence[Array]) -> list[int]:
+    """The numbers of the configurations that reach farthest to each side, and of the first."""
+    lows, highs = (np.array([find(one, axis=0) for one in projected]) for find in (np.min, np.max))
+    return sorted({0, *lows.argmin(axis=0).tolist(), *highs.argmax(axis=0).tolist()})
 
 
 def _reachable_poses(model: Model) -> list[Mapping[str, Pose]]:

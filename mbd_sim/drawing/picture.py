@@ -18,10 +18,21 @@ from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.packages import require_packages
 
-FORMATS = (".png", ".svg")
+FORMATS = (".png", ".svg", ".pdf")
 RESOLUTION = 144  # pixels per inch, of PNG
 POINTS = 72.0  # per inch
-SETTINGS = {"svg.hashsalt": "mbd_sim", "svg.fonttype": "path", "path.simplify": False, "text.usetex": False}
+SETTINGS = {
+    "svg.hashsalt": "mbd_sim",
+    "svg.fonttype": "none",  # texts remain texts, which can be searched and edited
+    "pdf.fonttype": 42,
+    "path.simplify": False,
+    "text.usetex": False,
+}
+METADATA = {
+    ".png": {"Software": "mbd_sim"},
+    ".svg": {"Date": None, "Creator": "mbd_sim"},
+    ".pdf": {"CreationDate": None, "Creator": "mbd_sim", "Producer": None},
+}
 
 
 class DrawingError(MbdSimError):
@@ -29,19 +40,19 @@ class DrawingError(MbdSimError):
 
 
 def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, title: str | None = None) -> None:
-    """Draw a mechanism into a file, as PNG or SVG by its suffix.
+    """Draw a mechanism into a file, as PNG, SVG or PDF by its suffix.
 
     A planar mechanism is drawn in its plane, any other one obliquely from above.
 
     :param poses: the pose of each part in ground's frame in m, as from `Simulation.poses()`.
     :param title: a line above the drawing.
-    :raises DrawingError: the suffix is neither `.png` nor `.svg`, or the file cannot be written.
+    :raises DrawingError: the suffix is another one, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise DrawingError(
             f"cannot draw {quoted(str(path))}: the suffix is {quoted(path.suffix) if path.suffix else 'missing'}. "
-            f"Use a file name that ends in {' or '.join(FORMATS)}."
+            f"Use a file name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}."
         )
     require_packages("matplotlib", purpose="A drawing")
     picture = compose(mechanism, poses, title)
@@ -57,8 +68,7 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, t
 
 def _write(picture: Composition, path: Path) -> None:
     with _figure(picture, RESOLUTION) as figure:
-        metadata = {"Date": None, "Creator": "mbd_sim"} if path.suffix.lower() == ".svg" else {"Software": "mbd_sim"}
-        figure.savefig(path, dpi=RESOLUTION, metadata=metadata)
+        figure.savefig(path, dpi=RESOLUTION, metadata=METADATA[path.suffix.lower()])
 
 
 def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8]:
@@ -80,17 +90,25 @@ def _figure(picture: Composition, resolution: float) -> Iterator[Any]:
         figure = Figure(figsize=tuple(picture.size / POINTS), dpi=resolution, facecolor="white")
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.set_axis_off()
-        axes.set_xlim(0.0, float(picture.size[0]))
-        axes.set_ylim(0.0, float(picture.size[1]))
-        for order, item in enumerate(picture.sheet.back_to_front()):
-            axes.add_patch(_patch(item, order))
-        for text in picture.sheet.texts:
-            _add_text(axes, text, len(picture.sheet.paths))
+        add_picture(axes, picture)
         yield figure
 
 
-def _patch(item: SheetPath, order: int) -> Any:
+def add_picture(axes: Any, picture: Composition, scale: float = 1.0) -> None:
+    """Draw into axes of Matplotlib.
+
+    :param scale: of lines and texts: the width of the axes relative to that of the picture.
+    """
+    axes.set_axis_off()
+    axes.set_xlim(0.0, float(picture.size[0]))
+    axes.set_ylim(0.0, float(picture.size[1]))
+    for order, item in enumerate(picture.sheet.back_to_front()):
+        axes.add_patch(_patch(item, order, scale))
+    for text in picture.sheet.texts:
+        _add_text(axes, text, len(picture.sheet.paths), scale)
+
+
+def _patch(item: SheetPath, order: int, scale: float) -> Any:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -101,7 +119,7 @@ def _patch(item: SheetPath, order: int) -> Any:
         outline,
         facecolor=_rgb(item.fill) if item.fill else "none",
         edgecolor=_rgb(item.edge) if item.edge else "none",
-        linewidth=item.width if item.edge else 0.0,
+        linewidth=scale * item.width if item.edge else 0.0,
         linestyle=dash,
         capstyle="butt" if item.dash or item.width > 3.0 else "round",
         joinstyle="round",
@@ -110,22 +128,24 @@ def _patch(item: SheetPath, order: int) -> Any:
     )
 
 
-def _add_text(axes: Any, text: SheetText, order: int) -> None:
-    from matplotlib.patheffects import withStroke
+def _add_text(axes: Any, text: SheetText, order: int, scale: float) -> None:
+    """A text on a white halo, which is an outline, so that the text itself remains a text in SVG and PDF."""
+    from matplotlib.patheffects import Stroke
 
-    axes.text(
-        *text.at,
-        text.text,
-        fontsize=text.size,
-        fontfamily="DejaVu Sans",
-        fontstyle="italic" if text.italic else "normal",
-        color=_rgb(text.color),
-        ha="center",
-        va="center_baseline",
-        zorder=order,
-        parse_math=False,
-        path_effects=[withStroke(linewidth=2.4, foreground="white")],
-    )
+    for effects in ([Stroke(linewidth=2.4 * scale, foreground="white")], []):
+        axes.text(
+            *text.at,
+            text.text,
+            fontsize=scale * text.size,
+            fontfamily="DejaVu Sans",
+            fontstyle="italic" if text.italic else "normal",
+            color=_rgb(text.color),
+            ha="center",
+            va="center_baseline",
+            zorder=order,
+            parse_math=False,
+            path_effects=effects,
+        )
 
 
 def _rgb(color: Color) -> tuple[float, float, float]:

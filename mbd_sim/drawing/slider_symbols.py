@@ -11,12 +11,12 @@ from mbd_sim.drawing.part_outlines import (
     along_rod,
     is_point,
 )
-from mbd_sim.drawing.placed_joint import PlacedJoint
+from mbd_sim.drawing.placed_joint import PlacedJoint, frame_on_part
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.shape_outlines import DOT, rounded
 from mbd_sim.drawing.sheet import BACK, BODIES, FRONT, INK, STEEL, WHITE, SheetPath, left_of
 from mbd_sim.drawing.spring_symbols import friction_teeth, spring_and_damper
-from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
 
 SLIDER = np.array([11.0, 6.0])  # pt, half sizes
@@ -30,7 +30,7 @@ def slider_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath
     if not along.any():
         return []
     depth = page.depth(placed.mover_frame.position)
-    paths: list[SheetPath] = []
+    paths = _bar_to_center(page, placed)
     if not _on_rod(placed):
         paths += _guide(page, placed, size, along)
     if _body_span(placed) is None and not _in_tube(placed):
@@ -42,6 +42,24 @@ def slider_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath
     if placed.elastic() or placed.damped():
         paths += _spring_along_guide(page, placed, size, along)
     return paths
+
+
+def _bar_to_center(page: Page, placed: PlacedJoint) -> list[SheetPath]:
+    """A bar from the slider to the mass center of a part without shapes, which would float beside it."""
+    part = placed.mover_part
+    if part is None or part.shapes or part.meshes or not part.mass:
+        return []
+    center = frame_on_part(placed, part).inverse() @ Pose(part.center, np.eye(3))
+    end = placed.mover_frame @ center
+    line = page.project(np.array([placed.mover_frame.position, end.position]))
+    return _bar(line, BACK if page.view.planar else BODIES, page.depth(end.position))
+
+
+def _bar(line: Array, layer: int, depth: float) -> list[SheetPath]:
+    return [
+        SheetPath(line, edge=INK, width=4.0, layer=layer, depth=depth),
+        SheetPath(line, edge=STEEL, width=2.0, layer=layer, depth=depth),
+    ]
 
 
 def _spring_along_guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
@@ -116,8 +134,7 @@ def _guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[S
     paths: list[SheetPath] = []
     for end, face, sign in ((points[0], points[1], -1.0), (points[3], points[2], 1.0)):
         line, depth = page.project(np.array([end, face])), page.depth((end + face) / 2.0)
-        paths += [SheetPath(line, edge=INK, width=4.0, layer=layer, depth=depth)]
-        paths += [SheetPath(line, edge=STEEL, width=2.0, layer=layer, depth=depth)]
+        paths += _bar(line, layer, depth)
         paths += wall(page.project(end), sign * along, depth, layer) if placed.grounded else []
     return paths
 
@@ -150,8 +167,12 @@ def guide_range(placed: PlacedJoint, size: float) -> tuple[float, float]:
     half = max(half, max(-body[0], body[1]) + 0.4 * size) if body else half
     along = placed.joint.kind.coordinates[0]
     if along.direction == "axis" and not along.rotation and (limits := placed.joint.limits_of(0)):
-        return min(limits.lower, at) - 0.05 * size, max(limits.upper, at) + 0.05 * size
-    return at - half, at + half
+        low, high = min(limits.lower, at) - 0.05 * size, max(limits.upper, at) + 0.05 * size
+    else:
+        low, high = at - half, at + half
+    if placed.carrier_part is not None and not placed.carrier_part.shapes and not placed.carrier_part.meshes:
+        return min(low, 0.0), max(high, 0.0)  # the guide begins on the carrier, of which nothing else is drawn
+    return low, high
 
 
 def _body_span(placed: PlacedJoint) -> tuple[float, float] | None:

@@ -76,6 +76,10 @@ class DrivenMotion:
     def __len__(self) -> int:
         return len(self.s)
 
+    def __repr__(self) -> str:
+        drives = ", ".join(self.system.drives)
+        return f"<DrivenMotion of {self.mechanism.name}: {len(self)} positions of {drives}, speed {self.speed:g}>"
+
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the coordinates (nv,)."""

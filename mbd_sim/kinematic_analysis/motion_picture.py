@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mbd_sim.appearance.polylines import circle
 from mbd_sim.drawing.animation import TRACE_COLORS, TRACE_WIDTH, traced_point_paths, traced_points
 from mbd_sim.drawing.composition import Composition, mechanism_sheet
 from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.part_outlines import bounding_points
-from mbd_sim.drawing.picture import pixels
+from mbd_sim.drawing.picture import POINTS, add_picture
 from mbd_sim.drawing.projection import Page, view_of
 from mbd_sim.drawing.sheet import FRONT, INK, MARKS, SheetPath
 from mbd_sim.errors import InputError, MbdSimError
@@ -29,7 +28,7 @@ from mbd_sim.packages import require_packages
 
 SUFFIXES = (".png", ".svg", ".pdf")
 DRAWN = np.array([420.0, 330.0])  # pt, of the mechanism
-RESOLUTION = 180.0  # pixels per inch of the mechanism
+RESOLUTION = 110.0  # pixels per inch, of PNG
 MARGIN = 14.0  # pt
 DOT = 2.4  # pt, radius of a target
 
@@ -72,16 +71,28 @@ def draw_motion(
     grid = figure.add_gridspec(rows, columns)
     if with_mechanism:
         picture = figure.add_subplot(grid[0:2, 0])
-        picture.imshow(_mechanism(motion, points, _dots(motion, points, targets)), interpolation="antialiased")
         picture.set_axis_off()
         places = places[2:]
     figure.suptitle(motion.mechanism.name)
     for place, panel in zip(places, panels, strict=True):
         _draw_panel(figure.add_subplot(grid[place]), motion, panel)
     try:
-        figure.savefig(path, dpi=110)
+        if with_mechanism:
+            _draw_mechanism(figure, picture, _mechanism(motion, points, _dots(motion, points, targets)))
+        figure.savefig(path, dpi=RESOLUTION)
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error
+
+
+def _draw_mechanism(figure: Any, axes: Any, mechanism: Composition) -> None:
+    """Draw the mechanism as lines, as large as the axes are when everything else has its place."""
+    figure.draw_without_rendering()
+    room = axes.get_window_extent().size * POINTS / figure.dpi
+    scale = float(np.min(room / mechanism.size))
+    add_picture(axes, mechanism, scale)
+    margin = 0.5 * (room / scale - mechanism.size)
+    axes.set_xlim(-margin[0], mechanism.size[0] + margin[0])
+    axes.set_ylim(-margin[1], mechanism.size[1] + margin[1])
 
 
 def _places(panels: int, with_mechanism: bool) -> list[tuple[int, int]]:
@@ -124,8 +135,8 @@ def _dots(motion: DrivenMotion, points: Sequence[str], targets: Array | None) ->
     return known[np.all(np.isfinite(known), axis=1)]
 
 
-def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> NDArray[np.uint8]:
-    """The mechanism in its first configuration, and the paths of points, as pixels."""
+def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> Composition:
+    """The mechanism in its first configuration, and the paths of points."""
     mechanism = motion.mechanism
     poses = {name: PointFunctions(motion.system, name).pose(motion.q[0]) for name in mechanism.parts}
     paths = [motion.point(name).position for name in points]
@@ -142,7 +153,7 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> NDAr
         sheet.add(SheetPath(outline, edge=None, fill=INK, closed=True, layer=MARKS))
     low, high = sheet.bounds()
     sheet = sheet.translated(MARGIN - low)
-    return pixels(Composition(sheet, np.ceil(high - low + 2.0 * MARGIN)), RESOLUTION)
+    return Composition(sheet, np.ceil(high - low + 2.0 * MARGIN))
 
 
 def _sheet(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from mbd_sim.errors import quoted
+from mbd_sim.errors import counted, listed, quoted
 from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z
@@ -80,6 +80,9 @@ class Part:
     shapes: tuple[Shape, ...] = ()
     meshes: tuple[Mesh, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Part {self.name}: {self.mass:g} kg, {counted(len(self.points), 'point')}>"
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -142,6 +145,9 @@ class Joint:
     reversed: bool = False
     splits: bool = False
     compliance: float = 1.0
+
+    def __repr__(self) -> str:
+        return f"<Joint {self.name}: {self.type}, {self.parent} – {self.child}>"
 
     @property
     def kind(self) -> JointKind:
@@ -248,6 +254,12 @@ class Mechanism:
     sensor_seed: int = 0
     rest_speed: float = 1e-5
     moved: Mapping[str, Move] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        parts, joints = counted(len(self.parts), "part"), counted(len(self.all_joints), "joint")
+        return (
+            f"<Mechanism {self.name}: {parts}, {joints}; coordinates {listed(list(self.coordinate_names)) or 'none'}>"
+        )
 
     @property
     def all_joints(self) -> Mapping[str, Joint]:

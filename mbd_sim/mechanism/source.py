@@ -62,6 +62,9 @@ class Source:
     changes: dict[str, Any] = field(default_factory=dict)
     other_files: Mapping[str, str] | None = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"<Source {self.file or 'without a file'}{self.format and f', from {self.format}'}>"
+
     def origin(self, location: Location) -> Origin:
         """The origin of the value at `location`, or else of the innermost value around it that has one."""
         for length in range(len(location), -1, -1):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import fnmatch
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,7 @@ _TITLES = {
     "m": ("Displacement", "Velocity", "Force", "Phase portrait of displacements"),
     "": ("Position", "Velocity of other coordinates", "Effort", "Phase portrait of other coordinates"),
 }
+OF_COORDINATES = ("joints", "phase")  # groups of panels with a line for each coordinate
 _DARK: Color = (20, 24, 32)  # mixed with the colors of the scene so that they are visible on white
 
 
@@ -61,17 +63,53 @@ class Panel:
     logarithmic: bool = False
 
 
-def panels(table: RunTable, names: Sequence[str] = ()) -> list[Panel]:
+def panels(
+    table: RunTable, names: Sequence[str] = (), coordinates: Sequence[str] = (), *, degrees: bool = False
+) -> list[Panel]:
     """Return the named groups of panels, or all for which there are data.
 
+    :param coordinates: names, or patterns such as `leg_*`, of those that are plotted; by default all.
+    :param degrees: plot angles in degrees, not in rad.
     :raises InputError: a name is unknown, or the recording has no data for it.
     """
     require_names(names)
     for name in names:
         if not list(_BUILDERS[name](table)):
             raise InputError(f"{table.path}: the recording contains no data for the plot '{name}'")
-    found = [panel for name in names or _BUILDERS for panel in _BUILDERS[name](table)]
+    chosen = _chosen_coordinates(table, coordinates)
+    found = [
+        panel
+        for name in names or _BUILDERS
+        for one in _BUILDERS[name](table)
+        if (panel := _of_coordinates(one, chosen) if name in OF_COORDINATES else one).lines
+    ]
+    if degrees:
+        found = [_in_degrees(panel) for panel in found]
     return [replace(panel, lines=tuple(_with_gaps(line, table.resets) for line in panel.lines)) for panel in found]
+
+
+def _chosen_coordinates(table: RunTable, patterns: Sequence[str]) -> set[str]:
+    found = set[str]()
+    for pattern in patterns:
+        matching = fnmatch.filter(table.names, pattern)
+        if not matching:
+            raise InputError(f"coordinates: there is no coordinate '{pattern}'", nearest(pattern, table.names))
+        found |= {*matching}
+    return found or {*table.names}
+
+
+def _of_coordinates(panel: Panel, names: Collection[str]) -> Panel:
+    return replace(panel, lines=tuple(line for line in panel.lines if line.name in names))
+
+
+def _in_degrees(panel: Panel) -> Panel:
+    x, y = (np.degrees(1.0) if "(rad" in label else 1.0 for label in (panel.x_label, panel.y_label))
+    return replace(
+        panel,
+        x_label=panel.x_label.replace("(rad", "(deg"),
+        y_label=panel.y_label.replace("(rad", "(deg"),
+        lines=tuple(replace(line, x=x * line.x, y=y * line.y) for line in panel.lines),
+    )
 
 
 def require_names(names: Sequence[str]) -> None:

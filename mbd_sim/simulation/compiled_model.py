@@ -74,6 +74,9 @@ class Model(ActuatedModel, LoadedModel):
             if (offset := joint.kind.quaternion) is not None and not joint.drive
         }
 
+    def __repr__(self) -> str:
+        return f"<Model {self.mechanism.name}: method {self.method_name}>"
+
     @cached_property
     def equations(self) -> Equations:
         """The equations of motion; those of a model from the cache are traced when they are first read."""

@@ -7,7 +7,7 @@ all other speeds jump as well. A simulation does not compute this impulse.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import casadi as ca
@@ -80,7 +80,7 @@ def jumps(expression: TimeExpression, step: float, end: float) -> list[Jump]:
     for quantity, index, values, slopes in (("speed", 1, rate, rate_of_rate), ("position", 0, position, rate)):
         amounts: dict[float, float] = {}
         for low, high in _candidates(times, values, slopes):
-            amount, at = _located(lambda at, index=index: float(evaluated(at)[index]), low, high)
+            amount, at = _located(evaluated, index, low, high)
             if abs(amount) > LEAST * np.ptp(values[np.isfinite(values)]):
                 at = float(f"{at:.12g}")  # at a kink, the rate may have a value of its own, between two jumps
                 amounts[at] = amounts.get(at, 0.0) + amount
@@ -98,8 +98,12 @@ def _candidates(times: Array, values: Array, slopes: Array) -> list[tuple[float,
     return [(float(times[row]), float(times[row + 1])) for row in rows if off[row]]
 
 
-def _located(value: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
-    """The largest change of a function between two neighboring times of an interval, and its time."""
+def _located(function: ca.Function, index: int, low: float, high: float) -> tuple[float, float]:
+    """The largest change of a result of a function between two neighboring times of an interval, and its time."""
+
+    def value(time: float) -> float:
+        return float(function(time)[index])
+
     first, last = value(low), value(high)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)

@@ -49,6 +49,10 @@ class EnsembleState(ReadOnlyAttributes):
     _failures: dict[int, MemberFailure]
     _start_energies: Array
 
+    def __repr__(self) -> str:
+        step = f"method {self.model.method_name}, step {self.step_size:g} s"
+        return f"<{type(self).__name__} of {len(self)} × {self.mechanism.name} at t = {self.time:g} s: {step}>"
+
     def __len__(self) -> int:
         return self._groups.count
 

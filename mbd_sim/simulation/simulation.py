@@ -110,6 +110,10 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         self.reset()
         self._seal()
 
+    def __repr__(self) -> str:
+        step = f"method {self.model.method_name}, step {self.step_size:g} s"
+        return f"<{type(self).__name__} {self.mechanism.name} at t = {self.time:g} s: {step}>"
+
     def __reduce__(self) -> NoReturn:
         raise TypeError("a Simulation cannot be pickled. Pickle its snapshot(), and restore that in a new one.")
 

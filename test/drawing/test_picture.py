@@ -51,8 +51,8 @@ def test_the_users_matplotlib_settings_have_no_effect(pendulum, tmp_path):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("a.jpg", "the suffix is '.jpg'. Use a file name that ends in .png or .svg."),
-        ("a", "the suffix is missing. Use a file name that ends in .png or .svg."),
+        ("a.jpg", "the suffix is '.jpg'. Use a file name that ends in .png, .svg or .pdf."),
+        ("a", "the suffix is missing. Use a file name that ends in .png, .svg or .pdf."),
         ("none/a.png", "No such file or directory. Choose a file in a folder that you may write to."),
     ],
 )
@@ -68,7 +68,7 @@ def test_the_command_draws_in_addition_to_its_report(tmp_path, capsys):
     assert "Degrees of freedom" in capsys.readouterr().out
     assert (tmp_path / "a.svg").stat().st_size > 1000
     assert main(["check", "rod_pendulum", "--draw", str(tmp_path / "a.gif")]) == 1
-    assert ".png or .svg" in capsys.readouterr().err
+    assert ".png, .svg or .pdf" in capsys.readouterr().err
 
 
 def test_matplotlib_is_loaded_only_to_draw_and_without_its_state_or_a_display(tmp_path):

@@ -149,3 +149,25 @@ def test_plots_without_data_are_reported(recording, tmp_path, capsys):
 def test_the_options_are_the_styles():
     assert tuple(STYLES) == STYLE_OPTIONS and THEMES == THEME_OPTIONS
     require_names(RUN_PLOTS)
+
+
+def test_chosen_coordinates_in_degrees(recording, tmp_path, capsys):
+    table = read_table(open_recording(recording))
+    first = table.names[0]
+    plain = panels(table, ["joints", "phase"])
+    chosen = panels(table, ["joints", "phase"], [f"{first[:3]}*"], degrees=True)
+    names = {line.name for panel in chosen for line in panel.lines}
+    assert first in names and names == {name for name in table.names if name.startswith(first[:3])}
+    labels = {label for panel in chosen for label in (panel.x_label, panel.y_label)}
+    assert {"position (deg)", "velocity (deg/s)", "torque (N·m)"} >= labels - {"time (s)"}
+    for panel in chosen[:2]:
+        (other,) = (one for one in plain if one.title == panel.title)
+        (line,) = (one for one in panel.lines if one.name == first)
+        (own,) = (one for one in other.lines if one.name == first)
+        assert line.y == pytest.approx(np.degrees(own.y), nan_ok=True) and line.color == own.color
+    with pytest.raises(InputError, match="there is no coordinate 'nope'"):
+        panels(table, [], ["nope"])
+    out = tmp_path / "a.png"
+    assert main(["plot", str(recording), "--coordinates", first, "--deg", "--out", str(out)]) == 0
+    assert main(["run", "double_rod", "--time", "0.01", "--deg", "--quiet"]) == 1
+    assert "nothing is plotted" in capsys.readouterr().err
