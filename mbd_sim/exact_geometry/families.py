@@ -6,7 +6,7 @@ that meet in one point, or coincide, stay so if all of the loop do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +76,7 @@ def families(around: Sequence[tuple[Joint, bool]], place: Placement, size: float
     yield _parallel_runs(axes, tolerance)
 
 
-def _coincide(axes: Sequence[Axis], kinds: dict[str, str], reach: float, angle: float) -> bool:
+def _coincide(axes: Sequence[Axis], kinds: Mapping[str, str], reach: float, angle: float) -> bool:
     """Whether all axes have the same direction, and all of hinges and all points are on one line."""
     lines = [axis for axis in axes if kinds[axis.key[0]] in LINES]
     if not lines:

@@ -11,8 +11,9 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.exact_geometry.snapping import with_exact_loops
 from mbd_sim.geometry.batch import array
 from mbd_sim.mechanism.attachments import PointsByPart
-from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 from mbd_sim.mechanism.source import Source
+from mbd_sim.mechanism.spanning_tree import SpanningTree
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.elements import ForceElements, MechanismElements
 from mbd_sim.mechanism_file.builders.joint_builder import build_joint, joint_bushing
@@ -69,17 +70,11 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), measured, massive, source)
     if problems:
         raise MechanismError(in_order(problems))
-    outboard = {**tree.outboard, **tree.split}
-    in_tree = {
-        name: dataclasses.replace(joint, reversed=outboard[name] == joint.parent, splits=name in tree.split)
-        for name, joint in joints.items()
-        if name in outboard
-    }
     mechanism = Mechanism(
         name=file.mechanism,
         description=file.description.strip(),
         parts=elements.parts,
-        joints=in_tree,
+        joints=_joints_of(tree, joints),
         closing={name: joints[name] for name in tree.closing if name not in tree.split},
         tree=(*tree.joints, *tree.split),
         ground_points=elements.ground_points,
@@ -103,6 +98,16 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         sensor_seed=round(file.sensor_seed),
     )
     return with_exact_loops(mechanism, file.tolerance)
+
+
+def _joints_of(tree: SpanningTree, joints: Mapping[str, Joint]) -> dict[str, Joint]:
+    """The joints with coordinates, with their direction in the tree."""
+    outboard = {**tree.outboard, **tree.split}
+    return {
+        name: dataclasses.replace(joint, reversed=outboard[name] == joint.parent, splits=name in tree.split)
+        for name, joint in joints.items()
+        if name in outboard
+    }
 
 
 def _named_joints(elements: MechanismElements) -> set[str]:
