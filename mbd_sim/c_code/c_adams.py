@@ -8,7 +8,7 @@ from mbd_sim.compiler.adams_error import GROWING, SHRINKING
 from mbd_sim.compiler.adams_history import PARTS
 from mbd_sim.compiler.adams_step import DIVISIBLE, HALVED, LONGEST_PAUSE, NEARLY, PATIENCE, PROBED_EVERY, REFINABLE
 from mbd_sim.integrators.adams import LOWER, Adams
-from mbd_sim.integrators.estimate import UNIT_OF_TIME, Scales
+from mbd_sim.integrators.estimate import Scales
 
 HISTORY = """\
 /*
@@ -22,13 +22,8 @@ typedef struct {{
 }} {name}_history;"""
 
 _ERROR = """\
-/* What the errors of the components are relative to beside these, for steps of size h. */
-static void scales_of(double h, double *scales)
-{{
-    double rate = 1.0 / ({unit} * h);
-
-{scales}
-}}
+/* What the errors of the components are relative to beside these. */
+static const double scales[SIZE] = {{{scales}}};
 
 /* The largest error of a component, relative to its scale + |y|. */
 static double largest_of(const double *errors)
@@ -53,8 +48,7 @@ static double extrapolated(double a, double b, double c, double d, int pairs)
 }}
 
 /* The errors without round-off, of which differences of lower order have less. */
-static void reduce(
-    double h, const double *scales, const double *y, const double *newest, const double *const *f, double *errors)
+static void reduce(double h, const double *y, const double *newest, const double *const *f, double *errors)
 {{
     double factor = h * {newest}, scale, own, expected, other, {names};
     int i;
@@ -75,8 +69,8 @@ static void reduce(
 
 /* Prediction and correction of the state `moved` and its round-off, with the slopes f[i], i h ago; the error. */
 static double predict_and_correct(
-    double t, double h, const double *scales, const double *y, const double *const *f, const double *in, double *moved,
-    double *left, double *predicted)
+    double t, double h, const double *y, const double *const *f, const double *in, double *moved, double *left,
+    double *predicted)
 {{
     double increment[SIZE], partial[SIZE], trial[SIZE], errors[SIZE], slope, added, before{unread};
     int i;
@@ -98,7 +92,7 @@ static double predict_and_correct(
             errors[i] = INFINITY;
     }}
     if (largest_of(errors) > {tolerance})
-        reduce(h, scales, y, predicted, f, errors);
+        reduce(h, y, predicted, f, errors);
     return largest_of(errors);
 }}
 
@@ -123,10 +117,9 @@ static double attempt(
     double *moved, double *left, double *first_predicted)
 {{
     const double *f[{length}];
-    double size = h / (double)parts, error, worst = 0.0, predicted[SIZE], scales[SIZE]{unread};
+    double size = h / (double)parts, error, worst = 0.0, predicted[SIZE]{unread};
     int stride = {parts} / parts, part, i;
 
-    scales_of(h, scales);
     memcpy(moved, y, SIZE * sizeof(double));
     memcpy(left, past->lost, sizeof past->lost);
     for (part = 0; part < parts && worst <= {tolerance}; part++) {{
@@ -134,7 +127,7 @@ static double attempt(
             rates(t + (double)part * size, moved, in, past->slopes[(first + part * stride) % {places}]{ignored});
         for (i = 0; i < {length}; i++)
             f[i] = past->slopes[(first + {places} + (part - i) * stride) % {places}];
-        error = predict_and_correct(t + (double)part * size, size, scales, y, f, in, moved, left, predicted);
+        error = predict_and_correct(t + (double)part * size, size, y, f, in, moved, left, predicted);
         if (part == 0)
             memcpy(first_predicted, predicted, SIZE * sizeof(double));
         if (error > worst)
@@ -263,11 +256,7 @@ def adams_function(method: Adams, parts: StepParts, name: str, compared: int, fi
     ]
     reports, tolerance = parts.reports_margin, method.tolerance
     return (_ERROR + _STEP).format(
-        unit=literal(UNIT_OF_TIME),
-        scales="\n".join(
-            f"    scales[{index}] = {literal(size)}{('', ' * rate', ' * (rate * rate)')[times]};"
-            for index, (size, times) in enumerate(scales)
-        ),
+        scales=", ".join(map(literal, scales)),
         method=method.name,
         order=method.order,
         otherwise=method.otherwise.name,

@@ -44,8 +44,6 @@ class _GaussStep:
         self._start, self._fresh, self._trial = emitter.vector(), emitter.vector(), emitter.vector()
         self._k = [emitter.vector() for _ in range(method.stages)]
         self._change, self._before = emitter.scalar(), emitter.scalar()
-        # A sweep moves positions by h times what the sweep before has moved speeds, so these are compared in steps.
-        self._units = emitter.units(emitter.h)
         self._emit_estimate = emitter.estimator(method.estimate, [self._start, *self._k])
         self._swept = emitter.scalar() if isinstance(emitter.b, LaneBuilder) else None
         self._last_change = self._change if self._swept is None else emitter.scalar()
@@ -85,7 +83,7 @@ class _GaussStep:
 
             def component(i: Index, slopes: Value = slopes) -> None:
                 moved = b.fmul(emitter.h, b.fsub(load(b, self._fresh, i), load(b, slopes, i)))
-                add_square(b, self._last_change, b.fmul(moved, emitter.scale(i, self._units)))
+                add_square(b, self._last_change, b.fmul(moved, emitter.scale(i)))
                 self._replace(self._fresh, slopes, i)
 
             for_each(b, emitter.system.size, component)

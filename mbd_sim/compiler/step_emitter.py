@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from mbd_sim.compiler.ir import Function, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
@@ -23,7 +22,7 @@ from mbd_sim.compiler.ir_vectors import (
 )
 from mbd_sim.compiler.samples import Samples
 from mbd_sim.compiler.simd_builder import ComponentBuilder, LaneBuilder
-from mbd_sim.integrators.estimate import UNIT_OF_TIME, ErrorEstimate, Scales
+from mbd_sim.integrators.estimate import ErrorEstimate, Scales
 
 TINIEST = 1e-300  # keeps 0/0 out of estimates
 
@@ -64,13 +63,6 @@ class System:
 EmitEstimate = Callable[..., None]
 
 
-class Units(NamedTuple):
-    """The scales of the components, for one at a time, and in an array for several."""
-
-    single: list[Value]
-    array: Value
-
-
 class StepEmitter:
     """Emits the operations of a step on the state `y` (n,), with step size `h` in s, for one method of integration.
 
@@ -92,21 +84,10 @@ class StepEmitter:
         self._conditioning, self._ignored = self.scalar(), self.scalar()
         self._rare = self.scalar(), self.array(system.size), self.array(system.size)
         self._sampled = None if system.samples is None else system.samples.results(b)
-        self._units = self.units(b.fmul(number(UNIT_OF_TIME), h))
-
-    def units(self, time: Value) -> Units:
-        """What is added to the sizes of components, to which errors are relative, with a unit of time in s."""
-        b, scales = self.b, self.system.scales or ((1.0, 0),) * self.system.size
-        rate = b.fdiv(number(1.0), time)
-        powers = [None, rate, b.fmul(rate, rate)]
-        found: dict[tuple[float, int], Value] = {}
-        for size, times in dict.fromkeys(scales):
-            power = powers[times]
-            found[size, times] = number(size) if power is None else b.fmul(number(size), power)
-        units = Units([found[scale] for scale in scales], self.vector())
-        for index, unit in enumerate(units.single):
-            store(b, unit, units.array, index)
-        return units
+        self._scales = list(system.scales) or [1.0] * system.size
+        self._scale_array = self.vector()
+        for index, scale in enumerate(self._scales):
+            store(b, number(scale), self._scale_array, index)
 
     def vector(self) -> Value:
         """A new array of the size of the state; only in the entry block."""
@@ -194,17 +175,20 @@ class StepEmitter:
         """t + c h."""
         return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
 
-    def scale(self, index: Index, units: Units | None = None) -> Value:
+    def scale(self, index: Index) -> Value:
         """1 / (s + |y|) for a component."""
-        return self.inverse_scale(self.b, self.y, index, units)
+        return self.inverse_scale(self.b, self.y, index)
 
-    def inverse_scale(self, b: IRBuilder, state: Value, index: Index, units: Units | None = None) -> Value:
-        """1 / (s + |y|) for a component of a state, or several at once; the unit of time is that of `UNIT_OF_TIME`."""
-        units = units or self._units
-        single = isinstance(index, int) and not isinstance(b, ComponentBuilder)
-        unit = units.single[index] if single else load(b, units.array, index)  # type: ignore[index]
+    def inverse_scale(self, b: IRBuilder, state: Value, index: Index) -> Value:
+        """1 / (s + |y|) for a component of a state, or several at once."""
+        if len(set(self._scales)) == 1:
+            scale = number(self._scales[0])
+        elif isinstance(index, int) and not isinstance(b, ComponentBuilder):
+            scale = number(self._scales[index])
+        else:
+            scale = load(b, self._scale_array, index)
         size = b.intrinsic("llvm.fabs", load(b, state, index))
-        return b.fdiv(number(1.0), b.fadd(unit, size))
+        return b.fdiv(number(1.0), b.fadd(scale, size))
 
     def estimator(self, estimate: ErrorEstimate, slopes: list[Value]) -> EmitEstimate:
         """A function that emits the update of `largest_error` in a step whose error is estimated.

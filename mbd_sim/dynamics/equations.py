@@ -40,7 +40,7 @@ from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, TypicalMatrices, typical_matrices
 from mbd_sim.dynamics.regular_start import require_regular_start, start_with_actuators
 from mbd_sim.dynamics.state_derivatives import DerivativeLayout, derivative_layout, rate_derivatives
-from mbd_sim.dynamics.state_scales import Scale, state_scales
+from mbd_sim.dynamics.state_scales import state_scales
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
@@ -134,7 +134,7 @@ class Equations:
         return ActuatorLayout() if self.actuators is None else self.actuators.layout
 
     @cached_property
-    def scales(self) -> tuple[Scale, ...]:
+    def scales(self) -> tuple[float, ...]:
         """What the errors of the components of y are compared with, see `state_scales`."""
         size = len(self.start_state)
         return state_scales(self.mechanism, self.layout, self.actuator_layout, self.step, self.core.stop, size)

@@ -7,54 +7,45 @@ energy with that of the mass at such a speed. So the same motion is computed ali
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from mbd_sim.dynamics.actuator_layout import PRESSURES, ActuatorLayout
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
-from mbd_sim.integrators.estimate import UNIT_OF_TIME
 from mbd_sim.mechanism.actuators import Actuator
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import STATES
 from mbd_sim.mechanism.records import Mechanism
 
-# Lengths and masses are rounded to powers of this number, so that mechanisms of similar sizes have the same code, such
-# as those from 5 mm to 5 m, or from 5 µm to 5 mm.
-BASE, MIDDLE = 1024.0, 0.16
-
-
-class Scale(NamedTuple):
-    """The scale of a component of a state: `size` divided by `times` powers of the unit of time."""
-
-    size: float = 1.0
-    times: int = 0
+STEPS = 1000.0  # in the unit of time
+# Lengths, times and masses are rounded to powers of this number, so that similar mechanisms have the same code: their
+# unit is 1 m from 5 mm to 5 m, 1 s for steps from 0.1 ms to 0.1 s, and so on.
+BASE, LENGTH, TIME = 1024.0, 0.16, 3.2
 
 
 def state_scales(
     mechanism: Mechanism, layout: CoordinateLayout, actuators: ActuatorLayout, step: float, core: int, size: int
-) -> tuple[Scale, ...]:
+) -> tuple[float, ...]:
     """The scales (size,) of the components of y.
 
     :param step: in s.
     :param core: the number of components before the energies.
     """
-    length, mass = _rounded(_length(mechanism, step) / MIDDLE), 0.0
-    q, u = list[Scale](), list[Scale]()
+    length, rate = _rounded(_length(mechanism, step) / LENGTH), 1.0 / _rounded(STEPS * step / TIME)
+    q, u = list[float](), list[float]()
     for joint in mechanism.joints.values():
         lengths = [1.0 if coordinate.rotation else length for coordinate in joint.kind.coordinates]
         if joint.drive:
             continue
-        u += [Scale(value, 1) for value in lengths]
+        u += [value * rate for value in lengths]
         plain = joint.kind.nv if joint.kind.quaternion is None else joint.kind.quaternion
-        q += [Scale(value) for value in lengths[:plain]] + [Scale()] * (joint.kind.nq - plain)
+        q += lengths[:plain] + [1.0] * (joint.kind.nq - plain)
     for name in layout.drives:
-        rotation = mechanism.joints[name].kind.coordinates[0].rotation
-        q += [Scale(1.0 if rotation else length, times) for times in range(STATES)]
-    for part in mechanism.parts.values():
-        mass += part.mass + float(np.trace(part.inertia)) / length**2
-    energy = _rounded(mass) * length**2
-    result = [*q, *u, *[Scale()] * (core - len(q) - len(u)), *[Scale(energy, 2)] * (size - core)]
+        own = 1.0 if mechanism.joints[name].kind.coordinates[0].rotation else length
+        q += [own * rate**power for power in range(STATES)]
+    mass = sum(part.mass + float(np.trace(part.inertia)) / length**2 for part in mechanism.parts.values())
+    energy = _rounded(mass) * length**2 * rate**2
+    result = [*q, *u, *[1.0] * (core - len(q) - len(u)), *[energy] * (size - core)]
     for actuator, slots in zip(mechanism.actuators, actuators.slots, strict=True):
         for name, index in slots.states.items():
             if index < core:
@@ -62,11 +53,11 @@ def state_scales(
     return tuple(result)
 
 
-def _of_actuator(actuator: Actuator, state: str) -> Scale:
+def _of_actuator(actuator: Actuator, state: str) -> float:
     """The scale of a pressure, of the integral of a servo, or of a current, which is compared with 1 A."""
     if state in PRESSURES and isinstance(actuator.motor, Cylinder):
-        return Scale(_rounded(actuator.motor.supply))
-    return Scale(_rounded(actuator.output_limit)) if state == "integral" else Scale()
+        return _rounded(actuator.motor.supply)
+    return _rounded(actuator.output_limit) if state == "integral" else 1.0
 
 
 def _rounded(value: float) -> float:
@@ -89,6 +80,6 @@ def _length(mechanism: Mechanism, step: float) -> float:
             if not coordinate.rotation and not joint.drive:
                 positions.append(abs(float(joint.position[index])))
                 speeds.append(abs(float(joint.velocity[index])))
-    time = UNIT_OF_TIME * step
+    time = STEPS * step
     gravity = float(np.linalg.norm(mechanism.gravity))
     return max(positions, default=0.0) or max(speeds, default=0.0) * time or gravity * time**2

@@ -6,10 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 Coefficients = tuple[float, ...]
-# What errors are relative to beside the components of a state: for each, a number and the power of the unit of time by
-# which it is divided. Without any, all are 1. The unit of time is that of `UNIT_OF_TIME` steps.
-Scales = Sequence[tuple[float, int]]
-UNIT_OF_TIME = 1000.0
+Scales = Sequence[float]  # s of each component of a state y: errors are relative to s + |y|. Without any, they are 1
 
 
 @dataclass(frozen=True)
@@ -25,9 +22,3 @@ class ErrorEstimate:
     fine: Coefficients
     coarse: Coefficients = ()
     weight: float = 1.0
-
-
-def scale_values(scales: Scales, step: float) -> list[float]:
-    """The scales for steps of a size in s."""
-    rate = 1.0 / (UNIT_OF_TIME * step)
-    return [size * rate**times for size, times in scales]

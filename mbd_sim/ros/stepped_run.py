@@ -94,7 +94,8 @@ class SteppedRun:
         self._forget_problems()
         self.output.report_new_state()
         self.output.report(EventKind.NOTE, f"state set: {given}")
-        for name, value in given.positions.items():
+        positions, _ = given
+        for name, value in positions.items():
             if abs(value) > TURN and self.simulation.mechanism.coordinate(name).rotation:
                 text = f"{name} = {value:g} is in rad ({math.degrees(value):.4g}°), as all angles in messages are"
                 self.output.report(EventKind.NOTE, text)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
-from mbd_sim.integrators.estimate import scale_values
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.equations import Equations
@@ -73,7 +72,7 @@ def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Arr
     states = np.tile(y[:, None], size + 1)  # the last one is the state itself
     steps = np.arange(size)
     with np.errstate(all="ignore"):  # the state or the efforts may be close to infinity
-        states[steps, steps] += DIFFERENCE * (scale_values(equations.scales[:size], equations.step) + np.abs(y[:size]))
+        states[steps, steps] += DIFFERENCE * (np.array(equations.scales[:size]) + np.abs(y[:size]))
         rates = np.array(equations.rates.call([time, states, inputs])[0])[:size]
         jacobian: Array = (rates[:, :-1] - rates[:, -1:]) / (states[steps, steps] - y[:size])
     return jacobian
@@ -81,7 +80,7 @@ def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Arr
 
 def _scaled(equations: Equations, jacobian: Array) -> Array:
     """The derivatives of the components divided by their scales: it has the same eigenvalues."""
-    scales = np.array(scale_values(equations.scales[: len(jacobian)], equations.step))
+    scales = np.array(equations.scales[: len(jacobian)])
     scaled: Array = jacobian * scales / scales[:, None]
     return scaled
 
