@@ -113,8 +113,49 @@ actuators:
 """
 
 
-def test_efforts_and_rotors_of_actuators():
-    rng, mechanism = np.random.default_rng(5), parse_mechanism(ACTUATED)
+# Sums of coordinates, wrenches, coordinates of balls and free joints; gains, biases and ranges.
+PLACES = """
+mechanism: places
+parts:
+  arm: {mass: 2, center: [0.1, 0, -0.3], inertia: [0.1, 0.12, 0.03]}
+  hand: {mass: 1, center: [0, 0.1, 0.1], inertia: [0.03, 0.02, 0.04]}
+  head: {mass: 1, center: [0.1, 0, 0.2], inertia: [0.05, 0.06, 0.04]}
+  drone: {mass: 1.5, center: [0, 0.05, 0], inertia: [0.1, 0.2, 0.25], points: {rotor: {at: [0.2, 0.1, 0], rotate: {rpy: [0.3, 0.1, -0.2]}}}}
+joints:
+  a: {type: revolute, between: [ground, arm], axis: [0, 1, 0.2]}
+  b: {type: revolute, between: [arm, hand], axis: [1, 0, 0]}
+  c: {type: spherical, between: [hand, head]}
+  d: {type: free, between: [ground, drone]}
+actuators:
+  sum: {type: effort, terms: {a: 1.5, b: -0.4}, gain: [2, 0.5, -0.3], bias: [0.2, -3, -0.7], effort_range: [-4, 20]}
+  held: {type: effort, terms: {a: 1, b: 1}, servo: {controls: position, kp: 9, kd: 2}, command_range: [0.2, 0.9]}
+  turn: {type: effort, terms: {c.rx: 1, c.rz: -2, d.z: 0.5}, effort_range: [-1, 3]}
+  thrust: {type: effort, at: drone.rotor, wrench: [0, 0.1, 1, 0, 0.02, -0.05], command_range: [0, 5], bias: [0, 0, -0.2]}
+  x: {type: effort, joint: c.rx, rotor_inertia: 0.05}
+  y: {type: effort, joint: c.ry, rotor_inertia: 0.05}
+  z: {type: effort, joint: c.rz, rotor_inertia: 0.05}
+"""
+
+
+def test_rotors_on_the_coordinates_of_a_ball():
+    """By Lagrange's equations too, in which the spin of the ball is not the rate of a coordinate."""
+    text = "\n".join(
+        line for line in PLACES.splitlines() if not line.strip().startswith(("sum", "held", "turn", "thrust"))
+    )
+    mechanism, rng = parse_mechanism(text), np.random.default_rng(6)
+    derived, lagrange = derive(mechanism), lagrange_equations(mechanism)
+    for _ in range(3):
+        q, u, efforts = random_state(mechanism, rng)
+        exact = lagrange.accelerations(q, u, efforts, 0.0)
+        y, inputs = derived.start_state.copy(), derived.inputs_without_commands.copy()
+        y[: len(q) + len(u)], inputs[derived.inputs.efforts] = np.concatenate([q, u]), efforts
+        found = np.array(derived.rates.call([0.0, y, inputs])[0]).ravel()[len(q) : len(q) + len(u)]
+        assert found == pytest.approx(np.array(exact).ravel(), rel=1e-10, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", [ACTUATED, PLACES], ids=["actuated", "places"])
+def test_efforts_and_rotors_of_actuators(text):
+    rng, mechanism = np.random.default_rng(5), parse_mechanism(text)
     derived = derive(mechanism)
     layout = derived.layout
     for _ in range(25):

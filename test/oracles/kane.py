@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor, EffortMotor
+from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor, EffortMotor, SumPort, WrenchPort
 from mbd_sim.mechanism.laws import GreenStrain, Varying
 from test.oracles.jets import Jet, expression_jet
 from test.oracles.kane_actuators import effort as actuator_effort
@@ -387,7 +387,21 @@ def actuator_forces(mechanism, q, u, moving, driving):
         commands, states = driving[actuator.name]
         if isinstance(actuator.port, CoordinatePort):
             row = mechanism.coordinate_names.index(actuator.port.coordinate)
-            forces[row] += actuator_effort(actuator, commands, states, positions[actuator.port.coordinate], u[row])
+            position = positions.get(actuator.port.coordinate, 0.0)
+            forces[row] += actuator_effort(actuator, commands, states, position, u[row])
+            continue
+        if isinstance(actuator.port, SumPort):
+            terms = [(mechanism.coordinate_names.index(name), name, c) for name, c in actuator.port.factors.items()]
+            x, v = sum(c * positions.get(name, 0.0) for _, name, c in terms), sum(c * u[row] for row, _, c in terms)
+            for row, _, factor in terms:
+                forces[row] += factor * actuator_effort(actuator, commands, states, x, v)
+            continue
+        if isinstance(actuator.port, WrenchPort):
+            at, axes = actuator.port.at, moving[actuator.port.at.part].rotation.d[0]
+            force, couple = axes @ actuator.port.force, axes @ actuator.port.couple
+            v = force @ _velocity_of(moving, at)[1] + couple @ (axes @ moving[at.part].omega)
+            effort = actuator_effort(actuator, commands, states, 0.0, v)
+            wrenches += [(at, False, effort * force), (at, True, effort * couple)]
             continue
         ends = actuator.port.first, actuator.port.second
         (a, a1), (b, b1) = (_velocity_of(moving, at) for at in ends)

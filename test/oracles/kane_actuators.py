@@ -15,12 +15,14 @@ def effort(actuator, commands, states, x, v):
 
     :param commands: by channel; `states` are the current, the pressures and the integral of its servo.
     """
+    first, (lower, upper) = actuator.channels[0], actuator.command_range
+    commands = {**commands, first: max(lower, min(upper, commands.get(first, 0.0)))}
     command = commands.get(actuator.control, 0.0)
     if actuator.servo is not None:
         command = servo_output(actuator.servo, commands, states.get("integral", 0.0), x, v)
     match actuator.motor:
         case EffortMotor():
-            return motor_effort(actuator.motor, command, v)
+            return motor_effort(actuator.motor, command, x, v)
         case DcMotor():
             return geared_torque(actuator.motor, motor_current(actuator.motor, command, states, v), v)
     outside = actuator.motor.tank if isinstance(actuator.motor.fluid, Gas) else 0.0
@@ -37,8 +39,11 @@ def servo_output(servo, commands, integral, x, v):
     return max(-servo.limit, min(servo.limit, total))
 
 
-def motor_effort(motor, command, v):
-    """The command within the limit of the motor; while it drives, within the curve at its speed."""
+def motor_effort(motor, command, x, v):
+    """The command with gain and bias within the limits of the motor; while it drives, within the curve at its speed."""
+    motion = np.array([1.0, x, v])
+    command = (motion @ motor.gain) * command + motion @ motor.bias
+    command = min(max(command, motor.effort_range[0]), motor.effort_range[1])
     wanted = math.copysign(min(abs(command), motor.effort_limit), command)
     if not motor.curve:
         return wanted
