@@ -95,7 +95,7 @@ class Readings(RunState):
         """What a user should know before the first step: why the method was chosen, and limits that do not act."""
         from mbd_sim.simulation.remarks import remarks
 
-        return remarks(self.model, self.step_size)
+        return remarks(self.model, self.time, self._memory.y, self._memory.inputs, self.step_size)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""
