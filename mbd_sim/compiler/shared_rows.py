@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from mbd_sim.compiler.dense_solver import DenseSolver
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
@@ -32,7 +32,7 @@ def emit_shared_solver(module: Module, rows: int, solver: DenseSolver) -> Functi
 class _SharedSolver:
     """Emits the steps of the solution with one builder."""
 
-    def __init__(self, b: IRBuilder, n: int, solver: DenseSolver, arguments: list[Value]) -> None:
+    def __init__(self, b: IRBuilder, n: int, solver: DenseSolver, arguments: Sequence[Value]) -> None:
         self._b, self._n, self._solver = b, n, solver
         self._given, self._weights, self._right, self._x, self._y, self._sharing, self._size = arguments
         self._matrix, self._normal, self._order, self._residual, self._change, self._largest = (

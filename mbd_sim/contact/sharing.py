@@ -24,6 +24,7 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
 
     Friction that slides follows its normal force in the direction that it has.
     """
+    assert problem.compliance is not None
     size, rates = float(np.abs(forces).max()), problem.rates(forces)
     pressed = [row for row in problem.normals if forces[row] > 0.0]
     closed = [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= UNPRESSED * size]

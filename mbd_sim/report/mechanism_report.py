@@ -76,7 +76,7 @@ def _one_sided(simulation: Simulation) -> dict[str, Any]:
     modes = contact.modes(simulation.inputs)
     sliding = set(contact.sliding(modes)).intersection(contact.loaded)  # their rows are solved for, but do not restrict
     active = np.flatnonzero(modes[contact.layout.active])
-    matrix = contact.terms(simulation.time, simulation.state_vector, simulation.inputs).matrix
+    matrix = contact.terms(simulation.time, simulation.y, simulation.inputs).matrix
     held = len(independent(matrix, active.tolist())) - len(sliding)
     elements = _contacts(simulation, compliant=False)
     return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - held}

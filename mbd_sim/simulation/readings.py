@@ -98,7 +98,8 @@ class Readings(RunState):
         """
         from mbd_sim.simulation.remarks import LOOK_AHEAD, remarks
 
-        return remarks(self.model, self.step_size, self.time or LOOK_AHEAD)
+        state = self.time, self._memory.y, self._memory.inputs
+        return remarks(self.model, *state, self.step_size, self.time or LOOK_AHEAD)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""

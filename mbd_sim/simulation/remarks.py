@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mbd_sim.contact.elimination import independent
 from mbd_sim.errors import listed
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_angle_remarks
 from mbd_sim.simulation.compiled_model import Model
@@ -12,7 +13,9 @@ from mbd_sim.simulation.pulses import pulse_remarks
 LOOK_AHEAD = 10.0  # s after the start in which jumps of drives are sought
 
 
-def remarks(model: Model, step: float, end: float = LOOK_AHEAD) -> tuple[str, ...]:
+def remarks(
+    model: Model, time: float, y: Array, inputs: Array, step: float, end: float = LOOK_AHEAD
+) -> tuple[str, ...]:
     """Sentences on what acts in another way than a reader of the file may expect.
 
     An unusual method, limits that do not act, undetermined friction, forces shorter than a step, drives that jump, and
@@ -26,7 +29,7 @@ def remarks(model: Model, step: float, end: float = LOOK_AHEAD) -> tuple[str, ..
         model.method_remark,
         limits_remark(model.mechanism),
         friction_remark(model),
-        sharing_remark(model),
+        sharing_remark(model, time, y, inputs),
         *pulse_remarks(model.mechanism, step),
         *bare_angle_remarks(model.mechanism.source),
         *_jump_remarks(model.mechanism, end),
@@ -60,12 +63,12 @@ def friction_remark(model: Model) -> str:
     )
 
 
-def sharing_remark(model: Model) -> str:
-    """Which elements with friction at rest share a load at the start in a way that equilibrium leaves open."""
+def sharing_remark(model: Model, time: float, y: Array, inputs: Array) -> str:
+    """Which elements with friction at rest share a load in a state in a way that equilibrium leaves open."""
     contact = model.contact
     if contact is None:
         return ""
-    modes = contact.modes(model.inputs)
+    modes = contact.modes(inputs)
     sliding = set(contact.sliding(modes))
     resting = [
         (rows, contact.names[gap] if gap is not None else contact.row_names[rows[0]])
@@ -75,7 +78,7 @@ def sharing_remark(model: Model) -> str:
     rows = [row for own, _ in resting for row in own]
     if len(resting) < 2:
         return ""
-    matrix = contact.terms(0.0, model.start, model.inputs).matrix
+    matrix = contact.terms(time, y, inputs).matrix
     if len(independent(matrix, rows)) == len(rows):
         return ""
     return (
