@@ -2,6 +2,9 @@
 
 import re
 
+import pytest
+
+from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.mechanism_file.override import matching
@@ -9,6 +12,8 @@ from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.simulation.live_search import names_with_matches
 from mbd_sim.simulation.live_values import LiveValues
 from test.generators.shipped_features import mechanisms_with_all_features
+from test.recording.runs import stepped_node
+from test.system.nodes import as_in_the_node
 
 LIVE = next(declared.default for declared in PARAMETERS if declared.name == "live").split(", ")
 
@@ -31,3 +36,16 @@ def test_gravity_is_among_the_default_live_values_unless_nothing_depends_on_it()
 def test_every_parameter_says_what_it_means():
     assert all(len(declared.description) > 10 for declared in PARAMETERS)
     assert len({declared.name for declared in PARAMETERS}) == len(PARAMETERS)
+
+
+@pytest.mark.parametrize("mechanism", ["double_rod", "four_bar", "six_axis_servo_arm"])
+def test_without_wrenches_and_live_values_a_node_has_the_bits_of_a_plain_simulation(tmp_path, mechanism):
+    """With them it has those of a simulation with the same options: what is an input is not folded into constants."""
+    for options, simulation in (
+        ({"wrenches": "''", "live": "''"}, Simulation.from_file(mechanism)),
+        ({}, as_in_the_node(mechanism)),
+    ):
+        with stepped_node(tmp_path, mechanism, record=False, **options) as node:
+            node.stepping_thread.step(300)
+            simulation.step(300)
+            assert node.simulation.state.tobytes() == simulation.state.tobytes()
