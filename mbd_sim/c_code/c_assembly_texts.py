@@ -165,6 +165,20 @@ static int close_loops(double t, double *q, const double *v, const unsigned char
     return is_closed(t, q, v, gaps);
 }}
 
+/* Whether any constraint restricts the speeds. */
+static int restricts(double t, const double *q, const double *v)
+{{
+    double g[ROWS * NV], sizes[ROWS], natural[ROWS * NV];
+    int i;
+
+    gradient(t, q, v, g);
+    natural_rows(t, q, v, g, sizes, natural);
+    for (i = 0; i < ROWS; i++)
+        if (norm_of(natural + i * NV, NV) > {rank})
+            return 1;
+    return 0;
+}}
+
 /* The speeds that satisfy the constraints with the least kinetic energy of the change from `old`; fixed ones stay. */
 static int fit_speeds(
     double t, const double *q, double *u, const double *old, const double *v, const unsigned char *fixed)
@@ -201,7 +215,7 @@ static int fit_speeds(
             right[count++] = u[i] - old[i];
         }}
     memset(change, 0, sizeof change);
-    for (sweep = 0; sweep < 2; sweep++) {{
+    for (sweep = 0; sweep < 2 && restricts(t, q, v); sweep++) {{
         for (i = 0; i < count; i++) {{
             double *row = a + i * (NV + 1), rest = right[i];
             for (j = 0; j < NV; j++) {{
@@ -249,6 +263,8 @@ static void resting_speeds(double t, const double *q, const double *v, double *u
     double mass[NV * NV], axes[NV * 2 * NV], p[NV], largest = 0.0;
     int i, k;
 
+    if (!restricts(t, q, v))
+        return;
     mass_matrix(t, q, v, mass);
     momentum(t, q, v, p);
     for (i = 0; i < NV; i++)

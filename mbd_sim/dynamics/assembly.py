@@ -153,13 +153,16 @@ class FittedSpeeds:
 
 
 def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, fixed: Array) -> FittedSpeeds:
-    """The speeds of least kinetic energy that satisfy the constraints and keep the `fixed` (nv,) entries of u."""
+    """The speeds of least kinetic energy that satisfy the constraints and keep the `fixed` (nv,) entries of u.
+
+    Where no constraint restricts them, as with bearings that repeat each other, all others are zero.
+    """
     gradient, drift = constraints.gradient(t, q), constraints.drift(t, q)
-    if not len(gradient) and not fixed.any():
-        return FittedSpeeds(np.zeros(len(u)), np.zeros(0), True)
-    resting = resting_speeds(constraints.mass_matrix(t, q), constraints.momentum(t, q), constraints.scales)
-    right = np.concatenate([-drift - gradient @ resting, (u - resting)[fixed]])
-    speeds = resting + _least_energy_speeds(constraints, t, q, fixed, right)
+    speeds = np.zeros(len(u))
+    if constraints.rank(t, q):
+        resting = resting_speeds(constraints.mass_matrix(t, q), constraints.momentum(t, q), constraints.scales)
+        right = np.concatenate([-drift - gradient @ resting, (u - resting)[fixed]])
+        speeds = resting + _least_energy_speeds(constraints, t, q, fixed, right)
     speeds[fixed] = u[fixed]
     errors = gradient @ speeds + drift
     return FittedSpeeds(speeds, errors, bool(np.all(np.abs(errors) <= tolerated_errors(constraints, t, q, speeds))))

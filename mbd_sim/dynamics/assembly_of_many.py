@@ -131,7 +131,8 @@ def _fitted(
         return np.zeros_like(u), np.ones(len(q), dtype=bool)
     scales, row_sizes = constraints.scales, constraints.row_sizes(q, which)
     given = np.zeros((len(q), int(fixed.sum())), dtype=bool)
-    zero = np.concatenate([row_is_zero(scaled(gradient, row_sizes, scales)), given], axis=1)
+    zero_rows = row_is_zero(scaled(gradient, row_sizes, scales))
+    zero = np.concatenate([zero_rows, given], axis=1)
     masses, momenta = constraints.mass_matrix(q, which), constraints.momentum(q, which)
     resting = np.array([resting_speeds(*one, scales) for one in zip(masses, momenta, strict=True)])
     right = right - _times(rows, resting)
@@ -142,7 +143,7 @@ def _fitted(
         rest = (right - _times(rows, speeds)) / lengths
         found = [least_solution(matrix, side) for matrix, side in zip(unit, rest, strict=True)]
         speeds += _times(to_unit, np.array(found))
-    speeds += resting
+    speeds = np.where(np.all(zero_rows, axis=1)[:, None], 0.0, speeds + resting)
     speeds[:, fixed] = u[:, fixed]
     errors = _times(gradient, speeds) + drift
     rates = np.maximum(np.max(np.abs(speeds) / scales, axis=1, initial=0.0), constraints.rate_of_drives(q, which)[:, 0])

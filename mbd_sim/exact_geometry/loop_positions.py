@@ -22,6 +22,7 @@ NEARLY = 3e-3  # a singular value of a loop's twists that counts as zero within 
 LONGEST_STEP = 0.6  # rad, or parts of the size
 ITERATIONS, ATTEMPTS = 60, 12
 CONVERGED = 1e-14  # step, rad or parts of the size
+CLOSED, NEAR = 1e-12, 0.1  # a gap that is round-off, and how far it may take to close it; rad or parts of the size
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,13 @@ class Placement:
     def twists(self, joint: Joint) -> list[Array]:
         """The twists of a joint's child relative to its parent."""
         return twists_of(joint, *self.frames(joint))
+
+    def is_near(self, other: Placement) -> bool:
+        """Whether no part is farther from where another placement has it than `NEAR`."""
+        pairs = [(self.poses[name], pose) for name, pose in other.poses.items()]
+        shifts = [np.max(np.abs(one.position - pose.position)) / self.size for one, pose in pairs]
+        turns = [np.max(np.abs(one.rotation - pose.rotation)) for one, pose in pairs]
+        return bool(max(*shifts, *turns) < NEAR)
 
 
 class Loops:
@@ -85,12 +93,21 @@ class Loops:
         return None
 
     def _newton(self, q: Mapping[str, Array], free: Array) -> Placement | None:
-        """Gauss-Newton without the directions in which the loops are nearly redundant."""
+        """Gauss-Newton without the directions in which the loops are nearly redundant, unless they close with these."""
+        q, place = self._converged(q, free, NEARLY)
+        if self._largest_gap(place) > NEARLY:
+            return None
+        # A chain that is stretched between its ends closes as it is written, but its last steps halve the gap only.
+        exact = self._converged(q, free, CLOSED)[1]
+        return exact if self._largest_gap(exact) <= CLOSED and exact.is_near(place) else place
+
+    def _converged(self, q: Mapping[str, Array], free: Array, least: float) -> tuple[Mapping[str, Array], Placement]:
+        """Gauss-Newton from q, with singular values above the `least` fraction of the largest."""
         place = self._placed(q)
         for _ in range(ITERATIONS):
             gaps, slopes = self._gaps(place)
             left, sizes, right = np.linalg.svd(slopes[:, free], full_matrices=False)
-            used = sizes > NEARLY * np.max(sizes, initial=0.0)
+            used = sizes > least * np.max(sizes, initial=0.0)
             step = np.zeros(len(free))
             step[free] = -right[used].T @ ((left[:, used].T @ gaps) / sizes[used])
             longest = float(np.max(np.abs(step), initial=0.0))
@@ -98,8 +115,10 @@ class Loops:
                 break
             q = self._moved(q, step * min(1.0, LONGEST_STEP / longest) * self._units(place))
             place = self._placed(q)
-        gaps, _ = self._gaps(place)
-        return place if float(np.max(np.abs(gaps), initial=0.0)) <= NEARLY else None
+        return q, place
+
+    def _largest_gap(self, place: Placement) -> float:
+        return float(np.max(np.abs(self._gaps(place)[0]), initial=0.0))
 
     def _gaps(self, place: Placement) -> tuple[Array, Array]:
         """The gaps (m,) of all loops, lengths in parts of the size, and their slopes (m, nv) by the coordinates."""
