@@ -148,10 +148,7 @@ def _emit_loaded(b: IRBuilder, active: ActiveRows, solve: Function, arguments: l
 
 
 def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, watches: bool) -> Function:
-    """Emit `void name(double* mask, double* matrix, double* right, double* solution)`.
-
-    :param watches: see `emit_solved`.
-    """
+    """Emit `void name(mask, matrix, right, solution)` of double pointers; `watches` is that of `emit_solved`."""
     n = active.rows
     function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
     function.linkage = "internal"

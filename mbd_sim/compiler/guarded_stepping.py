@@ -17,7 +17,7 @@ from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.stepping import ESTIMATED_EVERY, emit_plain_advance
 
 PART, TO_EVENT, WHOLE = range(3)  # what to do at an event: ignore it, end before its step, or undo all steps
-GRAZING = 1.5  # of the step times the larger rate at both ends: the sum of both gaps below which they may have met
+GRAZING = 1.05  # of the step times the larger rate at both ends: the sum of both gaps below which they may have met
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
 NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros

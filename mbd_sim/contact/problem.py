@@ -74,7 +74,7 @@ def contact_forces(problem: ContactProblem) -> Array:
     if not n:
         return np.zeros(0)
     scaled, scale = _scaled(problem)
-    if rank(scaled.matrix) == n:
+    if max(len(problem.normals), len(problem.frictions)) < 2 or rank(scaled.matrix) == n:
         return _solution(scaled) * scale
     start, _ = _quick(_softened(scaled))
     if start is None:

@@ -35,11 +35,11 @@ class ContactLayout:
 
     `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: closed gaps and
     sticking friction. Where these depend on each other they are negative, see `active_rows.ActiveRows`; closed gaps
-    that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are the unit vectors
-    of sliding, 0 without sliding; sticking rows that depend on others may have a shorter one: the share of their static
-    friction that they bear. `multipliers` (rows,) are λ, which functions that read forces take from there. `signs`
-    (loads,) are those of the forces across the axes of joints whose friction depends on them, where these forces have
-    one direction only.
+    that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are the unit
+    vectors of sliding, 0 without sliding; sticking rows that depend on others may have a shorter one: the share of
+    their static friction that they bear. `multipliers` (rows,) are λ, which functions that read forces take from there.
+    `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
+    forces have one direction only.
     """
 
     gaps: int

@@ -80,9 +80,7 @@ def impact(
     def with_factor(factor: float) -> tuple[Array, float]:
         free = before.copy()
         free[: len(gaps)] += factor * e * approach
-        impulses = contact_forces(
-            ContactProblem(matrix, free, list(range(len(gaps))), limits, model.compliance[chosen])
-        )
+        impulses = contact_forces(ContactProblem(matrix, free, range(len(gaps)), limits, model.compliance[chosen]))
         after = before.copy()
         for column, impulse in enumerate(impulses.tolist()):
             after += matrix[:, column] * impulse
