@@ -32,11 +32,10 @@ def null_space(matrix: Array, rank: int | None = None) -> Array:
 
 def least_solution(matrix: Array, right: Array) -> Array:
     """The x (n,) or (n, k) of least norm among those for which matrix @ x is nearest to `right` (m,) or (m, k)."""
-    left, values, axes = np.linalg.svd(matrix, full_matrices=False)
-    rank = int(np.sum(values > RANK))
-    parts = left[:, :rank].T @ right
-    found: Array = axes[:rank].T @ (parts.T / values[:rank]).T
-    return found
+    largest = float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
+    if largest <= RANK:
+        return np.zeros((matrix.shape[1], *right.shape[1:]))
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK / largest)[0], dtype=float)
 
 
 def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:

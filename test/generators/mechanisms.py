@@ -149,7 +149,7 @@ def consistent_state(equations, rng, t=0.0, reach=1.0):
     """Coordinates, speeds and efforts that satisfy the constraints at time t, up to `reach` from the start."""
     constraints, nv = equations.constraints, equations.layout.nv
     for _ in range(20):
-        away = constraints.displaced(equations.start.q, rng.uniform(-reach, reach, nv))
+        away = constraints.displaced(equations.start.q, constraints.scales * rng.uniform(-reach, reach, nv))
         closing = close_loops(constraints, t, away, np.ones(nv, dtype=bool))
         if closing.closed:
             speeds = nearest_speeds(constraints, t, closing.q, rng.uniform(-2.0, 2.0, nv))
