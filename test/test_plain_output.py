@@ -55,7 +55,7 @@ def test_a_path_that_is_not_utf8_is_printed_with_its_bytes(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "command", [("check", "four_bar"), ("run", "four_bar", "--time", "0.1"), ("modes", "four_bar")]
+    "command", [("check", "four_bar"), ("run", "four_bar", "--time", "0.1"), ("modes", "cart_pendulum")]
 )
 @pytest.mark.parametrize("encoding", ["", "cp437"])
 def test_reports_in_a_terminal_without_utf8(command, encoding):

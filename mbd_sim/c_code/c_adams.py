@@ -23,7 +23,7 @@ typedef struct {{
 
 _ERROR = """\
 /* What the errors of the components are relative to beside these. */
-static const double scales[SIZE] = {{{scales}}};
+static const double error_scales[SIZE] = {{{scales}}};
 
 /* The largest error of a component, relative to its scale + |y|. */
 static double largest_of(const double *errors)
@@ -54,7 +54,7 @@ static void reduce(double h, const double *y, const double *newest, const double
     int i;
 
     for (i = 0; i < SIZE; i++) {{
-        scale = 1.0 / (scales[i] + fabs(y[i]));
+        scale = 1.0 / (error_scales[i] + fabs(y[i]));
         own = errors[i];
 {differences}
         expected = extrapolated(d8, d7, d6, d5, 1);
@@ -87,7 +87,7 @@ static double predict_and_correct(
         before = moved[i];
         moved[i] = before + added;
         left[i] = added - (moved[i] - before);
-        errors[i] = fabs(fma(h, slope, -increment[i])) * (1.0 / (scales[i] + fabs(y[i])));
+        errors[i] = fabs(fma(h, slope, -increment[i])) * (1.0 / (error_scales[i] + fabs(y[i])));
         if (errors[i] != errors[i])
             errors[i] = INFINITY;
     }}

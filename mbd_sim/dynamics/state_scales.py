@@ -7,15 +7,17 @@ energy with that of the mass at such a speed. So the same motion is computed ali
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.dynamics.actuator_layout import PRESSURES, ActuatorLayout
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
-from mbd_sim.mechanism.actuators import Actuator
-from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import STATES
 from mbd_sim.mechanism.records import Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.actuators import Actuator
 
 STEPS = 1000.0  # in the unit of time
 # Lengths, times and masses are rounded to powers of this number, so that similar mechanisms have the same code: their
@@ -55,6 +57,8 @@ def state_scales(
 
 def _of_actuator(actuator: Actuator, state: str) -> float:
     """The scale of a pressure, of the integral of a servo, or of a current, which is compared with 1 A."""
+    from mbd_sim.mechanism.cylinders import Cylinder
+
     if state in PRESSURES and isinstance(actuator.motor, Cylinder):
         return _rounded(actuator.motor.supply)
     return _rounded(actuator.output_limit) if state == "integral" else 1.0
