@@ -13,7 +13,6 @@ from mbd_sim.dynamics.spatial_algebra import SpdFactors, inverse_spd
 from mbd_sim.errors import MechanismError, NoInertiaError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
-from mbd_sim.simulation.simulation import Simulation
 from test.generators.mechanisms import accelerations, derived, random_state
 from test.oracles import kane
 
