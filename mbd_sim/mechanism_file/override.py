@@ -282,5 +282,7 @@ def _replaced(data: Any, location: Location, value: float | str) -> Any:
     if rest and step not in data:
         if step == "gravity":
             return {**data, step: _replaced([0.0, 0.0, -9.81], rest, value)}
+        if step == "integrator":  # of which every key has a default
+            return {**data, step: _replaced({}, rest, value)}
         raise InputError(f"there is no '{step}'", nearest(step, data))
     return {**data, step: _replaced(data.get(step), rest, value)}

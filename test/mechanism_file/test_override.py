@@ -5,6 +5,7 @@ import pytest
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
+from test.generators.mechanism_texts import PENDULUM
 
 
 @pytest.fixture
@@ -48,6 +49,12 @@ def test_a_value_that_the_file_leaves_out_has_its_default(rods):
     assert value_of(rods, "joints.elbow.type") is None
     with pytest.raises(MechanismError, match="elbow"):
         value_of(rods, "joints.elbw.damping")
+
+
+def test_the_integrator_need_not_be_in_the_file():
+    mechanism = parse_mechanism(PENDULUM)
+    assert "integrator" not in mechanism.source.data
+    assert with_values(mechanism, {"integrator.step": "0.1 ms"}).step == 1e-4
 
 
 def test_patterns_match_numbers_of_the_file(rods):
