@@ -250,7 +250,7 @@ def throw(found: Found, step: float | None) -> None:
     for _ in range(EPISODES):
         if found.impacts >= ENOUGH:
             break
-        sim.reset(sim.q, rng.normal(size=sim.u.size) * sizes)
+        sim.reset(sim.q, rng.normal(size=sim.u.size) * sizes, nearest_speeds=True)
         start = sim.start_energy  # the speeds are those before the impacts of the start
         sim.run(until=EPISODE)
         measure.end()

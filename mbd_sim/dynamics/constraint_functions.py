@@ -318,4 +318,10 @@ def _size(mechanism: Mechanism) -> float:
     points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
     largest = max((float(np.linalg.norm(point)) for point in points), default=0.0)
     gyration = [np.sqrt(np.trace(part.inertia) / part.mass) for part in mechanism.parts.values() if part.mass > 0.0]
-    return largest or float(max(gyration, default=0.0)) or 1.0
+    starts = [
+        value
+        for joint in mechanism.joints.values()
+        for value, coordinate in zip(joint.position, joint.kind.coordinates, strict=False)
+        if not coordinate.rotation
+    ]
+    return largest or float(max(gyration, default=0.0)) or float(np.linalg.norm(starts)) or 1.0

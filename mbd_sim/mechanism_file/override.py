@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
 _SECTIONS = (
+    "tolerance",
     "gravity",
     "parameters",
     "functions",

@@ -12,7 +12,6 @@ from mbd_sim.mechanism_file.mesh_reader import MeshError
 from mbd_sim.mechanism_file.mesh_solids import solid
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.mechanism_file.yaml_writer import mechanism_text
-from mbd_sim.simulation.remarks import remarks
 from test.generators import mesh_files
 
 FACES = np.array([(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4), (2, 6, 7), (2, 7, 3), (0, 4, 6),
@@ -152,7 +151,7 @@ def test_a_center_keeps_the_point_mass(tmp_path):
     write_stl(tmp_path / "b.stl", block([1, 1, 1]))
     mechanism = part_of(tmp_path, "[{file: b.stl}]", "mass: 2, center: [0.1, 0, 0]")
     assert mechanism.parts["arm"].center.tolist() == [0.1, 0.0, 0.0]
-    assert "arm is a point mass at its 'center'" in remarks(Simulation(mechanism).model)[0]
+    assert "arm is a point mass at its 'center'" in Simulation(mechanism).remarks[0]
 
 
 @pytest.mark.parametrize("keys", ["mass: 2, inertia: [1, 1, 1]", "mass: 2, shape: {type: sphere, radius: 0.1}"])
