@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim import compiler, disk_cache, dynamics, integrators, simulation
 from mbd_sim.collection_pause import paused_collection
@@ -16,36 +17,45 @@ from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.actuated_model import ActuatedModel
+from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_cache import cached
 from mbd_sim.simulation.live_values import LiveParameters
-from mbd_sim.simulation.loaded_model import LoadedModel
 from mbd_sim.simulation.method_name import require_method
 from mbd_sim.simulation.prepared_model import PreparedModel, load_prepared, model_key, store_prepared
-from mbd_sim.simulation.state_records import Energies, Violation
+from mbd_sim.simulation.state_records import Energies, Losses, Reaction, Violation
 
 if TYPE_CHECKING:
+    from mbd_sim.analysis.load_sharing import LoadSharing
     from mbd_sim.compiler.bound_call import Call, Clock
     from mbd_sim.compiler.readers import CompiledReaders
+    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
     from mbd_sim.dynamics.equations import Equations
     from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
     from mbd_sim.integrators.between_steps import BetweenSteps
     from mbd_sim.integrators.methods import Method
+    from mbd_sim.mechanism.contacts import Contact
+    from mbd_sim.simulation.actuator_states import AnyActuatorState
+    from mbd_sim.simulation.contact_records import ContactState
     from mbd_sim.simulation.contact_terms import ContactModel
+    from mbd_sim.simulation.load_path_reader import LoadPathReader
     from mbd_sim.simulation.motions import MotionReaders, PartMotion
     from mbd_sim.simulation.requested_functions import RequestedFunctions
 
+COMPILED = 5_000  # instructions of the multipliers up to which they are compiled, as with `LoadPathReader`
 UNKNOWN_ENERGY = (
     "the energy balance is unknown: at this elongation the potential of a spring with 'force' is not computed "
     "(docs/mechanism_file.md); the motion is not affected"
 )
 
 
-class Model(ActuatedModel, LoadedModel):
+class Model:
     """The compiled equations of a mechanism, for one method of integration. Safe to use from several threads.
 
     The integrated state y consists of q (nq,), u (nv,), the states of actuators and the energies of the audit. `inputs`
     are the external inputs at the start, see `InputLayout`; they are used where a method is called without inputs.
-    `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases.
+    `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases. `contact` is
+    None without one-sided elements, and `loss_range` is that of `Losses` in a state with them. `key` is that of the
+    model in the cache.
     """
 
     def __init__(
@@ -225,6 +235,192 @@ class Model(ActuatedModel, LoadedModel):
                 source = np.concatenate([source[:offset], rotation_vector(source[offset:])])
             values[into] = source
         return values
+
+    def multipliers(self, time: float, y: Array, inputs: Array) -> Mapping[str, Array]:
+        """The Lagrange multipliers λ of each loop and constraint by name, one for each equation: M u' + h = Q + Gᵀ λ.
+
+        The multiplier of a distance constraint is the force in N that pushes its ends apart. Those of a rolling
+        constraint are the normal force and the two components of friction. Redundant equations share the load as
+        described in `LoadSharing`.
+        """
+        given = self.with_contact_forces(time, y, inputs)
+        if self.compiles_multipliers:
+            values = self._multiplier_reader.read("multipliers", time, y, given)
+        else:
+            values = self.load_sharing.multipliers(time, y, given)
+        return {name: values[rows] for name, rows in self.rows_of.items()}
+
+    @cached_property
+    def rows_of(self) -> Mapping[str, NDArray[np.intp]]:
+        """The places of the equations of each loop and constraint by name."""
+        names = np.array(self.row_names, dtype=str)
+        return {name: np.flatnonzero(names == name) for name in dict.fromkeys(self.row_names)}
+
+    @cached_property
+    def shares_load(self) -> bool:
+        """Whether redundant joints or constraints share the load: see `LoadSharing`."""
+        return self.rank < len(self.row_names) and self._known("shares load", lambda: self.load_sharing.can_share)
+
+    @cached_property
+    def compiles_multipliers(self) -> bool:
+        """Whether multipliers are read by a compiled function: no load is shared, and the function is not long."""
+        return not self.shares_load and self._known(
+            "compiles multipliers", lambda: self.equations.multipliers.n_instructions() <= COMPILED
+        )
+
+    def _known(self, question: str, answer: Callable[[], bool]) -> bool:
+        """The answer, which needs the equations, or the same from the cache."""
+        return answer() if self.key is None else cached(answer, question, self.key)
+
+    def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
+        """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
+        given = self.with_contact_forces(time, y, inputs)
+        if self.shares_load:
+            found = self.load_sharing.reactions(time, y, given)
+        else:
+            found = self._reaction_reader.read("reactions", time, y, given).reshape(-1, 6)
+        names = [*self.mechanism.joints, *self.mechanism.closing]
+        return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
+
+    @cached_property
+    def _reaction_reader(self) -> CompiledReaders:
+        return compiler.CompiledReaders({"reactions": self.equations.reactions})
+
+    @cached_property
+    def _multiplier_reader(self) -> CompiledReaders:
+        return compiler.CompiledReaders({"multipliers": self.equations.multipliers})
+
+    @cached_property
+    def load_sharing(self) -> LoadSharing:
+        """How redundant joints and constraints share the load."""
+        from mbd_sim.analysis.load_sharing import LoadSharing
+
+        return LoadSharing(self.mechanism, self.equations, self.load_paths)
+
+    @cached_property
+    def load_paths(self) -> LoadPathReader:
+        """What load sharing reads of the equations."""
+        return simulation.LoadPathReader(self.equations)
+
+    def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
+        """The inputs with the forces of contacts, which functions that read forces take from there."""
+        if self.contact is None:
+            return inputs
+        return self.contact.with_forces(time, y, inputs)
+
+    def losses(self, y: Array) -> Losses:
+        """The energies that one-sided elements have dissipated."""
+        if self.contact is None:
+            return Losses(0.0, 0.0)
+        return Losses(*y[self.loss_range].tolist())
+
+    @property
+    def compliant_contacts(self) -> tuple[Contact, ...]:
+        """Those contacts between shapes that are not rigid."""
+        return tuple(contact for contact in self.mechanism.contacts if not contact.rigid)
+
+    @property
+    def _cushions(self) -> CushionFunctions | None:
+        return self.equations.cushions if self.compliant_contacts else None
+
+    @property
+    def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
+        """The elements of the contacts that have a place: those of `contact.placed`, then the compliant ones.
+
+        With each is the index of the input that is 1 while it is closed; None for compliant contacts.
+        """
+        found = list[tuple[Location, int | None]]()
+        if self.contact is not None:
+            owners = [self.contact.owners[gap] for gap in self.contact.placed]
+            found += zip(owners, self.contact.placed_inputs, strict=True)
+        found += [(("contacts", contact.name), None) for contact in self.compliant_contacts]
+        return tuple(found)
+
+    def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
+        """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
+        placed, cushions = 0 if self.contact is None else len(self.contact.placed), self._cushions
+        out = np.empty((placed, 2, 3))
+        if placed:
+            self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
+        if cushions is None:
+            return out
+        return np.concatenate([out, dynamics.evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
+
+    def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
+        """Each one-sided element by name, then each compliant contact; see `ContactState`."""
+        places = self.contact_places(time, y, inputs)
+        found: dict[str, ContactState] = {}
+        if self.contact is not None:
+            found = self.contact.states(time, y, inputs, places[: len(self.contact.placed)])
+        return found | self._compliant(time, y, inputs, places)
+
+    def _compliant(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
+        if (cushions := self._cushions) is None:
+            return {}
+        own = places[len(places) - len(cushions.directions) :]
+        states = simulation.states_of_compliant_contacts(cushions, time, y, inputs, own)
+        return dict(zip(simulation.compliant_names(self.compliant_contacts), states, strict=True))
+
+    def contact_entry_names(self) -> list[str]:
+        """The names of the `contact_entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
+        names = [] if self.contact is None else self.contact.entry_names()
+        if (cushions := self._cushions) is not None:
+            for name, directions in zip(
+                simulation.compliant_names(self.compliant_contacts), cushions.directions, strict=True
+            ):
+                names += simulation.with_friction(name, directions)
+        return names
+
+    def contact_entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
+        """For each contact its gap, rate and force; after it, for each direction of friction, sliding, slip and force.
+
+        One-sided elements come first; friction in joints has no entry of its own besides those of its directions.
+        """
+        found = [] if self.contact is None else self.contact.entries(time, y, inputs)
+        if self._cushions is not None:
+            for state in self._compliant(time, y, inputs, self.contact_places(time, y, inputs)).values():
+                found += [(state.gap, state.rate, state.normal), *state.friction_entries]
+        return found
+
+    def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
+        """Set states and commands of actuators in place to those before the first command at the positions in y.
+
+        :param mechanism: a variant of that of the model with other start commands.
+        """
+        if self.mechanism.commanded:
+            self.equations.hold(mechanism or self.mechanism, y, inputs)
+
+    def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, AnyActuatorState]:
+        """Each actuator by name; see `ActuatorState` and `CylinderState`."""
+        if not self.mechanism.actuators or (functions := self.equations.actuators) is None:
+            return {}
+        columns = self._actuator_readings(time, y, inputs)
+        return simulation.states_of_actuators(self.mechanism.actuators, functions.layout, columns, y, inputs)
+
+    def actuator_efforts(self, time: float, y: Array, inputs: Array) -> Array:
+        """The efforts (nv,) of actuators on the coordinates, in N and N·m."""
+        return simulation.efforts_on(
+            self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names
+        )
+
+    def keep_accounts(
+        self, time: float, before: Array, y: Array, inputs: Array, new_inputs: Array | None = None
+    ) -> None:
+        """Leave the energy that chambers gain from a change of the state or of live values out of their accounts.
+
+        :param before: the state before, y that after the change, which is corrected in place.
+        :param new_inputs: those after the change, by default the same `inputs`.
+        """
+        if self.mechanism.actuators and (functions := self.equations.actuators) is not None:
+            old = functions.stored(time, before, inputs)
+            new = functions.stored(time, y, inputs if new_inputs is None else new_inputs)
+            for index, stored in new.items():
+                y[index] += stored - old[index]
+
+    def _actuator_readings(self, time: float, y: Array, inputs: Array) -> Array:
+        assert self.equations.actuators is not None
+        rows = self.equations.actuators.readings.size1_out(0)
+        return self._read("actuators", time, y, np.empty((len(self.mechanism.actuators), rows)), inputs)
 
 
 def build_model(

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import NoReturn, Self, Unpack
+from typing import ClassVar, NoReturn, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from mbd_sim.compiler.ensemble_kernel import (
     advance_one_by_one,
     compile_members,
 )
-from mbd_sim.errors import CommandError, DivergedError, nearest
+from mbd_sim.errors import CommandError, DivergedError, counted, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.shaped_arrays import require_finite
 from mbd_sim.integrators.taylor import Taylor
@@ -35,12 +35,15 @@ from mbd_sim.simulation.argument_checks import (
 )
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_events import ContactStepper
+from mbd_sim.simulation.contact_records import ContactObserver
 from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
-from mbd_sim.simulation.ensemble_readings import EnsembleReadings
 from mbd_sim.simulation.ensemble_variants import Change, Variants, member_changes
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
-from mbd_sim.simulation.snapshot import MemberFailure
+from mbd_sim.simulation.part_motion import motion_of
+from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
+from mbd_sim.simulation.snapshot import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
+from mbd_sim.simulation.state_records import EnsembleDrive, EnsembleEnergies, EnsembleMotion, Losses, Reaction
 from mbd_sim.simulation.state_values import require_allowed_speeds
 from mbd_sim.simulation.time_dependence import sampling_steps, time_dependence
 
@@ -48,7 +51,7 @@ ENOUGH = 2_000_000  # instructions of all members together from which on threads
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
 
-class Ensemble(EnsembleReadings):
+class Ensemble(ReadOnlyAttributes):
     """k members of one mechanism, advanced by the same fixed step: eight to a vector, shared among threads.
 
     Arrays have one row for each member: `q` (k, nq), `u` (k, nv). A member takes the same operations as a `Simulation`
@@ -60,6 +63,15 @@ class Ensemble(EnsembleReadings):
     >>> rods.q.shape
     (3, 2)
     """
+
+    REMEDIES: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("q", "u"), "Call reset(q=…, u=…) to start from given coordinates and speeds."),
+        **dict.fromkeys(
+            ("state", "alive", "steps", "time", "t"),
+            "Call reset() to return to time zero, or restore(…) to continue from a snapshot.",
+        ),
+        **dict.fromkeys(("step_size", "mechanism", "model"), "Build a new Ensemble with it."),
+    }
 
     def __init__(
         self,
@@ -101,7 +113,7 @@ class Ensemble(EnsembleReadings):
         inputs[:, self._value_inputs] = values
         self._put_inputs(inputs)
         self._threads = len(os.sched_getaffinity(0)) if threads is None else positive_count(threads, "threads")
-        self._steps = 0
+        self._start_energies = np.zeros(len(changes))
         self.reset()
         self._seal()
 
@@ -115,6 +127,56 @@ class Ensemble(EnsembleReadings):
         """
         return cls(load_mechanism(mechanism), members, **options)
 
+    def __repr__(self) -> str:
+        step = f"method {self.model.method_name}, step {self.step_size:g} s"
+        return f"<{type(self).__name__} of {len(self)} × {self.mechanism.name} at t = {self.time:g} s: {step}>"
+
+    def __len__(self) -> int:
+        return self._groups.count
+
+    @property
+    def steps(self) -> int:
+        """Steps since time zero."""
+        return self._steps
+
+    @property
+    def time(self) -> float:
+        """Simulated time in s."""
+        return self.steps * self.step_size
+
+    @property
+    def state(self) -> Array:
+        """The integrated states (k, n): q, u, and the energies of the audit."""
+        return self._groups.get("y")
+
+    @property
+    def _inputs(self) -> Array:
+        return self._groups.get("inputs", self._all_inputs)
+
+    def _put_inputs(self, inputs: Array) -> None:
+        """Set the inputs (k, m); a history of earlier steps becomes empty."""
+        self._groups.put("inputs", np.pad(inputs, ((0, 0), (0, self.model.history_size))))
+
+    @property
+    def q(self) -> Array:
+        """A copy of the generalized coordinates (k, nq), which cannot be written."""
+        return read_only(self._groups.get("y", self.model.q_range))
+
+    @property
+    def u(self) -> Array:
+        """A copy of the generalized speeds (k, nv), which cannot be written."""
+        return read_only(self._groups.get("y", self.model.u_range))
+
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Whether the state of each member (k,) has stayed finite."""
+        return np.asarray(self._groups.get("alive")[:, 0] != 0.0)
+
+    @property
+    def error_estimates(self) -> Array:
+        """The error estimate of each member (k,): see `Simulation.error_estimate`."""
+        return self._groups.get("estimates")[:, 0]
+
     def reset(self, q: Array | None = None, u: Array | None = None, *, nearest_speeds: bool = False) -> None:
         """Return to time zero and the start states, or to the given ones (k, nq) and (k, nv); zero the efforts.
 
@@ -125,13 +187,8 @@ class Ensemble(EnsembleReadings):
         :raises CommandError: a member is inside an obstacle, or its speeds violate the constraints.
         :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
-        everyone = np.arange(len(self))
-        states, inputs, energies = self._started(everyone, q, u, nearest_speeds)
-        self._groups.put("y", states)
-        self._put_inputs(inputs)
-        self._groups.put("estimates", np.zeros((len(self), 1)))
-        self._groups.put("alive", np.ones((len(self), 1)))
-        self._steps, self._failures, self._start_energies = 0, {}, energies
+        self._begin(np.arange(len(self)), q, u, nearest_speeds)
+        self._steps, self._failures = 0, {}
 
     def restart(
         self,
@@ -164,14 +221,16 @@ class Ensemble(EnsembleReadings):
         some = member_numbers(members, len(self))
         if not some.size:
             return
-        states, inputs, energies = self._started(some, q, u, nearest_speeds)
-        self._groups.put_members("y", some, states)
-        self._groups.put_members("inputs", some, np.pad(inputs, ((0, 0), (0, self.model.history_size))))
-        self._groups.put_members("estimates", some, np.zeros((some.size, 1)))
-        self._groups.put_members("alive", some, np.ones((some.size, 1)))
-        self._start_energies[some] = energies
+        self._begin(some, q, u, nearest_speeds)
         for member in some.tolist():
             self._failures.pop(member, None)
+
+    def _begin(self, members: NDArray[np.intp], q: Array | None, u: Array | None, nearest_speeds: bool) -> None:
+        states, inputs, self._start_energies[members] = self._started(members, q, u, nearest_speeds)
+        self._groups.put_members("y", members, states)
+        self._groups.put_members("inputs", members, np.pad(inputs, ((0, 0), (0, self.model.history_size))))
+        self._groups.put_members("estimates", members, np.zeros((members.size, 1)))
+        self._groups.put_members("alive", members, np.ones((members.size, 1)))
 
     @cached_property
     def _time_dependence(self) -> str | None:
@@ -203,6 +262,30 @@ class Ensemble(EnsembleReadings):
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
         settle_members(self.model, self._contacts, members, states, inputs)
         return states, inputs, np.array(energies)
+
+    def snapshot(self) -> EnsembleSnapshot:
+        """Everything that the rest of the runs depends on: states, time, efforts, values and the audit."""
+        groups, estimates = self._groups, self.error_estimates
+        states, inputs, energies = groups.get("y"), groups.get("inputs"), self._start_energies.copy()
+        failures = dict(self._failures)
+        return EnsembleSnapshot(self._run_layout, states, self.steps, inputs, energies, estimates, self.alive, failures)
+
+    @property
+    def _run_layout(self) -> RunLayout:
+        return RunLayout(self.mechanism.name, self.model.coordinate_names, (), (), self.step_size, len(self))
+
+    def restore(self, snapshot: EnsembleSnapshot) -> None:
+        """Continue from a snapshot of the same runs, bit for bit.
+
+        :raises ValueError: it is a snapshot of other runs; nothing is changed then.
+        """
+        require_same_layout(snapshot.layout, self._run_layout)
+        self._groups.put("y", snapshot.state)
+        self._groups.put("inputs", snapshot.inputs)
+        self._groups.put("estimates", snapshot.error_estimates[:, None])
+        self._groups.put("alive", snapshot.alive[:, None].astype(float))
+        self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
+        self._failures = dict(snapshot.failures)
 
     def sensors(self) -> NoReturn:
         """Refused: members have no sensors, which do not influence the motion either.
@@ -323,6 +406,61 @@ class Ensemble(EnsembleReadings):
             raise DivergedError(
                 f"{len(lost)} of {len(self)} members reached an infinite state, the first is member {first}. {cause}"
             )
+
+    @property
+    def energies(self) -> EnsembleEnergies:
+        """The energy audit of each member, in J."""
+        rows = [
+            self.model.energies(self.time, y, start, inputs)
+            for y, start, inputs in zip(self.state, self._start_energies, self._inputs, strict=True)
+        ]
+        return EnsembleEnergies(*np.array(rows).T)
+
+    def motion(self, frame: str) -> EnsembleMotion:
+        """The motion of a part, or of one of its points, as `part.point`: see `Simulation.motion`.
+
+        :raises InputError: there is no such part or point.
+        """
+        found = [
+            motion_of(self.model, self._variants.mechanism_of(member), frame, self.time, y, inputs)
+            for member, (y, inputs) in enumerate(zip(self.state, self._inputs, strict=True))
+        ]
+        poses, *vectors = zip(*found, strict=True)
+        positions, rotations = [pose.position for pose in poses], [pose.rotation for pose in poses]
+        return EnsembleMotion(*map(np.array, (positions, rotations, *vectors)))
+
+    def drives(self) -> Mapping[str, EnsembleDrive]:
+        """The position, velocity and force of each driven coordinate."""
+        columns = np.array(
+            [self.model.drives(self.time, y, inputs) for y, inputs in zip(self.state, self._inputs, strict=True)]
+        )
+        return {name: EnsembleDrive(*columns[..., index].T) for index, name in enumerate(self.model.driven_names)}
+
+    def reactions(self) -> Mapping[str, Reaction]:
+        """The force (k, 3) in N and the moment (k, 3) in N·m that each joint transmits: see `Simulation.reactions`."""
+        found = [self.model.reactions(self.time, y, inputs) for y, inputs in zip(self.state, self._inputs, strict=True)]
+        return {
+            name: Reaction(
+                np.array([member[name].force for member in found]), np.array([member[name].moment for member in found])
+            )
+            for name in found[0]
+        }
+
+    def losses(self) -> Losses:
+        """The energies (k,) in J that impacts and dry friction have dissipated; zero without one-sided elements."""
+        found = [self.model.losses(y) for y in self.state]
+        return Losses(*np.array(found).T)
+
+    def observe_contacts(self, observers: Sequence[ContactObserver]) -> None:
+        """Tell each member's observer of the events at its contacts from now on; without contacts there are none.
+
+        :raises ValueError: the number of observers is not that of the members.
+        """
+        if len(observers) != len(self):
+            counts = f"{counted(len(observers), 'observer')} for {counted(len(self), 'member')}"
+            raise ValueError(f"{counts}. Give one for each.")
+        for contact, observer in zip(self._contacts, observers, strict=False):
+            contact.observer = observer
 
 
 def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper]) -> MemberGroups:

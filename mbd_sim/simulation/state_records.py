@@ -57,3 +57,37 @@ class Reaction(NamedTuple):
 
     force: Array
     moment: Array
+
+
+class EnsembleEnergies(NamedTuple):
+    """The energy audit with an array (k,) for each entry, in J: see `Energies`."""
+
+    kinetic: Array
+    potential: Array
+    dissipated: Array
+    work_applied: Array
+    work_drives: Array
+    total: Array
+    residual: Array
+
+
+class EnsembleMotion(NamedTuple):
+    """The motion of a frame in each member, in ground's axes: see `PartMotion`.
+
+    All are (k, 3), in m, m/s, rad/s, m/s² and rad/s², but the `rotation` matrices (k, 3, 3).
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+    acceleration: Array
+    angular_acceleration: Array
+
+
+class EnsembleDrive(NamedTuple):
+    """A driven coordinate (k,) in m or rad, its velocity, and the force of its drive in N or N·m: see `DriveState`."""
+
+    position: Array
+    velocity: Array
+    force: Array

@@ -14,9 +14,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.contact_records import ContactChange, ContactEvent
 from mbd_sim.simulation.ensemble import Ensemble
-from mbd_sim.simulation.ensemble_readings import EnsembleDrive, EnsembleMotion
-from mbd_sim.simulation.ensemble_state import EnsembleEnergies
-from mbd_sim.simulation.state_records import Losses, Reaction
+from mbd_sim.simulation.state_records import EnsembleDrive, EnsembleEnergies, EnsembleMotion, Losses, Reaction
 
 AXES = ("x", "y", "z")
 EVENTS = "events."
