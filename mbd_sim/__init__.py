@@ -47,17 +47,17 @@ if TYPE_CHECKING:
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
     from mbd_sim.notebook.runs import RunPicture
+    from mbd_sim.notebook.simulation import Simulation
     from mbd_sim.recording.run_recorder import RunRecorder
     from mbd_sim.simulation.compiled_model import Model
     from mbd_sim.simulation.ensemble import Ensemble
     from mbd_sim.simulation.ensemble_state import EnsembleEnergies
     from mbd_sim.simulation.motions import PartMotion
     from mbd_sim.simulation.sensor_model import SensorReading
-    from mbd_sim.simulation.simulation import Simulation
     from mbd_sim.simulation.state_records import DriveState, Energies, Reaction, Violation
     from mbd_sim.symbolic import SymbolicEquations, symbolic_equations, to_latex
 
-__version__ = "0.1.0"
+__version__ = "0.4.0"
 
 __all__ = [
     "CommandError",
@@ -130,7 +130,7 @@ _MODULES = {
     "mbd_sim.simulation.ensemble_state": ("EnsembleEnergies",),
     "mbd_sim.simulation.motions": ("PartMotion",),
     "mbd_sim.simulation.sensor_model": ("SensorReading",),
-    "mbd_sim.simulation.simulation": ("Simulation",),
+    "mbd_sim.notebook.simulation": ("Simulation",),
     "mbd_sim.simulation.state_records": ("DriveState", "Energies", "Reaction", "Violation"),
     "mbd_sim.symbolic": ("SymbolicEquations", "symbolic_equations", "to_latex"),
 }

@@ -71,11 +71,13 @@ def recorded_run(
         _refuse_setup(run, options, with_changes)
         yield Path(run)
         return
+    from mbd_sim.recording.run_recorder import RunRecorder
+
     with temporary_file(f"{Path(run).stem}.mcap") as path:
         options.mechanism = run
         simulation = build_simulation(options, with_changes=with_changes)
         rate = min(rate, 1.0 / simulation.step_size) if rate else None
-        with simulation.recording(path, rate=rate, reactions=reactions):
+        with RunRecorder(simulation, path, rate=rate, reactions=reactions):
             run_for(simulation, options.time or DURATION, options.quiet)
         yield path
 

@@ -184,6 +184,8 @@ class RunOutputs:
         return self._options.out is not None or self._options.plot is not None
 
     def _recording(self, simulation: Simulation, path: Path) -> AbstractContextManager[object]:
+        from mbd_sim.recording.run_recorder import RunRecorder
+
         options = self._options
         if not self.records:
             return nullcontext()
@@ -191,7 +193,8 @@ class RunOutputs:
             [name.strip() for name in names.split(",") if name.strip()]
             for names in (options.poses, options.accelerations)
         )
-        return simulation.recording(
+        return RunRecorder(
+            simulation,
             path,
             rate=options.rate,
             reactions=options.reactions or "reactions" in self._shown,

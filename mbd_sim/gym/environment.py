@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mbd_sim.errors import DivergedError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.notebook.simulation import Simulation
 from mbd_sim.simulation.argument_checks import positive_count
-from mbd_sim.simulation.simulation import Simulation
 
 try:
     import gymnasium

@@ -16,8 +16,8 @@ from mbd_sim.simulation.events import (
     ChangedValues,
     Event,
     EventKind,
-    NewState,
 )
+from mbd_sim.simulation.snapshot import RunPoint
 from mbd_sim.simulation.wrench_layout import wrench_labels
 from mbd_sim.urdf.ros2_control import ControlTopics
 from mbd_sim.urdf.urdf_writer import to_urdf
@@ -92,7 +92,7 @@ def new_states(model: Model) -> EventWriter:
     """The state from which the run continues."""
 
     def write(event: Event) -> bytes | None:
-        return new_state_message(event.payload) if isinstance(event.payload, NewState) else None
+        return new_state_message(event.payload) if isinstance(event.payload, RunPoint) else None
 
     return write
 

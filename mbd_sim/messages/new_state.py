@@ -8,18 +8,18 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.messages.state_messages import labeled_array
-from mbd_sim.simulation.events import NewState
+from mbd_sim.simulation.snapshot import RunPoint
 
 HISTORY, SAMPLES = "history", "samples"  # after the live values, in this order, if there are any
 LABELS = ("steps", "start_energy", "state", "inputs")  # before those of the live values
 
 
-def new_state_message(new: NewState) -> bytes:
+def new_state_message(new: RunPoint) -> bytes:
     """The state as a `std_msgs/msg/Float64MultiArray`; live values are labeled with their keys."""
     labels, sizes = [*LABELS, *new.live], [1, 1, len(new.state), len(new.inputs), *[1] * len(new.live)]
     numbers = [new.steps, new.start_energy, *new.state, *new.inputs, *new.live.values()]
     for label, array in ((HISTORY, new.history), (SAMPLES, new.samples)):
-        if array is not None and array.size:
+        if array.size:
             labels, sizes, numbers = [*labels, label], [*sizes, array.size], [*numbers, *array.ravel()]
     message, values = labeled_array(labels, sizes)
     values[:] = numbers
@@ -28,7 +28,7 @@ def new_state_message(new: NewState) -> bytes:
 
 def parse_new_state(
     labels: Sequence[str], values: Array, state_size: int, input_size: int, history_size: int
-) -> NewState:
+) -> RunPoint:
     """The state from the labels and the numbers of its message.
 
     :raises ValueError: they do not fit a state, inputs and a history of these sizes.
@@ -41,4 +41,4 @@ def parse_new_state(
         raise ValueError(f"a new state of {len(values)} numbers does not fit: {sum(sizes)} are needed")
     steps, energy, state, inputs, live, history = np.split(values[: sum(sizes)], np.cumsum(sizes)[:-1])
     by_key = dict(zip(keys, live.tolist(), strict=True))
-    return NewState(int(steps[0]), state, inputs, float(energy[0]), by_key, samples.reshape(-1, width), history)
+    return RunPoint(int(steps[0]), state, inputs, float(energy[0]), by_key, samples.reshape(-1, width), history)

@@ -12,7 +12,7 @@ from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.contact_reports import ContactReports
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.snapshots import Counters, Item
-from mbd_sim.simulation.events import Event, EventKind, NewState, Payload
+from mbd_sim.simulation.events import Event, EventKind, Payload
 from mbd_sim.simulation.simulation import Simulation
 
 MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
@@ -122,10 +122,7 @@ class SteppingOutput:
 
     def report_new_state(self) -> None:
         """Put the state into the queue as one from which the run continues."""
-        simulation = self._simulation
-        rest = simulation.start_energy, simulation.live, simulation.samples, simulation.history
-        new = NewState(simulation.steps, simulation.state, simulation.inputs.copy(), *rest)
-        self.report(EventKind.NEW_STATE, new)
+        self.report(EventKind.NEW_STATE, self._simulation.snapshot())
 
     def moment(self) -> Moment:
         """Everything that determines the motion from here on."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.snapshot import RunPoint
 
 
 class EventKind(StrEnum):
@@ -85,27 +86,8 @@ class ChangedValues:
     all_values: Mapping[str, float] | None = None
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class NewState:
-    """The state from which the run continues: the arguments of `Simulation.restore`.
-
-    `steps` are those since time zero, `state` (n,) is the integrated state, `inputs` (m,) are the inputs of the
-    equations, `start_energy` is in J, and `live` are the live values in `inputs`, by key. `samples` are the
-    states that sensors have measured, see `SensorSamples.table`.
-    """
-
-    steps: int
-    state: Array
-    inputs: Array
-    start_energy: float
-    live: Mapping[str, float]
-    samples: Array | None = None
-    history: Array | None = None
-
-
-Payload = (
-    AppliedEfforts | AppliedCommands | AppliedWrench | ChangedValues | NewState | str | None
-)  # a string is a message for people
+# A point is the state from which the run continues; a string is a message for people.
+Payload = AppliedEfforts | AppliedCommands | AppliedWrench | ChangedValues | RunPoint | str | None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

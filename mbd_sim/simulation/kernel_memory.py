@@ -66,8 +66,7 @@ class KernelMemory:
         if self._accelerations is not None:
             return self._accelerations()
         if self._model.contact is not None:
-            found = self._model.accelerations(self.steps * self.step_size, self.y, self.inputs)
-            return found[: self._model.layout.nv]
+            return self._model.accelerations(*self.now)[: self._model.layout.nv]
         self._accelerations = self._model.bound_accelerations(self.clock, self.y, self.inputs)
         return self._accelerations()
 
@@ -75,6 +74,16 @@ class KernelMemory:
     def steps(self) -> int:
         """Steps since time zero."""
         return int(self._counter.item())
+
+    @property
+    def time(self) -> float:
+        """Simulated time in s: the number of steps times the step size, so that it cannot drift."""
+        return self.steps * self.step_size
+
+    @property
+    def now(self) -> tuple[float, Array, Array]:
+        """The time in s, the state and the inputs: arguments of the functions of a `Model`."""
+        return self.time, self.y, self.inputs
 
     @property
     def clock(self) -> tuple[NDArray[np.int64], Array]:
@@ -108,13 +117,18 @@ class KernelMemory:
         arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
         return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
 
+    @property
+    def contact_count(self) -> int:
+        """The number of changes of contacts since the arrays were allocated."""
+        return 0 if self.contacts is None else self.contacts.count
+
     def settle(self) -> None:
         """Find the modes of one-sided rows anew, for a state that was set from outside.
 
         :raises EventError: contacts without a solution.
         """
         if self.contacts is not None:
-            self.contacts.settle(self.steps * self.step_size, self.y, self.inputs)
+            self.contacts.settle(*self.now)
 
     def load(
         self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0, history: Array | None = None

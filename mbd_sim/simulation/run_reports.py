@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.events import (
-    AppliedCommands,
-    AppliedEfforts,
-    AppliedWrench,
-    ChangedValues,
-    EventKind,
-    NewState,
-    Payload,
-)
-from mbd_sim.simulation.sensor_readings import SensorReadings
+from mbd_sim.simulation.events import EventKind, Payload
+from mbd_sim.simulation.kernel_memory import KernelMemory
 
 
 class RunListener(Protocol):
@@ -34,58 +25,41 @@ class RunListener(Protocol):
         ...
 
 
-class RunReports(SensorReadings):
-    """The part of a simulation that reports to a listener, if there is one."""
+class RunReports:
+    """The `listener` of a run, if there is one; `unobserved` (1,) says for compiled code: 1 without a listener."""
 
-    _listener: RunListener | None = None
-    _contacts_seen: int = 0
+    def __init__(self, memory: KernelMemory) -> None:
+        self.listener: RunListener | None = None
+        self.unobserved = np.ones(1, dtype=np.int64)
+        self._memory, self._contacts_seen = memory, 0
 
-    @cached_property
-    def _unobserved(self) -> NDArray[np.int64]:
-        """(1,), for compiled code: 1 without a listener, 0 with one."""
-        return np.ones(1, dtype=np.int64)
+    def listen(self, listener: RunListener | None) -> None:
+        """Report to a listener from here on; see `Simulation.listen`."""
+        if listener is not None and self.listener is not None:
+            raise InputError("this simulation is being recorded already", "Close the other recording first.")
+        self.listener, self._contacts_seen = listener, self._memory.contact_count
+        self.unobserved[0] = listener is None
 
-    @property
-    def _contact_count(self) -> int:
-        contacts = self._memory.contacts
-        return 0 if contacts is None else contacts.count
+    def parts_of(self, steps: int) -> Iterator[int] | Sequence[int]:
+        """Steps in the parts that the listener wants."""
+        return (steps,) if self.listener is None else self.listener.parts_of(steps)
 
-    def _report_contacts(self) -> None:
+    def contacts(self) -> None:
         """Report what has happened at contacts since the last report."""
-        if self._listener is not None and self._memory.contacts is not None:
-            new, self._contacts_seen = self._contact_count - self._contacts_seen, self._contact_count
-            for event in list(self._memory.contacts.events)[-new:] if new > 0 else ():
-                self._listener.report(EventKind.CONTACT, event.text)
+        contacts = self._memory.contacts
+        if self.listener is not None and contacts is not None:
+            new, self._contacts_seen = contacts.count - self._contacts_seen, contacts.count
+            for event in list(contacts.events)[-new:] if new > 0 else ():
+                self.listener.report(EventKind.CONTACT, event.text)
 
-    def _report(self, kind: EventKind, payload: Payload) -> None:
-        if self._listener is not None:
-            self._listener.report(kind, payload)
+    def report(self, kind: EventKind, payload: Payload = None) -> None:
+        """Report an event."""
+        if self.listener is not None:
+            self.listener.report(kind, payload)
 
-    def _is_repeated(self, inputs: Array, command: Array) -> bool:
-        """Whether a command changes no bit of the inputs in effect, and so is not reported, as in a node."""
-        return self._listener is None or inputs.tobytes() == command.tobytes()
-
-    def _report_efforts(self, efforts: Array) -> None:
-        self._report(EventKind.COMMAND, AppliedEfforts(efforts.copy()))
-
-    def _report_commands(self, values: Array) -> None:
-        self._report(EventKind.COMMAND, AppliedCommands(values.copy()))
-
-    def _report_wrench(self, part: str, inputs: Array) -> None:
-        self._report(EventKind.COMMAND, AppliedWrench(part, inputs))
-
-    def _report_live_values(self, changes: Mapping[str, float]) -> None:
-        self._report(EventKind.LIVE_VALUES, ChangedValues(changes, dict(self._live.current)))
-
-    def _report_reset(self, *, to_start: bool) -> None:
-        if to_start:
-            self._report(EventKind.RESET, None)
-        else:
-            self._report_new_state()
-
-    def _report_new_state(self) -> None:
-        if self._listener is not None:
-            memory, live = self._memory, dict(self._live.current)
-            rest = self.start_energy, live, self.samples, self.history
-            new = NewState(memory.steps, memory.y.copy(), memory.inputs.copy(), *rest)
-            self._report(EventKind.NEW_STATE, new)
+    def replace(self, inputs: Array, new: Array, payload: Payload) -> None:
+        """Replace inputs in place; a command that changes no bit of them is not reported."""
+        repeated = self.listener is None or inputs.tobytes() == new.tobytes()
+        inputs[:] = new
+        if not repeated:
+            self.report(EventKind.COMMAND, payload)

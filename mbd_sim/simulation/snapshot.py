@@ -38,24 +38,24 @@ _NAMES = {
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationSnapshot:
-    """A simulation at a step boundary, from `Simulation.snapshot`, for `Simulation.restore`.
+class RunPoint:
+    """A run at a step boundary: everything that the rest of it depends on besides later commands.
 
-    `state` (n,) is q, u and the energies of the audit; `steps` are those since time zero. `inputs` (m,) hold the
+    `steps` are those since time zero. `state` (n,) is q, u and the energies of the audit; `inputs` (m,) hold the
     efforts, the wrenches and the live values; `live` are the live values by key. `start_energy` is T + V at the start
     in J. `samples` are the states that sensors have measured, see `SensorSamples.table`, and `history` is what the
-    method keeps of earlier steps.
+    method keeps of earlier steps. `layout` says what the numbers stand for; a recording has it in its metadata.
     """
 
-    layout: RunLayout
-    state: Array
     steps: int
+    state: Array
     inputs: Array
-    live: Mapping[str, float]
     start_energy: float
-    error_estimate: float
+    live: Mapping[str, float]
     samples: Array = field(default_factory=lambda: np.empty((0, 0)))
     history: Array = field(default_factory=lambda: np.empty(0))
+    error_estimate: float = 0.0
+    layout: RunLayout | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class MemberFailure:
 class EnsembleSnapshot:
     """All members of an ensemble at a step boundary, from `Ensemble.snapshot`, for `Ensemble.restore`.
 
-    The arrays have a row or an entry for each member; for their meaning see `SimulationSnapshot` and `Ensemble.alive`.
+    The arrays have a row or an entry for each member; for their meaning see `RunPoint` and `Ensemble.alive`.
     `failures` has an entry for each member that is no longer alive.
     """
 
@@ -85,11 +85,15 @@ class EnsembleSnapshot:
     failures: Mapping[int, MemberFailure]
 
 
-def require_same_layout(given: RunLayout, own: RunLayout) -> None:
+def require_same_layout(given: RunLayout | None, own: RunLayout) -> None:
     """Refuse a snapshot whose numbers stand for something else.
 
     :raises ValueError: it names the difference.
     """
+    if given is None:
+        raise ValueError(
+            "it is not known which run this state belongs to. Restore its numbers: restore(point.state, …)."
+        )
     different = [
         f"{_NAMES[field]}: {one!r} instead of {other!r}"
         for field, one, other in zip(RunLayout._fields, given, own, strict=True)

@@ -109,7 +109,7 @@ def test_effort_limits_hold_for_each_member():
     for member, limit in enumerate((1.0, 2.0)):
         single = Simulation(mechanism)
         single.reset()
-        single._efforts[0] = limit
+        single._inputs.efforts[0] = limit
         single.step(5)
         assert np.array_equal(ensemble.state[member], single.state)
 

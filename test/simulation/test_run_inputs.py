@@ -7,6 +7,7 @@ import pytest
 
 from mbd_sim import CommandError, Simulation
 from mbd_sim.recording.verification import verify
+from mbd_sim.simulation.run_inputs import RunInputs
 
 NAN, INFINITE = float("nan"), float("inf")
 
@@ -50,12 +51,12 @@ def test_both_set_the_same_efforts(sim, given):
     sim.set_efforts(given)
     found = sim.efforts.copy()
     sim.set_efforts([0.5, -0.25])
-    sim._change_efforts(given)
+    sim._inputs.set_efforts(given)
     assert sim.efforts.tobytes() == found.tobytes()
 
 
 def test_what_another_simulation_shows_is_set_by_compiled_code_too(monkeypatch):
-    monkeypatch.setattr(Simulation, "_change_efforts", None)
+    monkeypatch.setattr(RunInputs, "set_efforts", None)
     sim, other = Simulation.from_text(TEXT), Simulation.from_text(TEXT)
     for efforts in ([3.0, -2.0], [1.0, 0.0]):  # by the method, then by the code in its place
         other.set_efforts(efforts)
@@ -77,7 +78,7 @@ def test_what_another_simulation_shows_is_set_by_compiled_code_too(monkeypatch):
     ],
 )
 def test_rejected_efforts_change_nothing(sim, kind, numbers, message):
-    for set_efforts in (sim.set_efforts, sim._change_efforts):
+    for set_efforts in (sim.set_efforts, sim._inputs.set_efforts):
         with pytest.raises(CommandError) as found:
             set_efforts(kind(numbers))
         assert str(found.value) == message
@@ -115,7 +116,7 @@ def test_arguments_are_those_of_the_method(sim):
 def test_limits_that_change_act_on_both(sim):
     sim.set_live({"parameters.strength": 0.25})
     assert sim.efforts.tolist() == [0.25, -0.25]
-    for set_efforts in (sim.set_efforts, sim._change_efforts):
+    for set_efforts in (sim.set_efforts, sim._inputs.set_efforts):
         set_efforts([-9.0, 9.0])
         assert sim.efforts.tolist() == [-0.25, 9.0]
 
