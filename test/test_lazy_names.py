@@ -59,4 +59,4 @@ def test_a_first_step_from_the_cache_traces_and_compiles_nothing(file, live, tmp
         "compiler.python_callable", "dynamics", "dynamics.audit_states", "dynamics.coordinate_layout",
         "dynamics.input_layout", "integrators",
     }  # fmt: skip
-    assert not {"casadi", "pydantic", "yaml", "pint", "logging"} & set(warm)
+    assert not {"casadi", "pydantic", "yaml", "logging"} & set(warm)

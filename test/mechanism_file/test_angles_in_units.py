@@ -1,6 +1,6 @@
 """An angle is a dimension of its own: no quantity of the file takes one for nothing, or nothing for one.
 
-The expected factors come from the exponents of the base units alone, without pint.
+The expected factors come from the exponents of the base units alone.
 """
 
 import math
