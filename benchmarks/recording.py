@@ -76,8 +76,7 @@ def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, Topic], S
     messages = []
     for tick in range(2000):
         simulation.step()
-        taken = simulation.state, simulation.inputs.copy(), simulation.start_energy
-        snapshot = Snapshot(tick, tick * 1_000_000, simulation.time, *taken)
+        snapshot = Snapshot(tick, tick * 1_000_000, simulation.time, simulation.snapshot())
         messages += [(key, writer.payload(snapshot, simulation.energies)) for key, writer in writers.items()]
     profile = qos.offered_qos_profiles(qos.STATE)
     topics = {

@@ -81,7 +81,7 @@ def accelerations(model: Model, requested: Sequence[str]) -> StateWriter:
     message, values = labeled_array(source.labels, source.sizes)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        source.write(values, snapshot.time, snapshot.y, snapshot.inputs, snapshot.live)
+        source.write(values, snapshot.time, snapshot.point.state, snapshot.point.inputs, snapshot.point.live)
 
     return StateWriter(message, write)
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Flag, auto
 
-from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.sensor_samples import Arrival
+from mbd_sim.simulation.snapshot import RunPoint
 
 
 class Due(Flag):
@@ -20,17 +20,17 @@ class Due(Flag):
     MARKERS = auto()
     VIEW = auto()  # the Rerun scene
     SENSORS = auto()
+    RECORDING = auto()  # a recording begins, continues in another file, or ends here
     ALL = STATE | CLOCK | MARKERS | VIEW
     NEW = ALL | SENSORS  # of a state that has not been measured before
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The state at a tick.
+    """The `point` of a run at a tick.
 
     `ticks` counts the steps since the node or the recording started, across resets. `clock_ns` is the simulated clock,
-    `time` the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts
-    first, and `live` the live values by key. `repeated` says that nothing has changed since the last snapshot.
+    `time` the mechanism's time in s. `repeated` says that nothing has changed since the last snapshot.
     `arrivals` are measurements of sensors that arrive at this tick. `taken` is the time in s of the steady clock, where
     a state that is published late may be left out for a newer one; infinite, where all are published.
     """
@@ -38,11 +38,8 @@ class Snapshot:
     ticks: int
     clock_ns: int
     time: float
-    y: Array
-    inputs: Array
-    start_energy: float
+    point: RunPoint
     due: Due = Due.STATE
     repeated: bool = False
     arrivals: Sequence[Arrival] = ()
-    live: Mapping[str, float] = field(default_factory=dict)
     taken: float = math.inf

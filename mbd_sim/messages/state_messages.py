@@ -42,7 +42,9 @@ def joint_states(model: Model) -> StateWriter:
     position, velocity, effort = (message.view(place) for place in places)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        position[:], velocity[:], effort[:] = joint_state_arrays(model, snapshot.time, snapshot.y, snapshot.inputs)
+        position[:], velocity[:], effort[:] = joint_state_arrays(
+            model, snapshot.time, snapshot.point.state, snapshot.point.inputs
+        )
 
     return StateWriter(message, write)
 
@@ -79,7 +81,7 @@ def constraint_violation(model: Model) -> StateWriter:
     message, values = labeled_array(Violation._fields)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        values[:] = model.violation(snapshot.time, snapshot.y, snapshot.inputs)
+        values[:] = model.violation(snapshot.time, snapshot.point.state, snapshot.point.inputs)
 
     return StateWriter(message, write)
 
@@ -99,7 +101,7 @@ def contact_states(model: Model) -> StateWriter:
     columns = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        rows = model.contact_entries(snapshot.time, snapshot.y, snapshot.inputs)
+        rows = model.contact_entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
         for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
             column[:] = values
 
@@ -120,7 +122,7 @@ def joint_reactions(model: Model, frame_prefix: str) -> StateWriter:
     rows = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        reactions = model.reactions(snapshot.time, snapshot.y, snapshot.inputs)
+        reactions = model.reactions(snapshot.time, snapshot.point.state, snapshot.point.inputs)
         for row, reaction in zip(rows, reactions.values(), strict=True):
             row[:3], row[3:] = reaction.force, reaction.moment
 
@@ -137,7 +139,7 @@ class SharedPoses:
     def rows(self, model: Model, snapshot: Snapshot) -> Array:
         """(parts, 7): see `ros_poses`."""
         if snapshot is not self._snapshot:
-            self._rows = ros_poses(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs))
+            self._rows = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
             self._snapshot = snapshot
         return self._rows
 
@@ -169,7 +171,7 @@ def transforms(model: Model, frame_prefix: str) -> StateWriter:
     rows = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        poses = ros_poses(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs))
+        poses = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
         for row, values in zip(rows, poses, strict=True):
             row[:] = values
 
@@ -190,7 +192,7 @@ def floating_transforms(model: Model, frame_prefix: str) -> StateWriter:
     rows = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        poses = {**model.poses(snapshot.time, snapshot.y, snapshot.inputs), GROUND: identity_pose()}
+        poses = {**model.poses(snapshot.time, snapshot.point.state, snapshot.point.inputs), GROUND: identity_pose()}
         for row, joint in zip(rows, joints, strict=True):
             pose = poses[joint.parent].inverse() @ poses[joint.part] @ joint.pose
             row[:3], row[3:] = pose.position, quaternions(pose.rotation[None])[0]

@@ -12,11 +12,11 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from mbd_sim.messages.acceleration_messages import Accelerations
 from mbd_sim.messages.event_messages import EventWriter
+from mbd_sim.messages.journal import Journal
 from mbd_sim.messages.publication_schedule import publication_schedule
 from mbd_sim.messages.qos import offered_qos_profiles
 from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.messages.sensor_topics import SensorMessages
-from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import StateWriter
 from mbd_sim.messages.topics import (
     ACCELERATIONS,
@@ -36,8 +36,8 @@ from mbd_sim.messages.topics import (
 from mbd_sim.recording.durable_file import OPEN_FILES
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recording.recording_paths import RecordingError
-from mbd_sim.recording.run_metadata import Moment, run_metadata
-from mbd_sim.simulation.events import RESTARTS, Event, EventKind, Payload
+from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.simulation.events import RESTARTS, EventKind, Payload
 from mbd_sim.simulation.simulation import Simulation
 
 SUFFIX = ".mcap"
@@ -85,8 +85,8 @@ class RunRecorder:
         poses, accelerations = ([one] if isinstance(one, str) else one for one in (poses, accelerations))
         requested = _requested(simulation, reactions, violation, poses, accelerations)
         _require_path(self.path)
-        self._step_ns = round(simulation.step_size * 1e9)
-        self._ticks = self._steps = simulation.steps  # ticks count on where the steps return to an earlier time
+        self._journal = Journal(simulation, first_tick=simulation.steps)
+        self._clock = self._journal.clock
         self._last_state = -1  # the tick of the last state that was recorded
         self._flushed, self._closed = time.monotonic(), False
         model = simulation.model
@@ -97,8 +97,8 @@ class RunRecorder:
         simulation.listen(self)
         try:
             self._writer = McapWriter(self.path, [_described(topic) for topic in requested])
-            moment = Moment.of(simulation, self._ticks, self._clock_ns)
-            self._writer.begin(mechanism_text(simulation.mechanism.source), run_metadata(simulation, moment))
+            metadata = run_metadata(simulation, self._journal.snapshot())
+            self._writer.begin(mechanism_text(simulation.mechanism.source), metadata)
             for topic in requested:
                 if topic.at_start is not None:
                     self._put(topic.name, topic.at_start(model, simulation.live))
@@ -124,8 +124,8 @@ class RunRecorder:
         """
         if self._closed:
             return
-        self._count_steps()
-        if self._last_state != self._ticks:
+        self._journal.count_steps()
+        if self._last_state != self._clock.ticks:
             self._add_state()
         if problem:
             self.report(EventKind.WARNING, " ".join(problem.split()))
@@ -141,18 +141,18 @@ class RunRecorder:
 
         :raises RecordingError: the disk is full or fails; the simulation continues to work, without a recording.
         """
-        self._count_steps()
+        self._journal.count_steps()
         while steps > 0:
             part = steps
             if not self._closed:
                 part = self._simulation.steps_to_arrival(at_most=steps)
                 if self._schedule is not None:
-                    part = min(part, self._schedule.next_tick(self._ticks) - self._ticks)
+                    part = min(part, self._schedule.next_tick(self._clock.ticks) - self._clock.ticks)
             yield part
             steps -= part
-            self._count_steps()
+            self._journal.count_steps()
             if not self._closed:
-                if self._schedule is not None and self._schedule.is_due(self._ticks):
+                if self._schedule is not None and self._schedule.is_due(self._clock.ticks):
                     self._add_state()
                 self._add_measurements()
 
@@ -161,12 +161,9 @@ class RunRecorder:
 
         :raises RecordingError: the disk is full or fails.
         """
-        if kind in RESTARTS:
-            self._steps = self._simulation.steps
-        self._count_steps()
+        event = self._journal.event(kind, payload)
         if self._closed:
             return
-        event = Event(kind, payload, self._ticks, self._clock_ns)
         self.events += 1
         for name, write in self._event_writers.items():
             message = write(event)
@@ -176,41 +173,22 @@ class RunRecorder:
             self._add_state()
             self._add_measurements()
 
-    def _count_steps(self) -> None:
-        """Follow steps that were taken, also by a function `step` that was obtained before the recording began."""
-        self._ticks += self._simulation.steps - self._steps
-        self._steps = self._simulation.steps
-
-    @property
-    def _clock_ns(self) -> int:
-        return self._ticks * self._step_ns
-
     def _add_state(self) -> None:
-        simulation = self._simulation
-        snapshot = Snapshot(
-            ticks=self._ticks,
-            clock_ns=self._clock_ns,
-            time=simulation.time,
-            y=simulation.state,
-            inputs=simulation.inputs.copy(),
-            start_energy=simulation.start_energy,
-            live=simulation.live,
-        )
-        energies = simulation.energies
+        snapshot, energies = self._journal.snapshot(), self._simulation.energies
         for name, writer in self._state_writers.items():
             self._put(name, writer.payload(snapshot, energies))
-        self._last_state = self._ticks
+        self._last_state = self._clock.ticks
         self.states += 1
 
     def _add_measurements(self) -> None:
-        for one in self._sensors.measured(self._simulation.arrivals, self._clock_ns):
+        for one in self._sensors.measured(self._simulation.arrivals, self._clock.ns):
             self._put(one.topic, one.payload)
 
     def _put(self, name: str, payload: bytes) -> None:
         if self._closed:
             return
         try:
-            self._writer.add(self._numbers[name], payload, self._clock_ns, self._ticks & 0xFFFFFFFF)
+            self._writer.add(self._numbers[name], payload, self._clock.ns, self._clock.ticks & 0xFFFFFFFF)
             if (now := time.monotonic()) - self._flushed > FLUSH_PERIOD:
                 self._flushed = now
                 self._writer.flush()
@@ -232,7 +210,7 @@ class RunRecorder:
         except OSError:
             self._writer.abandon()
         return RecordingError(
-            f"recording to '{self.path}' ends at t = {1e-9 * self._clock_ns:.9g} s: {error.strerror or error}."
+            f"recording to '{self.path}' ends at t = {1e-9 * self._clock.ns:.9g} s: {error.strerror or error}."
         )
 
 

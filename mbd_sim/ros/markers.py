@@ -109,7 +109,7 @@ class Markers:
     def payload(self, snapshot: Snapshot) -> bytes:
         """The message at a snapshot, serialized."""
         ground = pack_poses(np.zeros(3), np.eye(3))
-        poses = np.vstack([self._model.pose_array(snapshot.time, snapshot.y, snapshot.inputs), ground])
+        poses = np.vstack([self._model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs), ground])
         origins, rotations = unpack_poses(poses[self._part_rows])
         positions = origins + np.einsum("nij,nj->ni", rotations, self._positions)
         rows = pack_poses(positions, rotations @ self._rotations)
@@ -143,8 +143,8 @@ class Markers:
         model = self._model
         if not self._contacts:
             return
-        places = model.contact_places(snapshot.time, snapshot.y, snapshot.inputs)
-        closed = [None if index is None else snapshot.inputs[index] > 0.0 for _, index in model.placed_contacts]
+        places = model.contact_places(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        closed = [None if index is None else snapshot.point.inputs[index] > 0.0 for _, index in model.placed_contacts]
         rows = zip(self._contacts, places, closed, self._pushes, strict=True)
         for (ball, arrow), (point, force), is_closed, pushes in rows:
             touches = force.any() if is_closed is None else is_closed

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mbd_sim.errors import counted
+from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.recording.recorder import SHORTEST_FILE, Recorder
 from mbd_sim.recording.recording_paths import RecordingError
-from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.requests import RequestQueue
 
 DISK_TIMEOUT = 0.2  # s that a service call waits for the disk; commands wait as long
@@ -32,14 +32,14 @@ class SplitLimits:
 class NodeRecordings:
     """At most one recording at a time, fed by the publishing thread; any other thread starts, stops and splits it.
 
-    A request takes effect when the publishing thread takes the next `Moment` from its queue: after the messages before
-    it, and before the messages after it.
+    A request takes effect when the publishing thread takes the next state for it from its queue: after the messages
+    before it, and before the messages after it.
     """
 
     def __init__(
         self,
         open_recorder: Callable[[], Recorder],
-        metadata: Callable[[Moment], Mapping[str, str]],
+        metadata: Callable[[Snapshot], Mapping[str, str]],
         request_moment: Callable[[], None],
         on_failure: Callable[[str], None],
         limits: SplitLimits,
@@ -49,7 +49,7 @@ class NodeRecordings:
 
         :param open_recorder: opens a recorder for a new recording.
         :param metadata: the metadata of a file that begins at a moment.
-        :param request_moment: requests a `Moment` from the stepping thread.
+        :param request_moment: requests a state for it from the stepping thread.
         :param on_failure: is called with the reason when a recording has ended by a failure.
         :param on_long_files: is called once in a recording, with an explanation, when a limit is exceeded because the
             recording cannot be split that often.
@@ -57,7 +57,7 @@ class NodeRecordings:
         self.limits = limits
         self._open_recorder, self._metadata, self._on_failure = open_recorder, metadata, on_failure
         self._on_long_files = on_long_files
-        self._requests: RequestQueue[[Moment]] = RequestQueue(request_moment)
+        self._requests: RequestQueue[[Snapshot]] = RequestQueue(request_moment)
         self._each_file: dict[str, bytes] = {}  # the last message of each topic that begins every file
         self._requested: Recorder | None = None  # the recorder as the services see it
         self._current: Recorder | None = None  # the recorder that the publishing thread feeds
@@ -67,7 +67,7 @@ class NodeRecordings:
         self._stopped: Recorder | None = None  # the last one that `stop` has finished
         self.recorder: Recorder | None = None  # the last one, for its counters
 
-    def start(self, moment: Moment | None = None) -> tuple[bool, str]:
+    def start(self, moment: Snapshot | None = None) -> tuple[bool, str]:
         """Start a recording at a known moment, or at the next one; returns success, and its path or the reason."""
         with self._lock:
             if self._closed:
@@ -133,7 +133,7 @@ class NodeRecordings:
         """`summary` for the end of the node: "" if `stop` has finished the last recording long before."""
         return "" if self.recorder is self._stopped else self.summary()
 
-    def at_moment(self, moment: Moment) -> None:
+    def at_moment(self, moment: Snapshot) -> None:
         """Serve the request that asked for this moment; for the publishing thread."""
         self._requests.serve_next(moment)
 
@@ -169,13 +169,13 @@ class NodeRecordings:
             self._requested = None
         return self._requested
 
-    def _begin_file(self, recorder: Recorder, moment: Moment) -> None:
+    def _begin_file(self, recorder: Recorder, moment: Snapshot) -> None:
         self._current, self._file_start_ns = recorder, moment.clock_ns
         recorder.begin(self._metadata(moment))
         for name, payload in self._each_file.items():
             recorder.put(name, payload, moment.clock_ns, moment.ticks)
 
-    def _split(self, moment: Moment) -> None:
+    def _split(self, moment: Snapshot) -> None:
         self._splitting = False
         if self._current is not None:
             self._begin_file(self._current, moment)

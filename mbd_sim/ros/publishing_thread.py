@@ -23,7 +23,6 @@ from mbd_sim.messages.sensor_topics import SensorMessages
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.messages.topics import OutputTopic, Recorded
 from mbd_sim.recording.recorder import Recorder
-from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.message_template import STAMP, MessageTemplate
 from mbd_sim.ros.node_recordings import NodeRecordings
@@ -123,12 +122,14 @@ class PublishingThread:
     def prepare(self, snapshot: Snapshot) -> None:
         """Derive, compile and import everything that messages of a state need: none of it happens in the run."""
         model = self.model
-        energies = model.energies(snapshot.time, snapshot.y, snapshot.start_energy, snapshot.inputs)
+        energies = model.energies(
+            snapshot.time, snapshot.point.state, snapshot.point.start_energy, snapshot.point.inputs
+        )
         for writer in self._state_writers.values():
             writer.payload(snapshot, energies)
         if model.row_names:
-            model.violation(snapshot.time, snapshot.y, snapshot.inputs)  # for the diagnostics
-        self._sensors.prepare(snapshot.y, snapshot.inputs)
+            model.violation(snapshot.time, snapshot.point.state, snapshot.point.inputs)  # for the diagnostics
+        self._sensors.prepare(snapshot.point.state, snapshot.point.inputs)
         self._markers = Markers(model, self._frame_prefix)
         self._markers.payload(snapshot)
 
@@ -153,13 +154,12 @@ class PublishingThread:
         while (item := queue.get()) is not None:
             began = time.perf_counter()
             try:
-                if isinstance(item, Snapshot):
-                    self._publish_snapshot(item)
-                elif isinstance(item, Moment):
-                    if self.recordings is not None:
-                        self.recordings.at_moment(item)
-                else:
+                if isinstance(item, Event):
                     self._publish_event(item)
+                elif Due.RECORDING not in item.due:
+                    self._publish_snapshot(item)
+                elif self.recordings is not None:
+                    self.recordings.at_moment(item)
             except Exception as error:  # one bad message must not end all output
                 self._log.error(f"publishing failed: {error!r}", throttle_duration_sec=1.0)
             self.busy += time.perf_counter() - began
@@ -201,14 +201,18 @@ class PublishingThread:
 
     def _publish_state(self, snapshot: Snapshot) -> None:
         """Publish, record and show the state, as far as each of them is due."""
-        energies = self.model.energies(snapshot.time, snapshot.y, snapshot.start_energy, snapshot.inputs)
+        energies = self.model.energies(
+            snapshot.time, snapshot.point.state, snapshot.point.start_energy, snapshot.point.inputs
+        )
         self.energies = energies
         if Due.STATE in snapshot.due:
             for name, writer in self._state_writers.items():
                 payload = writer.payload(snapshot, energies)
                 self._send(name, payload, snapshot.clock_ns, snapshot.ticks, repeated=snapshot.repeated)
         if Due.VIEW in snapshot.due and self.viewer is not None:
-            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, snapshot.inputs, energies, snapshot.time)
+            self.viewer.offer(
+                snapshot.clock_ns * 1e-9, snapshot.point.state, snapshot.point.inputs, energies, snapshot.time
+            )
 
     def _publish_markers(self, snapshot: Snapshot) -> None:
         """Publish markers if there is a subscriber."""

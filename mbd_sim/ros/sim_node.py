@@ -87,7 +87,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             step_size=simulation.step_size,
         )
         with BuildProgress(self, "deriving and compiling what the outputs need"):
-            self.publishing_thread.prepare(self.stepping_thread.run.output.snapshot(Due.NEW))
+            self.publishing_thread.prepare(self.stepping_thread.run.output.journal.snapshot(Due.NEW))
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, self.get_logger())
         self.publishing_thread.recordings = self.recordings
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, self.get_logger())

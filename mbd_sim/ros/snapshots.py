@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbd_sim.messages.snapshot import Snapshot
-from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.simulation.events import Event
 
-Item = Snapshot | Event | Moment | None  # None ends the output
+Item = Snapshot | Event | None  # None ends the output
 
 
 @dataclass

@@ -14,7 +14,7 @@ from mbd_sim.mechanism_file.bare_angles import TURN
 from mbd_sim.ros.applied_commands import apply_commands
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.command_ranges import CommandRanges
-from mbd_sim.ros.stepping_output import NodeClock, SteppingOutput
+from mbd_sim.ros.stepping_output import SteppingOutput
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedEfforts, ChangedValues, EventKind
 from mbd_sim.simulation.live_values import PreparedValues
@@ -35,8 +35,8 @@ class SteppedRun:
     ) -> None:
         """A run at its start; `silent` is described in `SteppingOutput`."""
         self.simulation, self.commands, self.wrenches = simulation, commands, wrenches
-        self.clock = NodeClock(round(simulation.step_size * 1e9))
-        self.output = SteppingOutput(simulation, self.clock, silent=silent)
+        self.output = SteppingOutput(simulation, silent=silent)
+        self.clock = self.output.journal.clock
         self.problem = self.advice = ""
         self.start_values: StateValues | None = None
         self._error_threshold = TOLERATED
@@ -50,7 +50,7 @@ class SteppedRun:
         apply_commands(self.simulation, self.commands, self.wrenches, time_now, self.output)
         began = time.perf_counter()
         self.simulation.step(steps)
-        self.clock.ticks += steps
+        self.output.journal.count_steps()
         self.output.report_contacts()
         self._check_error_estimate()
         self.output.counters.stepping += time.perf_counter() - began

@@ -8,8 +8,7 @@ import traceback
 from collections.abc import Callable, Mapping
 
 from mbd_sim.errors import CommandError, DivergedError
-from mbd_sim.messages.snapshot import Due
-from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.followers import Followers
@@ -121,12 +120,12 @@ class SteppingThread:
         self._requests.submit(report)
 
     def request_moment(self) -> None:
-        """Have a `Moment` put into the output between two steps; returns at once."""
+        """Have a state for a recording put into the output between two steps; returns at once."""
         self._requests.submit(self._output.put_moment)
 
-    def moment(self) -> Moment:
+    def moment(self) -> Snapshot:
         """Everything that determines the motion from here on; for the stepping thread, or before it starts."""
-        return self._output.moment()
+        return self._output.journal.snapshot(Due.RECORDING)
 
     def restart_schedule(self) -> None:
         """Schedule the next steps from now on, as after a change of the real-time factor."""

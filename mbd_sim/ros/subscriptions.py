@@ -18,10 +18,10 @@ from trajectory_msgs.msg import JointTrajectory
 from mbd_sim.errors import CommandError, require_each_once
 from mbd_sim.mechanism.bases import Base
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.messages.journal import RunClock
 from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
-from mbd_sim.ros.stepping_output import NodeClock
 from mbd_sim.ros.trajectory import Trajectory, TrajectoryPoint
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 from mbd_sim.simulation.state_values import StateValues
@@ -55,7 +55,7 @@ class Subscriptions:
         on_efforts: Callable[[], None],
         on_state: Callable[[StateValues], str],
         warn: Callable[[str], None],
-        clock: NodeClock,
+        clock: RunClock,
         stamped_cmd_vel: bool = False,
     ) -> None:
         """Subscribe; `on_efforts` is called after commands have been accepted. `clock` is that of stamps.

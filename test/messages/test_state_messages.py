@@ -48,9 +48,7 @@ def read(kind, payload):
 
 
 def written(simulation, writer):
-    snapshot = Snapshot(
-        40, TIME_NS, simulation.time, simulation.state, simulation.inputs.copy(), simulation.start_energy
-    )
+    snapshot = Snapshot(40, TIME_NS, simulation.time, simulation.snapshot())
     return writer.payload(snapshot, simulation.energies)
 
 

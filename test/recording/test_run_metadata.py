@@ -3,7 +3,8 @@
 import json
 
 from mbd_sim import Simulation
-from mbd_sim.recording.run_metadata import Moment, run_metadata
+from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.recording.run_metadata import run_metadata
 
 
 def test_metadata_contains_the_exact_step_and_start():
@@ -21,7 +22,7 @@ def test_metadata_of_a_moment_contains_everything_the_motion_depends_on():
     simulation.set_efforts([0.1, -0.2])
     simulation.set_wrench("upper", force=(1.0, 2.0, 3.0))
     simulation.set_live({"gravity[2]": -5.0})
-    moment = Moment.of(simulation, ticks=250, clock_ns=150_000_000)
+    moment = Snapshot(250, 150_000_000, simulation.time, simulation.snapshot())
     kept = simulation.state.tolist(), simulation.inputs.tolist(), simulation.start_energy
     simulation.step(10)
     about = run_metadata(simulation, moment, {"publish_rate": 100.0})

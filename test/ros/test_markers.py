@@ -16,9 +16,7 @@ from test.simulation.test_contact_forces import SOFT_BALL
 
 def snapshot(simulation: Simulation) -> Snapshot:
     ticks = simulation.steps
-    return Snapshot(
-        ticks, ticks * 1_000_000, simulation.time, simulation.state, simulation.inputs.copy(), 0.0, Due.ALL, False
-    )
+    return Snapshot(ticks, ticks * 1_000_000, simulation.time, simulation.snapshot(), Due.ALL)
 
 
 def drawn(markers: Markers, simulation: Simulation) -> list[Marker]:

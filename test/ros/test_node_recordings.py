@@ -6,18 +6,19 @@ import time
 import numpy as np
 import pytest
 
+from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.recording.recorder import RecordingError
-from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
+from mbd_sim.simulation.snapshot import RunPoint
 from test.recording.recordings import messages, metadata, recorder_in
 
 
 def at(tick):
-    return Moment(tick, tick * 1_000_000, tick, np.zeros(4), np.zeros(2), 0.0, {})
+    return Snapshot(tick, tick * 1_000_000, 1e-3 * tick, RunPoint(tick, np.zeros(4), np.zeros(2), 0.0, {}))
 
 
 class Stepping:
-    """Recordings, and the queue of a node: the messages put, and a `Moment` for each request."""
+    """Recordings, and the queue of a node: the messages put, and a `Snapshot` for each request."""
 
     def __init__(self, folder, limits=None):
         self.tick, self.requested, self.complaints = 0, 0, []

@@ -26,19 +26,19 @@ def test_a_state_is_left_out_only_if_it_is_old_and_a_newer_one_waits(tmp_path: P
         thread, output = node.publishing_thread, node.stepping_thread.run.output
         now = [100.0]
         monkeypatch.setattr(publishing_thread.time, "perf_counter", lambda: now[0])
-        state = output.snapshot(Due.STATE, taken=99.5)
-        output.newest = output.snapshot(Due.STATE, taken=99.9)
+        state = output.journal.snapshot(Due.STATE, taken=99.5)
+        output.newest = output.journal.snapshot(Due.STATE, taken=99.9)
         object.__setattr__(output.newest, "ticks", state.ticks + 1)
         assert not thread._is_outdated(state) and thread.age == 0.5  # as after a stall of the machine
         now[0] = 100.6
         assert thread._is_outdated(state)
         assert not thread._is_outdated(output.newest)
         now[0] = 100.65
-        assert thread._is_outdated(output.snapshot(Due.STATE, taken=100.6))  # 50 ms are much while it cannot keep up
+        assert thread._is_outdated(output.journal.snapshot(Due.STATE, taken=100.6))  # 50 ms are much while it cannot keep up
         now[0] = 102.0
-        assert not thread._is_outdated(output.snapshot(Due.STATE, taken=101.5))
-        assert not thread._is_outdated(output.snapshot(Due.CLOCK | Due.SENSORS, taken=0.0))
-        assert not thread._is_outdated(output.snapshot(Due.STATE))  # at full speed, or on request
+        assert not thread._is_outdated(output.journal.snapshot(Due.STATE, taken=101.5))
+        assert not thread._is_outdated(output.journal.snapshot(Due.CLOCK | Due.SENSORS, taken=0.0))
+        assert not thread._is_outdated(output.journal.snapshot(Due.STATE))  # at full speed, or on request
 
 
 def test_slow_publishing_leaves_states_out_but_no_times_and_says_how_old_states_are(

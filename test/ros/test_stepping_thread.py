@@ -10,7 +10,6 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.messages.snapshot import Due, Snapshot
-from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros import pacing
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.followed_clock import FollowedClock
@@ -433,7 +432,7 @@ def test_a_followed_clock_is_waited_for_and_never_overtaken(make):
     stepping_thread.stop()
     items = collected(stepping_thread)
     assert state_times(items) == [(pytest.approx(7000.3 + step), step) for step in range(6)]
-    (moment,) = [item for item in items if isinstance(item, Moment)]
+    (moment,) = [item for item in items if isinstance(item, Snapshot) and Due.RECORDING in item.due]
     assert (moment.ticks, moment.clock_ns) == (0, 7_000_300_000)
 
 
