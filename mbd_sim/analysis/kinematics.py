@@ -11,9 +11,10 @@ from mbd_sim.dynamics.assembly import close_loops
 from mbd_sim.dynamics.initial_conditions import assemble
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import trace
-from mbd_sim.errors import nearest
+from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.interrupts import interruptible_tracing
+from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 
 
@@ -67,11 +68,12 @@ class Kinematics:
 
         :raises ValueError: there is no such part or point, or the number of coordinates is wrong.
         """
-        part, _, point = name.partition(".")
         known = {GROUND: self.mechanism.ground_points, **{p.name: p.points for p in self.mechanism.parts.values()}}
-        if part not in known or (point and point not in known[part]):
+        try:
+            part, point = split_reference(name, known)
+        except InputError as error:
             valid = [text for owner, points in known.items() for text in (owner, *(f"{owner}.{p}" for p in points))]
-            raise ValueError(f"there is no point '{name}'. {nearest(name, valid)}")
+            raise ValueError(f"there is no point '{name}'. {nearest(name, valid)}") from error
         local = known[part][point].position if point else np.zeros(3)
         if part == GROUND:
             return np.array(local)

@@ -104,12 +104,6 @@ def seed_number(text: str) -> int:
     return int(text)
 
 
-def split_assignment(text: str) -> tuple[str, str] | None:
-    """NAME and VALUE of NAME=VALUE; None if either is missing."""
-    name, _, value = text.partition("=")
-    return (name, value) if name and value else None
-
-
 def find_temporary_folder(options: argparse.Namespace) -> None:
     """Where the usual folders for temporary files cannot be written, use memory, or the folder of a file to write."""
     try:

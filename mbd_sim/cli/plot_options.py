@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.errors import InputError
+from mbd_sim.mechanism.names import split_names
 
 if TYPE_CHECKING:
     from mbd_sim.playback.plot_style import PlotStyle
@@ -55,7 +56,7 @@ def plotted_coordinates(options: argparse.Namespace, path: Path | None) -> list[
     """
     if path is None and (options.coordinates or options.deg):
         raise InputError("--coordinates, --deg: nothing is plotted", "Give --plot too.")
-    return [name.strip() for name in options.coordinates.split(",") if name.strip()]
+    return split_names(options.coordinates)
 
 
 def shown_plots(options: argparse.Namespace, path: Path | None) -> list[str]:
@@ -63,7 +64,7 @@ def shown_plots(options: argparse.Namespace, path: Path | None) -> list[str]:
 
     :raises InputError: names are given without a plot.
     """
-    names = [name.strip() for name in options.show.split(",") if name.strip()]
+    names = split_names(options.show)
     if names and path is None:
         raise InputError("--show: nothing is plotted", "Give --plot too.")
     return names

@@ -27,6 +27,7 @@ from mbd_sim.cli.plot_options import (
     shown_plots,
 )
 from mbd_sim.errors import counted
+from mbd_sim.mechanism.names import split_names
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
@@ -189,10 +190,7 @@ class RunOutputs:
         options = self._options
         if not self.records:
             return nullcontext()
-        poses, accelerations = (
-            [name.strip() for name in names.split(",") if name.strip()]
-            for names in (options.poses, options.accelerations)
-        )
+        poses, accelerations = split_names(options.poses), split_names(options.accelerations)
         return RunRecorder(
             simulation,
             path,

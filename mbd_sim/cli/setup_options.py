@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from mbd_sim.cli.common import add_mechanism, add_method_and_step, print_notes, split_assignment
+from mbd_sim.cli.common import add_mechanism, add_method_and_step, print_notes
 from mbd_sim.errors import InputError, MechanismError, nearest
+from mbd_sim.mechanism.names import in_quotes, split_assignment
 
 if TYPE_CHECKING:
     from mbd_sim.c_code.exported_model import ExportedModel
@@ -121,7 +122,7 @@ def _pairs(option: str, assignments: Iterable[str], example: str) -> list[tuple[
     pairs = []
     for text in assignments:
         pair = split_assignment(text)
-        if pair is None:
+        if not all(pair):
             form = "KEY=VALUE" if option == "--set" else "JOINT=VALUE"
             raise InputError(f"{option} {text}: not of the form {form}", f"Write for example {example}.")
         pairs.append(pair)
@@ -165,7 +166,7 @@ def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) ->
     found: dict[str, Any] = {}
     for name, text in starts:
         joint, number = _coordinate(mechanism, name)
-        key = f"joints.'{joint}'.position"
+        key = f"joints.{in_quotes(joint)}.position"
         if number is None:
             found[key] = _value(text, f"--start {name}")
             continue

@@ -11,6 +11,7 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.reach import shown
+from mbd_sim.mechanism.names import split_assignment
 
 
 def chosen_columns(columns: Mapping[str, Array], patterns: Sequence[str]) -> dict[str, Array]:
@@ -33,7 +34,7 @@ def column_limit(text: str) -> tuple[str, float]:
 
     :raises InputError: the text cannot be read, or the limit is not a positive number.
     """
-    name, _, value = text.partition("=")
+    name, value = split_assignment(text)
     try:
         limit = float(value)
     except ValueError:

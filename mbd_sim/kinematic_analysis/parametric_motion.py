@@ -21,10 +21,11 @@ from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.kinematic_system import SINGULAR, KinematicSystem
 from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coordinate_index, undriven
+from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism, Part
 from mbd_sim.optimization.parameter_inputs import parameter_inputs
-from mbd_sim.simulation.part_motion import named_frame
+from mbd_sim.simulation.part_motion import points_of
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
 CONSISTENT = 1e-7  # error of the derivatives of redundant equations, relative
@@ -202,9 +203,8 @@ class ParametricMotion:
 
     def _local(self, name: str) -> tuple[str, ca.SX]:
         """The part of a point, and its position (3,) in it."""
-        part, pose = named_frame(self.system.mechanism, name)
-        _, _, point = name.partition(".")
-        return part, self._inputs.point_at(part, point, self._p) if point else ca.SX(ca.DM(pose.position))
+        part, point = split_reference(name, points_of(self.system.mechanism))
+        return part, self._inputs.point_at(part, point, self._p) if point else ca.SX.zeros(3)
 
     def _frame(self, part: str, quantity: FrameQuantity, local: ca.SX) -> ca.SX:
         function = frame_function(self.system.traced, part, quantity)

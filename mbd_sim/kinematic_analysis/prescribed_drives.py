@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import InputError, MechanismError, Problem, listed, nearest
 from mbd_sim.mechanism.drives import CommandedDrive
+from mbd_sim.mechanism.names import split_assignment
 from mbd_sim.mechanism.records import Joint, Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_argument_remark
 from mbd_sim.mechanism_file.override import number_at
@@ -35,9 +36,9 @@ def drive_range(text: str, mechanism: Mechanism) -> tuple[DriveRange, int | None
 
     :raises InputError: the text cannot be read, or there is no such coordinate.
     """
-    name, equals, rest = (part.strip() for part in text.partition("="))
+    name, rest = split_assignment(text)
     words = [word.strip() for word in rest.split(":")]
-    if not equals or not all(words) or len(words) > 3:
+    if not all(words) or len(words) > 3:
         raise InputError(f"'{text}' gives no range of a drive", EXAMPLE)
     unit, count = _unit_of(mechanism, name), None
     if len(words) == 3:
@@ -55,7 +56,7 @@ def drive_range(text: str, mechanism: Mechanism) -> tuple[DriveRange, int | None
 
 def bare_range_remark(text: str, mechanism: Mechanism) -> str:
     """A sentence if the text of a range has an angle beyond a full turn without a unit, or ""."""
-    name, _, rest = (part.strip() for part in text.partition("="))
+    name, rest = split_assignment(text)
     values = [_plain(word.strip()) for word in rest.split(":")[:2]]
     if any(split_unit(value)[1] for value in values if isinstance(value, str)) or not is_rotation(mechanism, name):
         return ""
@@ -84,8 +85,8 @@ def parameter_value(text: str, mechanism: Mechanism) -> tuple[str, float]:
     :raises InputError: the text cannot be read, or its unit does not fit.
     :raises MechanismError: there is no such key.
     """
-    key, equals, value = (part.strip() for part in text.partition("="))
-    if not key or not equals:
+    key, value = split_assignment(text)
+    if not key or not value:
         raise InputError(f"'{text}' gives no value", "Write for example l=0.1mm.")
     return key, parameter_number(text, key, value, mechanism)
 

@@ -20,6 +20,7 @@ from mbd_sim.errors import InputError, counted, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
+from mbd_sim.mechanism.names import split_names
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 
 LINE_OF_FORCE = ("revolute", "prismatic", "spherical", "universal")
@@ -61,7 +62,7 @@ def coupler_and_follower(mechanism: Mechanism, drives: Sequence[str], text: str)
 
     :raises InputError: there is no such joint, or the coupler and the follower of a pin are not evident.
     """
-    names = [name.strip() for name in text.split(",")]
+    names = split_names(text)
     for name in names:
         if name not in mechanism.all_joints:
             raise InputError(f"there is no joint '{name}'", nearest(name, mechanism.all_joints))

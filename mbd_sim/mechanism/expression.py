@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from mbd_sim.errors import InputError, nearest, quoted
 from mbd_sim.geometry.batch import Batch, is_finite
 from mbd_sim.mechanism.arithmetic import ARGUMENTS, CALLABLE, CONSTANTS, FORM, NUMBERS, TABLE, WHERE, Arithmetic
+from mbd_sim.mechanism.names import QUOTED
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.tables import Table
@@ -21,6 +22,7 @@ MAX_LENGTH = 500  # of an expression as written
 MAX_EXPANDED = 5000  # of one in which functions of the file are replaced by their bodies
 TIME = "t"
 
+_POWER = re.compile(rf"({QUOTED})|\^")
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
@@ -32,9 +34,10 @@ _COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Gt: lambda a, b: a > b,
     ast.GtE: lambda a, b: a >= b,
 }
-# Only numbers, names, operators and comparisons reach Python's parser.
+# Only numbers, names, perhaps in quotes, operators and comparisons reach Python's parser.
 _TOKENS = re.compile(
-    r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|[^\W\d]\w*(?:\.[^\W\d]\w*)*|[-+*/(),^]|[<>]=?)*+"
+    r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])"
+    rf"|(?:[^\W\d]\w*(?!['\"\w])|{QUOTED})(?:\.[^\W\d]\w*)*|[-+*/(),^]|[<>]=?)*+"
 )
 
 
@@ -115,7 +118,7 @@ def _is_table(call: ast.Call) -> bool:
 def _dotted(node: ast.AST) -> str:
     """The name that a node stands for, such as `crank.velocity`; empty if it stands for something else."""
     match node:
-        case ast.Name(id=name):
+        case ast.Name(id=name) | ast.Constant(value=str(name)):
             return name
         case ast.Attribute(value=value, attr=attribute) if prefix := _dotted(value):
             return f"{prefix}.{attribute}"
@@ -173,7 +176,7 @@ def parsed(text: str) -> ast.Expression:
     if not _TOKENS.fullmatch(text) or re.fullmatch(r"\d+,\d+", text.strip()):
         raise InputError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _remedy(text))
     try:
-        return ast.parse(text.strip().replace("^", "**"), mode="eval")
+        return ast.parse(_POWER.sub(lambda found: found[1] or "**", text.strip()), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise InputError(_NO_VALUE, _remedy(text)) from error
 
@@ -213,7 +216,7 @@ class _Evaluation:
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
                 return float(number)
-            case ast.Name() | ast.Attribute() if name := _dotted(node):
+            case ast.Name() | ast.Attribute() | ast.Constant() if name := _dotted(node):
                 return self._named(name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return -self.value(operand, arithmetic)

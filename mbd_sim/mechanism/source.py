@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mbd_sim.errors import InputError, Problem, quoted
+from mbd_sim.mechanism.names import in_quotes, is_name
 
 Location = tuple[str | int, ...]
 
@@ -115,5 +116,12 @@ def dotted(location: Location) -> str:
         if isinstance(step, int):
             text += f"[{step}]"
         else:
-            text += ("." if text else "") + (step if _PLAIN_KEY.fullmatch(step) else quoted(step))
+            text += ("." if text else "") + _written(step)
     return text
+
+
+def _written(step: str) -> str:
+    """A key as `split_key` reads it; what cannot be a name is shown in part."""
+    if _PLAIN_KEY.fullmatch(step):
+        return step
+    return in_quotes(step) if is_name(step) else quoted(step)

@@ -9,6 +9,7 @@ from typing import Any, TypeGuard
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import parsed
+from mbd_sim.mechanism.names import split_key
 from mbd_sim.mechanism.source import Location, Source, dotted, value_at
 from mbd_sim.mechanism_file.units import factor
 from mbd_sim.mechanism_file.value_parser import split_unit
@@ -52,7 +53,7 @@ def _is_large(value: Any) -> TypeGuard[float]:
 
 def _is_written(source: Source, location: Location) -> bool:
     key = dotted(location).removeprefix("parameters.")
-    changed = (name.replace("'", "").removeprefix("parameters.") for name in source.changes)
+    changed = (dotted(tuple(split_key(name))).removeprefix("parameters.") for name in source.changes)
     return location in source.lines or any(key == name or key.startswith((f"{name}.", f"{name}[")) for name in changed)
 
 

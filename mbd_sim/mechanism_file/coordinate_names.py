@@ -9,6 +9,7 @@ from typing import Any
 from mbd_sim.errors import InputError, quoted
 from mbd_sim.mechanism.expression import StateName
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointKind
+from mbd_sim.mechanism.names import in_expression
 
 POSITION, VELOCITY = ".position", ".velocity"
 
@@ -29,7 +30,7 @@ class CoordinateNames:
 
         :raises InputError: an angular velocity is used as a coordinate.
         """
-        if name.partition(".")[0] in self.unreadable:
+        if any(name == joint or name.startswith(f"{joint}.") for joint in self.unreadable):
             return StateName(name, name, False)
         for suffix in (VELOCITY, POSITION, ""):
             coordinate = name.removesuffix(suffix)
@@ -37,9 +38,14 @@ class CoordinateNames:
                 continue
             if suffix != VELOCITY and not self.has_position[coordinate]:
                 message = f"{quoted(coordinate)} is a component of an angular velocity: it has no position"
-                raise InputError(message, f"For the speed write {coordinate}{VELOCITY}.")
+                raise InputError(message, f"For the speed write {in_expression(coordinate)}{VELOCITY}.")
             return StateName(name, coordinate, suffix == VELOCITY)
         return None
+
+    def remedy_for_missing_quotes(self, expression: str) -> str:
+        """What to do about a name such as shoulder-pitch that an expression has without quotes; "" if it has none."""
+        found = [name for name in self.has_position if in_expression(name) != name and name in expression]
+        return f"Put the name in quotes: {in_expression(found[0])}." if found else ""
 
     @property
     def suggestions(self) -> list[str]:

@@ -73,7 +73,7 @@ class ExpressionField:
         tables = tables_in(expression)
         if tables & parameters.unreadable_tables:
             return TimeExpression("0", {})
-        state = self._state_names(sorted(used), parameters)
+        state = self._state_names(expression, sorted(used), parameters)
         if unit:
             expression = f"({expression})*{unit_factor(unit, self.unit)!r}"
         found = {name: parameters.tables[name] for name in sorted(tables) if name in parameters.tables}
@@ -83,7 +83,7 @@ class ExpressionField:
             result.at(0.0)  # raises where it has no finite value at the start
         return result
 
-    def _state_names(self, used: list[str], parameters: Parameters) -> tuple[StateName, ...]:
+    def _state_names(self, text: str, used: list[str], parameters: Parameters) -> tuple[StateName, ...]:
         """Those of the used names that are neither parameters nor variables, as coordinates and speeds.
 
         :raises InputError: they are not, or the expression cannot depend on them.
@@ -96,7 +96,8 @@ class ExpressionField:
         for name, state in zip(others, found, strict=True):
             if state is None:
                 known = chain(values, self.variables, coordinates.suggestions if self.state else ())
-                raise InputError(f"unknown name {quoted(name)}", nearest(name, known))
+                remedy = coordinates.remedy_for_missing_quotes(text) if self.state else ""
+                raise InputError(f"unknown name {quoted(name)}", remedy or nearest(name, known))
             if not self.state:
                 message = f"{quoted(name)} is a joint coordinate, on which this expression cannot depend"
                 raise InputError(message, f"It can depend on {self._variables_in_words()}.")

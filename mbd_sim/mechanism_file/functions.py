@@ -17,6 +17,7 @@ from itertools import chain
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.arithmetic import CALLABLE, RESERVED
 from mbd_sim.mechanism.expression import MAX_EXPANDED, names_in, parsed
+from mbd_sim.mechanism.names import QUOTED
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.dependencies import dependencies_first, users
 from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
@@ -170,8 +171,8 @@ def _arguments(key: str) -> tuple[str, ...]:
 
 
 def _called(body: object) -> set[str]:
-    found = re.findall(r"[^\W\d]\w*(?=\s*\()", str(body))
-    return {name for name in found if not keyword.iskeyword(name)}
+    found = re.findall(rf"{QUOTED}|([^\W\d]\w*)(?=\s*\()", str(body))
+    return {name for name in found if name and not keyword.iskeyword(name)}
 
 
 def _function(key: str, body: object, parameters: set[str], functions: Functions) -> Function:

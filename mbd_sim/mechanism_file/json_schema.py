@@ -20,7 +20,7 @@ SchemaNode = dict[str, Any]
 
 UNIT_KEY = "x-unit"  # of the number of a quantity, see `Quantity`
 REPEATED_SECTIONS = ("parts", "joints", "constraints", "contacts", "forces", "actuators", "sensors")
-REPEATED_NAME = r"^[A-Za-z0-9_]*\{.*$"  # with an index in braces
+REPEATED_NAME = r"^[^{]*\{.*$"  # with an index in braces
 REPETITION: SchemaNode = {
     "type": "object",
     "description": "indices and their values: the entry stands for one entry for each of them",

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import fnmatch
-import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
+from mbd_sim.mechanism.names import split_key
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.key_synonyms import synonym
@@ -19,7 +19,6 @@ from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 if TYPE_CHECKING:
     from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 
-_STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
 _SECTIONS = (
     "tolerance",
     "gravity",
@@ -146,14 +145,7 @@ def location_of(mechanism: Mechanism, key: str) -> Location:
     :raises InputError: it is not a key of a mechanism file.
     """
     data = mechanism.source.data
-    location: list[str | int] = []
-    position = 0
-    while position < len(key):
-        step = _STEP.match(key, position)
-        if step is None or (position == 0 and step[3]):
-            raise InputError("is not a key of a mechanism file", "Write for example joints.elbow.damping.")
-        location.append(int(step[3]) if step[3] else step[1] or step[2])
-        position = step.end()
+    location = split_key(key)
     if len(location) == 1 and location[0] in (data.get("parameters") or {}):
         return ("parameters", *location)
     if not location or location[0] not in _SECTIONS:

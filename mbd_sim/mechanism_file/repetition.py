@@ -15,12 +15,12 @@ from typing import Any
 from mbd_sim.errors import InputError, MechanismError, quoted
 from mbd_sim.mechanism.arithmetic import RESERVED
 from mbd_sim.mechanism.expression import evaluate, names_in
+from mbd_sim.mechanism.names import PLAIN_PATTERN, QUOTED
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.builders.mechanism_builder import in_order
 from mbd_sim.mechanism_file.file_limits import MAX_VALUES, file_error
 from mbd_sim.mechanism_file.json_schema import takes_expression
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
-from mbd_sim.mechanism_file.spelling import NAME_PATTERN
 from mbd_sim.mechanism_file.value_parser import split_unit
 
 FOR = "for"
@@ -167,7 +167,7 @@ class _Expansion:
         yield from scopes
 
     def _check_index(self, name: str, outer: Indices) -> None:
-        if not re.match(NAME_PATTERN, name) or keyword.iskeyword(name):
+        if not re.fullmatch(PLAIN_PATTERN, name) or keyword.iskeyword(name):
             raise InputError("not a valid index name", "Use letters, such as i.")
         if name in RESERVED or name in VARIABLES:
             raise InputError(f"'{name}' is reserved in expressions", "Choose another name, such as i.")
@@ -215,12 +215,12 @@ class _Expansion:
             return _inserted(value, text[found.end() :] if is_expression else None)
 
         def word(found: re.Match[str]) -> str:
-            return _inserted(indices[found[0]], found.string[found.end() :])
+            return found[0] if found[1] else _inserted(indices[found[0]], found.string[found.end() :])
 
         try:
             result = _BRACES.sub(braces, text)
             if is_expression:
-                result = re.sub(rf"(?<![\w.])(?:{'|'.join(indices)})(?!\w|\s*\()", word, result)
+                result = re.sub(rf"({QUOTED})|(?<![\w.])(?:{'|'.join(indices)})(?!\w|\s*\()", word, result)
             return result
         except InputError as error:
             self._report(location, InputError(error.message, error.remedy, text), _in_words(indices))

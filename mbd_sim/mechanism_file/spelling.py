@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 FORMER_KEYS = {"regularisation": "regularization"}  # still read in their place
 
 

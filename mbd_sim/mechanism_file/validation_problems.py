@@ -9,11 +9,12 @@ from pydantic_core import ErrorDetails
 
 from mbd_sim.errors import InputError, Problem, counted, listed, nearest, quoted
 from mbd_sim.mechanism.expression import QUOTE_COMMAS, is_cut
+from mbd_sim.mechanism.names import LONGEST_NAME, PLAIN_PATTERN
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
 from mbd_sim.mechanism_file.key_synonyms import synonym
 from mbd_sim.mechanism_file.likely_mistakes import remedy_for_key, remedy_for_lone_key, remedy_for_type
-from mbd_sim.mechanism_file.spelling import NAME_PATTERN, as_written
+from mbd_sim.mechanism_file.spelling import as_written
 
 # Other words that users may write for a type: the first of the types that is valid at this place.
 _SYNONYMS = {
@@ -89,11 +90,14 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
             return "not a color", "Write it in quotes, as '#1f77b4'."
         case "string_pattern_mismatch" | "string_too_long":
             text = str(loc[-2] if loc[-1:] == ("[key]",) else value)
-            valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
-            example = f", for example {valid}" if len(valid) <= 60 and re.match(NAME_PATTERN, valid) else ""
             if "{" in text:
                 return "not a valid name", "An index in braces needs for: {i: 1..6} in the entry."
-            return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."
+            if loc[:1] in (("parameters",), ("tables",)):
+                valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
+                example = f", for example {valid}" if len(valid) <= 60 and re.match(PLAIN_PATTERN, valid) else ""
+                return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."
+            form = f"Use at most {LONGEST_NAME} characters without line ends, and none of {{ }}."
+            return "not a valid name", form
         case "string_type":
             between = "Write the name of a part, or part.point." if "between" in loc[-2:] else "Put it in quotes."
             return "must be text", between

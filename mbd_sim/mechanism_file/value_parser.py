@@ -9,11 +9,13 @@ from typing import cast
 from mbd_sim.errors import InputError, quoted
 from mbd_sim.geometry.batch import Batch, is_finite
 from mbd_sim.mechanism.expression import MAX_LENGTH, evaluate
+from mbd_sim.mechanism.names import QUOTED
 from mbd_sim.mechanism_file.units import factor, si_factor
 
 _UNIT = r"([A-Za-zµμ°%][\w°%·*/^ ().-]*)"
 _NUMBER_WITH_UNIT = re.compile(rf"([-+]?(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*{_UNIT}", re.ASCII)
 _TEMPLATE_WITH_UNIT = re.compile(rf"(.*\}})\s*{_UNIT}", re.ASCII)
+_QUOTED_OR_NOT = re.compile(rf"({QUOTED})|([^'\"]+|.)", re.DOTALL)
 _BRACED = re.compile(r"\$\{([^{}]*)\}")
 _ARITHMETIC_WITH_UNIT = re.compile(rf"(.*[\w)])\s+{_UNIT}", re.ASCII)
 # Text copied from books and web pages has these characters in place of ASCII.
@@ -40,7 +42,7 @@ def split_unit(text: str) -> tuple[str, str]:
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
-    text = text.translate(_PLAIN).strip()
+    text = _QUOTED_OR_NOT.sub(lambda found: found[1] or found[2].translate(_PLAIN), text).strip()
     form = _TEMPLATE_WITH_UNIT if "${" in text else _NUMBER_WITH_UNIT
     expression, unit = found.groups() if (found := form.fullmatch(text)) else (text, "")
     return _BRACED.sub(r"(\1)", expression), unit.strip()

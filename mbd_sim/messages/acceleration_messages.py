@@ -8,6 +8,7 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
+from mbd_sim.mechanism.names import readings, reference
 from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.messages.snapshot import Snapshot
@@ -103,13 +104,15 @@ def _cross(first: Array, second: Array) -> Array:
 
 def _frames(mechanism: Mechanism) -> list[str]:
     return [
-        name for part in mechanism.parts.values() for name in (part.name, *(f"{part.name}.{p}" for p in part.points))
+        name
+        for part in mechanism.parts.values()
+        for name in (reference(part.name), *(reference(part.name, point) for point in part.points))
     ]
 
 
 def _moving_frame(mechanism: Mechanism, name: str) -> tuple[str, Pose]:
-    first = name.partition(".")[0]
-    if first in mechanism.all_joints and first not in mechanism.parts:
+    named = [first for first, _ in readings(name)]
+    if any(one in mechanism.all_joints for one in named) and not any(one in mechanism.parts for one in named):
         raise InputError(f"'{name}' is a joint", f"Write '{COORDINATES}' for the accelerations of all joints.")
     part, pose = named_frame(mechanism, name)
     if part == GROUND:

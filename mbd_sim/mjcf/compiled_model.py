@@ -13,10 +13,11 @@ from typing import Any
 from mbd_sim.errors import MechanismError, quoted
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import from_quaternion
+from mbd_sim.mechanism.names import LONGEST_NAME
 from mbd_sim.mechanism.source import Origin
 from mbd_sim.mechanism_file.file_limits import digest_of_file, file_error
 from mbd_sim.packages import require_packages
-from mbd_sim.urdf.value_reader import LONGEST_NAME, Reading
+from mbd_sim.urdf.value_reader import Reading
 from mbd_sim.urdf.xml_slips import slips_of
 
 MOST = 1000  # elements of a kind in the list of what was left out

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mbd_sim.mechanism.names import in_expression
+
 
 def signed(value: float) -> str:
     """A number that may stand after an operator."""
@@ -24,4 +26,4 @@ def odd_polynomial(coefficients: Sequence[float], v: str) -> str:
 
 def weighted_sum(terms: Mapping[str, float], quantity: str) -> str:
     """Σ c q or Σ c q' of coordinates by name."""
-    return " + ".join(f"{signed(factor)}*{name}.{quantity}" for name, factor in terms.items())
+    return " + ".join(f"{signed(factor)}*{in_expression(name)}.{quantity}" for name, factor in terms.items())

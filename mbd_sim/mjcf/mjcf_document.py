@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import to_quaternion
+from mbd_sim.mechanism.names import unique_name
 from mbd_sim.mechanism.records import Attachment, Mechanism
 from mbd_sim.mjcf.written_bodies import WrittenBody, WrittenJoint
 
@@ -73,8 +74,8 @@ class Document:
         """The name of a site on a part; a new one, unless there is one of this name there."""
         key = (part, wanted)
         if key not in self.sites:
-            self.sites[key] = wanted
-            add_element(self.frames[part], "site", {"name": wanted, **placed(pose)})
+            self.sites[key] = unique_name(wanted, self.sites.values())
+            add_element(self.frames[part], "site", {"name": self.sites[key], **placed(pose)})
         return self.sites[key]
 
     def end(self, attachment: Attachment, wanted: str) -> str:

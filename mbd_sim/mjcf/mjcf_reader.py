@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mbd_sim.mechanism.names import accepted_names
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.file_limits import file_error
 from mbd_sim.mjcf.compiled_model import CompiledModel
@@ -18,7 +19,7 @@ from mbd_sim.mjcf.model_equalities import add_equalities
 from mbd_sim.mjcf.model_forces import add_armature, add_gravity_compensation, add_joint_forces
 from mbd_sim.mjcf.model_parts import ModelParts
 from mbd_sim.mjcf.model_tendons import add_tendon, tendon_of
-from mbd_sim.urdf.value_reader import rows, valid_names
+from mbd_sim.urdf.value_reader import rows
 
 GRAVITY = [0.0, 0.0, -9.81]
 
@@ -58,7 +59,7 @@ def _let_assembly_move(joints: dict[str, Any]) -> None:
 def _source(model: CompiledModel, parts: ModelParts) -> Source:
     name = model.spec.modelname or "model"
     gravity = [0.0, 0.0, 0.0] if model.disabled("GRAVITY") else rows(model.m.opt.gravity)
-    content: dict[str, Any] = {"mechanism": valid_names([name], "model")[name]}
+    content: dict[str, Any] = {"mechanism": accepted_names([name], "model")[name]}
     content |= {} if gravity == GRAVITY else {"gravity": gravity}
     content |= {key: entries for key, entries in parts.sections.items() if entries}
     source = Source(content, file=model.file, origins=parts.origins, format="MJCF")

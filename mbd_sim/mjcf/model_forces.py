@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.names import in_expression
 from mbd_sim.mjcf.expressions import odd_polynomial, polynomial, signed
 from mbd_sim.mjcf.model_actuators import Actuators
 from mbd_sim.mjcf.model_joints import SLIDE, has_spring_force
@@ -34,11 +35,11 @@ def add_joint_forces(parts: ModelParts) -> None:
             linear = min(float(m.dof_damping[dof]), 0.0)  # the rest is in the joint
             damping = [linear, *m.dof_dampingpoly[dof].tolist()]
             if any(damping) and not model.disabled("DAMPER"):
-                effort = f"-({odd_polynomial(damping, f'{name}.velocity')})"
+                effort = f"-({odd_polynomial(damping, f'{in_expression(name)}.velocity')})"
                 record = {"type": "effort", "coordinate": name, "effort": effort}
                 parts.add("forces", "joint", joint, f"{name}_damper", record)
             if (friction := float(m.dof_frictionloss[dof])) and len(names) > 1 and not model.disabled("FRICTIONLOSS"):
-                effort = f"{signed(-friction)}*tanh({name}.velocity/{SMOOTH})"
+                effort = f"{signed(-friction)}*tanh({in_expression(name)}.velocity/{SMOOTH})"
                 record = {"type": "effort", "coordinate": name, "effort": effort}
                 parts.add("forces", "joint", joint, f"{name}_friction", record)
 
@@ -51,7 +52,7 @@ def _add_spring(parts: ModelParts, joint: int) -> None:
     name, rest = parts.joints[joint], float(m.qpos_spring[m.jnt_qposadr[joint]])
     stiffness = [float(m.jnt_stiffness[joint]), *m.jnt_stiffnesspoly[joint].tolist()]
     terms = [0.0, 0.0, *(k / (power + 2) for power, k in enumerate(stiffness))]
-    energy = polynomial(terms, f"({name}.position - {signed(rest)})")
+    energy = polynomial(terms, f"({in_expression(name)}.position - {signed(rest)})")
     parts.add("forces", "joint", joint, f"{name}_spring", {"type": "potential", "energy": energy})
 
 

@@ -9,12 +9,13 @@ import numpy as np
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import to_quaternion
 from mbd_sim.mechanism.mass_properties import inertia_defect
+from mbd_sim.mechanism.names import accepted_names, reference, unique_name
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location, Origin
 from mbd_sim.mjcf.compiled_model import CompiledModel, pose
 from mbd_sim.mjcf.model_geoms import drawn
 from mbd_sim.mjcf.model_joints import SINGLE, joint_record
-from mbd_sim.urdf.value_reader import rows, unique_name, valid_names
+from mbd_sim.urdf.value_reader import rows
 
 UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -39,9 +40,9 @@ class ModelParts:
         self.origins: dict[Location, Origin] = {}
         m = model.m
         bodies = self._names("body", m.nbody, lambda index: f"body_{index}")
-        self.parts = {**valid_names_of(bodies, "body"), 0: GROUND}
+        self.parts = {**accepted_names_of(bodies, "body", (GROUND,)), 0: GROUND}
         owners = {index: self.parts[int(m.jnt_bodyid[index])] for index in range(m.njnt)}
-        self.joints = valid_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
+        self.joints = accepted_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
         self._used_parts = set(self.parts.values())
         for index in range(1, m.nbody):
             self._add_part(index)
@@ -72,7 +73,7 @@ class ModelParts:
     def add(self, section: str, kind: str, index: int, wanted: str, record: dict[str, Any]) -> str:
         """Add an entry; the name that it has."""
         entries = self.sections.setdefault(section, {})
-        name = unique_name(valid_names([wanted], section[:-1])[wanted], entries)
+        name = unique_name(accepted_names([wanted], section[:-1])[wanted], entries)
         entries[name] = record
         self.origins[section, name] = self.model.origin(kind, index)
         return name
@@ -80,14 +81,14 @@ class ModelParts:
     def point(self, part: str, place: Pose, wanted: str) -> str:
         """The name of a point of a part with this pose; that of the part alone, if the pose is its own."""
         own = not np.any(place.position) and not np.any(place.rotation != np.eye(3))
-        return part if own else self._add_point(part, place, wanted)
+        return reference(part) if own else self._add_point(part, place, wanted)
 
     def _add_point(self, part: str, place: Pose, wanted: str) -> str:
         holder = self.sections["ground"] if part == GROUND else self.sections["parts"][part]
         points = holder.setdefault("points", {})
-        name, turned = unique_name(valid_names([wanted], "point")[wanted], points), rotated(place)
+        name, turned = unique_name(accepted_names([wanted], "point")[wanted], points), rotated(place)
         points[name] = {"at": rows(place.position), **turned} if turned else rows(place.position)
-        return f"{part}.{name}"
+        return reference(part, name)
 
     def _add_part(self, index: int) -> None:
         m, name = self.model.m, self.parts[index]
@@ -114,7 +115,7 @@ class ModelParts:
         joints = range(int(m.body_jntadr[index]), int(m.body_jntadr[index] + m.body_jntnum[index]))
         if not joints:
             name = unique_name(f"{own}_fixed", {*self.joints.values(), *self.sections["joints"]})
-            record = {"type": "fixed", "between": [self.point(inner, place, own), own]}
+            record = {"type": "fixed", "between": [self.point(inner, place, own), reference(own)]}
             self._add_joint(name, "body", index, record)
         for joint in joints:
             name, last = self.joints[joint], joint == joints[-1]
@@ -141,9 +142,9 @@ class ModelParts:
         return found
 
 
-def valid_names_of(written: dict[int, str], otherwise: str) -> dict[int, str]:
-    """A unique valid name for each number."""
-    found = valid_names(written.values(), otherwise)
+def accepted_names_of(written: dict[int, str], otherwise: str, reserved: tuple[str, ...] = ()) -> dict[int, str]:
+    """A unique name for each number."""
+    found = accepted_names(written.values(), otherwise, reserved)
     return {index: found[name] for index, name in written.items()}
 
 

@@ -18,6 +18,7 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.channels import channel_names
+from mbd_sim.mechanism.names import readings, reference
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
@@ -58,7 +59,7 @@ class CasadiFunctions:
     @property
     def points(self) -> tuple[str, ...]:
         """The names of all points, such as `rod.tip`."""
-        return tuple(".".join(key) for key in self._inputs.points)
+        return tuple(reference(*key) for key in self._inputs.points)
 
     @property
     def actuator_states(self) -> tuple[str, ...]:
@@ -132,15 +133,16 @@ class CasadiFunctions:
 
         :raises InputError: there is no such point.
         """
-        part, _, point = name.partition(".")
-        if (part, point) not in self._inputs.points:
+        place = next((key for key in self._inputs.points if key in readings(name)), None)
+        if place is None:
             raise InputError(f"there is no point '{name}'", nearest(name, self.points))
+        part, point = place
         position = self._inputs.point_at(part, point, self._p)
         if part != GROUND:
             pose = self._call(self.equations.poses)[12 * self.equations.part_names.index(part) :][:12]
             position = pose[:3] + ca.reshape(pose[3:], 3, 3) @ position
         rate = ca.jtimes(position, self._x, self._rates) + ca.jtimes(position, self._t, ca.SX(1))
-        return self._function(f"point_{part}_{point}", {"position": position, "velocity": rate})
+        return self._function("point", {"position": position, "velocity": rate})
 
     @cached_property
     def _t(self) -> ca.SX:

@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from mbd_sim.errors import nearest, quoted
+from mbd_sim.mechanism.names import split_names
 
 RCLPY_PREFIXES = ("qos_overrides.",)  # of parameters that rclpy itself declares later
 ALL, WILDCARD = "all", "*"  # the former is what is dumped: `ros2 param load` cannot read the latter
@@ -92,7 +93,7 @@ class NodeParameters:
 
     def names_in(self, name: str) -> list[str]:
         """The entries of a parameter that holds names separated by commas; `*` for all."""
-        entries = [entry.strip() for entry in self._values[name].split(",") if entry.strip()]
+        entries = split_names(self._values[name])
         takes_all = self._specs[name].takes_all
         return [WILDCARD if takes_all and entry == ALL else entry for entry in entries]
 

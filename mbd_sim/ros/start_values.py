@@ -9,6 +9,7 @@ from typing import Any
 from rclpy.node import Node
 
 from mbd_sim.errors import CommandError, InputError, nearest, quoted
+from mbd_sim.mechanism.names import split_assignment, split_words
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_argument_remark
 from mbd_sim.mechanism_file.value_parser import parse_value
@@ -46,7 +47,7 @@ def start_values(text: str, parameters: Mapping[str, Any], model: Model) -> Stat
         text = str(parameters[PREFIX + text])
     positions: dict[str, float] = {}
     speeds: dict[str, float] = {}
-    for entry in text.split(","):
+    for entry in split_words(text, ","):
         name, value, is_speed = _entry(entry, model)
         values = speeds if is_speed else positions
         if name in values:
@@ -59,8 +60,8 @@ def start_values(text: str, parameters: Mapping[str, Any], model: Model) -> Stat
 
 
 def _entry(text: str, model: Model) -> tuple[str, float, bool]:
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals:
+    name, value = split_assignment(text)
+    if not value:
         raise CommandError(f"start: '{text.strip()}' is not of the form joint = value.")
     units = coordinate_units(model.mechanism)
     is_speed = name not in units and name.endswith(_SPEED)
@@ -75,8 +76,7 @@ def _entry(text: str, model: Model) -> tuple[str, float, bool]:
 def bare_angles_of(text: str, parameters: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
     """A sentence on each angle of a start that exceeds a full turn and has no unit."""
     units = coordinate_units(mechanism)
-    entries = str(parameters.get(PREFIX + text.strip(), text)).split(",")
-    pairs = [tuple(part.strip() for part in entry.partition("=")[::2]) for entry in entries]
+    pairs = [split_assignment(entry) for entry in split_words(str(parameters.get(PREFIX + text.strip(), text)), ",")]
     angles = [(name, value) for name, value in pairs if units.get(name) == "rad" and _NUMBER.fullmatch(value)]
     found = [bare_argument_remark(f"start: {name} = {value}", [float(value)]) for name, value in angles]
     return [remark for remark in found if remark]

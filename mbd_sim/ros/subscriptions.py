@@ -78,8 +78,9 @@ class Subscriptions:
         self._subscribe(Float64MultiArray, ACTUATORS, self._take_actuators)
         self._subscribe(JointTrajectory, TRAJECTORY, self._take_trajectory)
         self._subscribe(JointState, SET_STATE, self._take_state)
+        tokens = topic_names(base.name for base in mechanism.bases)
         for base in mechanism.bases:
-            topic = CMD_VEL if len(mechanism.bases) == 1 else f"{base.name}/{CMD_VEL}"
+            topic = CMD_VEL if len(mechanism.bases) == 1 else f"{tokens[base.name]}/{CMD_VEL}"
             self._subscribe(TwistStamped if stamped_cmd_vel else Twist, topic, partial(self._take_twist, topic, base))
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:

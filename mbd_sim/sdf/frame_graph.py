@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from mbd_sim.errors import MechanismError, Problem, nearest, quoted
 from mbd_sim.geometry.pose import Pose, identity_pose
-from mbd_sim.urdf.value_reader import LONGEST_NAME
+from mbd_sim.mechanism.names import LONGEST_NAME
 from mbd_sim.urdf.xml_elements import Element
 
 MODEL, WORLD = "__model__", "world"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.names import accepted_names, reference, unique_name
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location, Origin, Source
 from mbd_sim.mechanism_file.file_limits import file_error
@@ -22,7 +23,7 @@ from mbd_sim.sdf.links import part_of, rotated
 from mbd_sim.sdf.scopes import FRAMES, ScopeReader
 from mbd_sim.sdf.values import Values
 from mbd_sim.urdf.robot_reader import Base
-from mbd_sim.urdf.value_reader import Reading, rows, unique_name, valid_names
+from mbd_sim.urdf.value_reader import Reading, rows
 from mbd_sim.urdf.xml_elements import Element, parse_xml
 
 MOST = 1000  # elements of a kind in the list of what was left out
@@ -89,7 +90,7 @@ class _Reader:
         models = [*self.scope.of_kind("model")]
         name = models[0].name if len(models) == 1 else self.world.attributes.get("name") or "world"
         sections = {key: entries for key, entries in self.data.items() if entries}
-        content = {"mechanism": valid_names([name], "model")[name], **self._gravity(), **sections}
+        content = {"mechanism": accepted_names([name], "model")[name], **self._gravity(), **sections}
         source = Source(
             content, file=self.reading.file, problems=self.reading.problems, origins=self.origins, format="SDF"
         )
@@ -124,7 +125,7 @@ class _Reader:
                 path.insert(0, owner.name)
                 owner = owner.scope.owner
             written.append("::".join(path[1:] if alone and len(path) > 1 else path))
-        names = valid_names(written, kind)
+        names = accepted_names(written, kind, (GROUND,) if kind == "link" else ())
         for old, new in names.items():
             if old != new:
                 self.reading.leave_out("names that are not valid here, as old → new", f"{old} → {new}")
@@ -159,12 +160,12 @@ class _Reader:
         rotation = _clean(pose.rotation)
         pose = Pose(_clean(pose.position), rotation)
         if not always and not np.any(pose.position) and not np.any(rotation != np.eye(3)):
-            return part
+            return reference(part)
         holder = self.data["ground"] if link is None else self.data["parts"][part]
         points = holder.setdefault("points", {})
-        name, turned = unique_name(valid_names([wanted], "point")[wanted], points), rotated(pose)
+        name, turned = unique_name(accepted_names([wanted], "point")[wanted], points), rotated(pose)
         points[name] = {"at": rows(pose.position), **turned} if turned else rows(pose.position)
-        return f"{part}.{name}"
+        return reference(part, name)
 
     def _add_bases(self) -> None:
         """Attach each group of links that joints connect, but not to the world, by its first link."""
@@ -175,10 +176,11 @@ class _Reader:
                 part, place = self.part_names[id(link)], world_pose(link)
                 name = unique_name("base" if len(groups) == len(group) == 1 else f"{part}_base", names)
                 names.append(name)
+                own = reference(part)
                 if id(link) in self.static or self.base == "fixed":
-                    record: dict[str, Any] = {"type": "fixed", "between": [self._point(None, place, part), part]}
+                    record: dict[str, Any] = {"type": "fixed", "between": [self._point(None, place, part), own]}
                 else:
-                    record = {"type": "free", "between": [GROUND, part]}
+                    record = {"type": "free", "between": [GROUND, own]}
                     record |= {"position": rows(place.position)} if np.any(place.position) else {}
                     turned = rotated(Pose(place.position, _clean(place.rotation)))
                     record |= {"orientation": turned["rotate"]} if turned else {}

@@ -6,6 +6,7 @@ loops they are at the start, where the loops are closed, and the coordinates of 
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,13 +16,13 @@ import numpy as np
 from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import to_quaternion
+from mbd_sim.mechanism.names import unique_name
 from mbd_sim.mechanism.records import GROUND, Mechanism, Part, Shape
 from mbd_sim.mjcf.mjcf_document import Written, number, text, written
 from mbd_sim.sdf.frame_graph import WORLD
 from mbd_sim.sdf.written_joints import Placement, WrittenAxis, WrittenJoint, written_chain, written_closing
 from mbd_sim.urdf.joint_motions import mimics_of
 from mbd_sim.urdf.urdf_writer import THICKNESS
-from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
 
@@ -66,7 +67,24 @@ def to_sdf(mechanism: Mechanism) -> Written:
     _add_joints(document)
     _add_frames(document)
     _note_rest(document)
+    _rename(document, root)
     return written(root, document.left_out, declaration=True)
+
+
+def _rename(document: Document, root: Element) -> None:
+    """Replace the names that SDF reserves: `::` leads into models, and `__…__` are its own."""
+    elements, new = list(root.iter()), dict[str, str]()
+    used = {element.attrib["name"]: None for element in elements if "name" in element.attrib}
+    for name in [name for name in used if "::" in name or re.fullmatch("__.*__", name)]:
+        new[name] = unique_name(re.sub("::|^__|__$", "_", name), used)
+        used[new[name]] = None
+        document.leave_out("names that SDF reserves, as old → new", [f"{name} → {new[name]}"])
+    for element in elements:
+        for key in ("name", "attached_to", "joint"):
+            if element.get(key) in new:
+                element.set(key, new[element.attrib[key]])
+        if element.tag in ("parent", "child") and element.text in new:
+            element.text = new[element.text]
 
 
 def _placement(mechanism: Mechanism) -> Placement:

@@ -19,8 +19,12 @@ def named_frame(mechanism: Mechanism, frame: str) -> tuple[str, Pose]:
 
     :raises InputError: there is no such part or point.
     """
-    points = {name: part.points for name, part in mechanism.parts.items()}
-    return resolve_reference(frame, {**points, GROUND: mechanism.ground_points})
+    return resolve_reference(frame, points_of(mechanism))
+
+
+def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, Pose]]:
+    """The points of the parts and of ground."""
+    return {**{name: part.points for name, part in mechanism.parts.items()}, GROUND: mechanism.ground_points}
 
 
 def motion_of(model: Model, mechanism: Mechanism, frame: str, time: float, y: Array, inputs: Array) -> PartMotion:

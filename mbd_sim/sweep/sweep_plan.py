@@ -11,6 +11,7 @@ import numpy as np
 
 from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.names import split_assignment
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_argument_remark, is_angle
 from mbd_sim.mechanism_file.override import location_of, number_at, value_of
@@ -64,8 +65,8 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
 
     :raises CommandError: the text cannot be read, or the mechanism has no number of this name.
     """
-    name, equals, rest = (part.strip() for part in text.partition("="))
-    if not equals or not rest:
+    name, rest = split_assignment(text)
+    if not rest:
         raise CommandError(f"'{text}' gives no values. {_EXAMPLES}")
     _require_number(name, mechanism)
 
@@ -92,7 +93,7 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
 
 def bare_variation_remark(text: str, mechanism: Mechanism) -> str:
     """A sentence if the text of a variation has an angle beyond a full turn without a unit, or ""."""
-    name, _, rest = (part.strip() for part in text.partition("="))
+    name, rest = split_assignment(text)
     called, parts = _CALL.fullmatch(rest), rest.split(":")
     words = called[2].split(",") if called else parts[:2] if len(parts) > 1 else rest.split(",")
     if name.startswith(EFFORT) or not is_angle(mechanism.source, location_of(mechanism, name)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from mbd_sim.mechanism.names import split_key
 from mbd_sim.symbolic.latex_printer import escaped
 
 _SMALL = """
@@ -28,7 +29,7 @@ def symbol_latex(name: str) -> str:
 
 def key_name(key: str) -> tuple[str, str]:
     """The name of a number of a file and its LaTeX: of `parts.rod.mass`, m with the subscript rod."""
-    _, *owner, last = key.replace("[", ".").replace("]", "").replace("'", "").split(".")
+    _, *owner, last = map(str, split_key(key))
     steps = [step for step in owner if step not in ("shape", "shapes")]
     if last in LETTERS and steps:
         subscript = ",".join(rf"\mathrm{{{escaped(step)}}}" for step in steps)

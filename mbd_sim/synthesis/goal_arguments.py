@@ -14,6 +14,7 @@ from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.prescribed_drives import DriveRange, parameter_number
 from mbd_sim.mechanism.expression import evaluate
+from mbd_sim.mechanism.names import split_assignment
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.synthesis.goals import EffortGoal, FunctionGoal, Goal, PathGoal
 
@@ -28,7 +29,7 @@ def bounds_of(texts: Sequence[str], mechanism: Mechanism) -> dict[str, tuple[flo
     """
     found: dict[str, tuple[float, float]] = {}
     for text in texts:
-        key, _, rest = (part.strip() for part in text.partition("="))
+        key, rest = split_assignment(text)
         words = [word.strip() for word in rest.split(":")]
         if not key or len(words) != 2 or not all(words):
             raise InputError(f"'{text}' gives no bounds", "Write KEY=LOW:HIGH, for example l=0.5:2 or l=200mm:400mm.")
@@ -54,7 +55,7 @@ def goal_of(options: Namespace, mechanism: Mechanism, drive: DriveRange, count: 
     if options.path:
         return _path(options.path, drive, count, free_timing=options.free_timing)
     if options.function:
-        output, _, expression = (part.strip() for part in options.function.partition("="))
+        output, expression = split_assignment(options.function)
         if not output or not expression:
             raise InputError(f"'{options.function}' is no function", "Write NAME=EXPRESSION.")
         values = [evaluate(expression, {**mechanism.parameters, drive.name: float(at)}) for at in drives]
@@ -63,7 +64,7 @@ def goal_of(options: Namespace, mechanism: Mechanism, drive: DriveRange, count: 
 
 
 def _path(text: str, drive: DriveRange, count: int | None, *, free_timing: bool) -> PathGoal:
-    point, _, name = (part.strip() for part in text.partition("="))
+    point, name = split_assignment(text)
     if not point or not name:
         raise InputError(f"'{text}' is no path", "Write PART.POINT=FILE.csv.")
     table = _table(Path(name))

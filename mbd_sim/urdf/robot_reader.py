@@ -10,18 +10,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mbd_sim.errors import listed, nearest, quoted
+from mbd_sim.mechanism.names import LONGEST_NAME, accepted_names, reference, unique_name
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location, Origin, Source
 from mbd_sim.mechanism_file.file_limits import file_error
 from mbd_sim.urdf.joint_reader import joint_of, mimic_of
 from mbd_sim.urdf.link_reader import MOMENTS, Origins, color_of, part_of
 from mbd_sim.urdf.unread import note_unread, read
-from mbd_sim.urdf.value_reader import (
-    LONGEST_NAME,
-    Reading,
-    unique_name,
-    valid_names,
-)
+from mbd_sim.urdf.value_reader import Reading
 from mbd_sim.urdf.xml_elements import Element, parse_xml
 
 Base = Literal["fixed", "free"]
@@ -96,7 +92,8 @@ class _Robot:
         named = self._named("joint")
         self.kinds = {name: joint.attributes.get("type", "") for name, joint in named.items()}
         self.joints = self._connected(named)
-        self.part_names, self.joint_names = valid_names(self.links, "link"), valid_names(self.joints, "joint")
+        self.part_names = accepted_names(self.links, "link", (GROUND,))
+        self.joint_names = accepted_names(self.joints, "joint")
         self.root = self._root()
         self.grounded = self._is_ground()
         if self.grounded:
@@ -108,7 +105,7 @@ class _Robot:
     def source(self) -> Source:
         """The data, and the origins of its values."""
         name = self.robot.attributes.get("name") or "robot"
-        data: dict[str, Any] = {"mechanism": valid_names([name], "robot")[name]}
+        data: dict[str, Any] = {"mechanism": accepted_names([name], "robot")[name]}
         colors = self._colors()
         parts = {
             self.part_names[name]: self._part(link, name, colors)
@@ -231,7 +228,7 @@ class _Robot:
         name = unique_name(BASE, self.joint_names.values())
         origin = self.reading.origin(self.links[self.root], _key("link", self.root))
         self.origins[("joints", name)] = origin
-        return {name: {"type": self.base, "between": [GROUND, self.part_names[self.root]]}}
+        return {name: {"type": self.base, "between": [GROUND, reference(self.part_names[self.root])]}}
 
     def _colors(self) -> dict[str, str]:
         """The colors of the materials of the whole robot, by name."""
@@ -261,7 +258,7 @@ class _Robot:
         self.origins[("ground", *point) if parent == GROUND else ("parts", parent, *point)] = self.reading.origin(
             joint.first("origin") or joint, f"{key}.origin"
         )
-        between = [f"{parent}.{own}" if pose else parent, child]
+        between = [reference(parent, own if pose else ""), reference(child)]
         return {"type": record.pop("type"), "between": between, **record}, pose
 
     def _couplings(self) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.drives import commanded_drives
+from mbd_sim.mechanism.names import unique_name
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.urdf.value_reader import unique_name
 
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 INTERFACES = ("position", "velocity", "effort")

@@ -16,12 +16,12 @@ import numpy as np
 from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import to_rpy
+from mbd_sim.mechanism.names import unique_name
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Mesh, Part, Shape
 from mbd_sim.mechanism.sensors import FramelessSensor, FrameSensor, frame_id
 from mbd_sim.urdf import xml_elements
 from mbd_sim.urdf.joint_motions import Motion, mimics_of, motions_of
 from mbd_sim.urdf.ros2_control import ControlTopics, ros2_control_block
-from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
 

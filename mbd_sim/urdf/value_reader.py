@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,8 @@ import numpy as np
 from mbd_sim.errors import Problem, listed, quoted
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import from_rpy
-from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Origin
-from mbd_sim.mechanism_file.spelling import NAME_PATTERN
 from mbd_sim.urdf.xml_elements import Element
-
-LONGEST_NAME = 60
 
 NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
@@ -115,30 +110,3 @@ def placed(xyz: list[float], rpy: list[float]) -> dict[str, Any]:
 def rows(array: Array) -> list[float]:
     """An array as plain numbers, without negative zeros."""
     return [float(value) + 0.0 for value in array]
-
-
-def valid_names(written: Iterable[str], otherwise: str) -> dict[str, str]:
-    """A unique valid name for each written name; valid names stay as they are."""
-    written = list(dict.fromkeys(written))
-    found = {name: name for name in written if re.match(NAME_PATTERN, name) and len(name) <= LONGEST_NAME}
-    found.pop(GROUND, None)
-    used = {*found.values(), GROUND}
-    for name in written:
-        if name in found:
-            continue
-        plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
-        if not re.match(NAME_PATTERN, plain) or plain == GROUND:
-            plain = f"{otherwise}_{plain}".rstrip("_")
-        found[name] = unique_name(plain, used)
-        used.add(found[name])
-    return {name: found[name] for name in written}
-
-
-def unique_name(wanted: str, used: Iterable[str]) -> str:
-    """The wanted name, cut to the maximum length, with a number appended if another object has it."""
-    used, number, name = set(used), 1, wanted[:LONGEST_NAME]
-    while name in used:
-        number += 1
-        ending = f"_{number}"
-        name = wanted[: LONGEST_NAME - len(ending)] + ending
-    return name

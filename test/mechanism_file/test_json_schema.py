@@ -117,12 +117,12 @@ def test_a_file_with_every_key_satisfies_it_and_loads():
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("mechanism: pendulum", "mechanism: two words"),
+        ("mechanism: pendulum", "mechanism: two{words}"),
         ("mechanism: pendulum\n", ""),
         ("    mass: m", "    mass: -1"),
         ("    mass: m", "    mass: [1]"),
         ("    mass: m", "    mas: m"),
-        ("  rod:\n", "  rod: {}\n  the rod:\n"),
+        ("  rod:\n", "  rod: {}\n  the}rod:\n"),
         ("  l: 1.5 m", "  l: [1]"),
         ("type: rod", "type: cone"),
         ("to: [0, 0, -l]}\n    points", "to: [0, 0]}\n    points"),

@@ -104,15 +104,15 @@ def test_models_are_free_static_or_fixed():
 def test_names_of_nested_models_and_points():
     mechanism = parse_mechanism(ROBOT)
     assert [*mechanism.parts] == [
-        "robot_foot",
-        "robot_arm",
-        "robot_slider",
-        "robot_hand_palm",
-        "robot_hand_finger",
-        "post_body",
+        "robot::foot",
+        "robot::arm",
+        "robot::slider",
+        "robot::hand::palm",
+        "robot::hand::finger",
+        "post::body",
     ]
     assert mechanism.ground_points["table"].position.tolist() == [1.0, 2.0, 0.5]
-    assert "mount" in mechanism.parts["robot_foot"].points
+    assert "mount" in mechanism.parts["robot::foot"].points
     assert parse_mechanism(mechanism_text(mechanism.source)).source.data == mechanism.source.data
 
 
@@ -127,8 +127,8 @@ def test_models_are_included(tmp_path):
         f'<sdf version="1.9"><world name="w">{include.format("one", 1)}{include.format("two", 2)}</world></sdf>'
     )
     mechanism = load_mechanism(main)
-    assert [*mechanism.parts] == ["one_x", "one_y", "two_x", "two_y"]
-    assert Kinematics(mechanism).poses()["two_y"].position.tolist() == [2.0, 0.0, 1.0]
+    assert [*mechanism.parts] == ["one::x", "one::y", "two::x", "two::y"]
+    assert Kinematics(mechanism).poses()["two::y"].position.tolist() == [2.0, 0.0, 1.0]
     main.write_text('<sdf version="1.9"><world name="w">\n<include><uri>model://leg</uri></include></world></sdf>')
     with pytest.raises(MechanismError, match=r"main\.sdf:2: include\.uri: there is no such model"):
         load_mechanism(main)

@@ -259,20 +259,22 @@ def test_a_massless_root_named_world_is_ground():
         parse_mechanism(text, base="free")
 
 
-def test_names_are_made_valid():
+def test_names_are_kept_unless_they_cannot_be_names():
     text = robot(
         link("left-foot.1"),
         link("left_foot.1"),
         link("ground"),
+        link("tip{1}"),
+        joint("tip", "continuous", parent="left-foot.1", child="tip{1}"),
         joint("1st joint", "continuous", parent="left-foot.1", child="left_foot.1"),
         joint("base", "continuous", parent="left_foot.1", child="ground"),
         name="my robot",
     )
     mechanism = parse_mechanism(text)
-    assert mechanism.name == "my_robot"
-    assert list(mechanism.parts) == ["left_foot_1", "left_foot_1_2", "link_ground"]
-    assert list(mechanism.joints) == ["base_2", "joint_1st_joint", "base"]
-    assert "left-foot.1 → left_foot_1" in mechanism.source.notes[0]
+    assert mechanism.name == "my robot"
+    assert list(mechanism.parts) == ["left-foot.1", "left_foot.1", "link_ground", "tip_1_"]
+    assert list(mechanism.joints) == ["base_2", "tip", "1st joint", "base"]
+    assert "ground → link_ground, tip{1} → tip_1_" in mechanism.source.notes[0]
 
 
 def test_what_is_not_the_robot_is_noted():

@@ -136,7 +136,7 @@ def check_again(mechanism, rng):
     pairs = []
     for name, joint in mechanism.joints.items():
         in_q, in_u = where[name]
-        labels = [each.replace(".", "_") for each in joint.motion_names]
+        labels = joint.motion_names
         if joint.type == "free":
             labels, groups = [name], [(in_q, in_u)]
         else:
@@ -149,7 +149,7 @@ def check_again(mechanism, rng):
             efforts2[there[label][1]] = efforts[from_u]
             pairs.append((from_u, there[label][1]))
         if joint.type == "screw":
-            travel = there[f"{name}_travel"]
+            travel = there[f"{name}.travel"]
             q2[travel[0]], u2[travel[1]] = (joint.lead / (2.0 * np.pi) * value for value in (q[in_q], u[in_u]))
     found, expected = accelerations(derive(again), q2, u2, efforts2), accelerations(derive(mechanism), q, u, efforts)
     if not len(u):

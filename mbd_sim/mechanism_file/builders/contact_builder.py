@@ -7,14 +7,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
 
-from mbd_sim.errors import nearest, quoted
+from mbd_sim.errors import InputError, quoted
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, ContactBody, Cushion, Face
 from mbd_sim.mechanism.one_sided import ContactLaw
+from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.contact_shapes import edges, round_body
+from mbd_sim.mechanism_file.builders.part_builder import shapes_of
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import PartSpec
 from mbd_sim.mechanism_file.schema.shape_schema import AnyShapeSpec
@@ -47,6 +50,11 @@ class _ContactBuilder:
 
     def __init__(self, parts: Mapping[str, PartSpec], context: BuildContext) -> None:
         self._parts, self._context = parts, context
+        points = context.points_by_part
+        self._names = {name: known and dict.fromkeys(known) for name, known in points.items()}
+        for name, spec in parts.items():
+            shapes = dict.fromkeys(shape.name for shape in shapes_of(spec) if shape.name)
+            self._names[name] = {**shapes, **dict.fromkeys(spec.points)}
 
     def build(self, name: str, spec: ContactSpec) -> list[Contact]:
         before = len(self._context.problems)
@@ -187,21 +195,20 @@ class _ContactBuilder:
 
         :param enclosing: prefer the holes of the part.
         """
-        part, dot, name = (word.strip() for word in reference.partition("."))
+        try:
+            part, name = split_reference(reference, self._names, "shape or point")
+        except InputError as error:
+            self._context.problems.append(self._context.source.problem_of(where, error))
+            return []
         spec = self._parts.get(part)
-        shapes = [] if spec is None else [spec.shape] if spec.shape is not None else list(spec.shapes or [])
-        if dot and (named := [shape for shape in shapes if shape.name == name]):
+        shapes = [] if spec is None else shapes_of(spec)
+        if named := [shape for shape in shapes if name and shape.name == name]:
             return [_Solid(part, reference, named[0])]
-        if dot and spec is not None and name not in spec.points:
-            known = {shape.name: None for shape in shapes if shape.name} | dict.fromkeys(spec.points)
-            remedy = nearest(name, known) or f"Name a shape of '{part}', or a point under its 'points'."
-            self._context.report(where, f"'{part}' has no shape or point {quoted(name)}", remedy)
+        if spec is None and part != GROUND:
             return []
-        frame = self._context.frame(where, reference)
-        if frame is None or (spec is None and part != "ground"):
-            return []
-        if dot:
-            return [_Solid(part, reference, frame[1])]
+        if name is not None:
+            frame = self._context.frame(where, reference)
+            return [] if frame is None else [_Solid(part, reference, frame[1])]
         holes = [shape for shape in shapes if shape.hole]
         chosen = holes if enclosing and holes else [shape for shape in shapes if not shape.hole]
         if not chosen:

@@ -30,6 +30,7 @@ from mbd_sim.mechanism_file.builders.optional_sections import (
 )
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
+from mbd_sim.mechanism_file.coordinate_names import POSITION, VELOCITY
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.force_elements import ForceElement
@@ -98,6 +99,17 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         sensor_seed=round(file.sensor_seed),
     )
     return with_exact_loops(mechanism, file.tolerance)
+
+
+def _require_different_coordinates(joints: Mapping[str, Joint], context: BuildContext) -> None:
+    """Report joints of which a coordinate, its position or its speed has the name of another one: `a.x` beside `a`."""
+    found: dict[str, str] = {}
+    for joint in joints.values():
+        names = [name + suffix for name in joint.motion_names for suffix in ("", POSITION, VELOCITY)]
+        if other := next((found[name] for name in names if name in found), None):
+            message = f"a coordinate has the same name as one of '{other}'"
+            context.report(("joints", joint.name), message, "Rename one of the two joints.")
+        found |= dict.fromkeys(names, joint.name)
 
 
 def _joints_of(tree: SpanningTree, joints: Mapping[str, Joint]) -> dict[str, Joint]:
@@ -182,6 +194,7 @@ def build_elements(
     built_actuators = build_actuators(actuators, known_joints, context)
     built_sensors = build_sensors(sensors, known_joints, built_actuators, step, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
+    _require_different_coordinates(valid_joints, context)
     found = (joint_bushing(joint, joints[name]) for name, joint in valid_joints.items())
     bushings = tuple(bushing for bushing in found if bushing)
     built_bases = () if problems else build_bases(bases, valid_joints, built_actuators, context)

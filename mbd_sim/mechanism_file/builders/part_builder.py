@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: list[Problem]) -> Part:
     """A part; its problems are added to `problems`."""
     location: Location = ("parts", name)
-    shapes = _shapes(spec)
+    shapes = shapes_of(spec)
     meshes = tuple(
         Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
         for mesh in spec.meshes
@@ -57,7 +57,8 @@ def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     }
 
 
-def _shapes(spec: file_schema.PartSpec) -> list[AnyShapeSpec]:
+def shapes_of(spec: file_schema.PartSpec) -> list[AnyShapeSpec]:
+    """The shapes of a part."""
     return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
 
 
@@ -101,7 +102,7 @@ def _given_properties(
     """Mass, mass center and inertia from the file; the shapes are only drawn."""
     if spec.mass is None:
         problems.append(source.problem(location, "'mass' is missing", "Add 'mass', or a shape with mass or density."))
-    for index, shape in enumerate(_shapes(spec)):
+    for index, shape in enumerate(shapes_of(spec)):
         if not _is_drawn_only(shape) and (shape.mass is not None or getattr(shape, "density", None) is not None):
             where = (*location, "shape") if spec.shape else (*location, "shapes", index)
             remedy = "Remove the shape's mass: if the part gives its inertia, its shapes are only drawn."
@@ -119,7 +120,7 @@ def _computed_properties(
     from mbd_sim.mechanism_file.builders.shape_builder import of_shapes
 
     try:
-        return of_shapes(_shapes(spec), spec.mass)
+        return of_shapes(shapes_of(spec), spec.mass)
     except InputError as error:
         problems.append(source.problem_of(location, error))
         return MassProperties(spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)))

@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from mbd_sim.errors import InputError
+from mbd_sim.mechanism.names import LONGEST_NAME, NAME_PATTERN, PLAIN_PATTERN
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     Length,
@@ -27,10 +28,11 @@ from mbd_sim.mechanism_file.quantity import (
     TorsionDamping,
     TorsionStiffness,
 )
-from mbd_sim.mechanism_file.spelling import FORMER_KEYS, NAME_PATTERN
+from mbd_sim.mechanism_file.spelling import FORMER_KEYS
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
-Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
+Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
+PlainName = Annotated[str, StringConstraints(pattern=PLAIN_PATTERN, max_length=60)]
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 

@@ -22,6 +22,7 @@ from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.base_schema import (
     Color,
     Name,
+    PlainName,
     PointOrVector,
     RotationSpec,
     Spec,
@@ -132,11 +133,11 @@ class MechanismFile(Spec):
     base: Literal["fixed", "free"] | None = Field(
         None, description="whether the root link of the URDF is fixed to ground or free"
     )
-    parameters: dict[Name, Value] = Field({}, description="named numbers for use in expressions")
+    parameters: dict[PlainName, Value] = Field({}, description="named numbers for use in expressions")
     functions: dict[FunctionHead, Value] = Field(
         {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
     )
-    tables: dict[Name, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
+    tables: dict[PlainName, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
     tolerance: Tolerance = Field(
         1e-3,
         description="loops whose axes are parallel, or meet, within this angle in rad, and this part of their size, "

@@ -56,7 +56,7 @@ MISTAKES = {
     "a curve with one equation": ("{type: on_curve, point: a, equation: x}", "constraints.k", "needs 'equations'", "A curve has two: equations."),
     "a surface with two equations": ("{type: on_surface, point: a, equations: [x, y]}", "constraints.k", "needs 'equation'", "A surface has one: equation."),
     "an unknown name in an equation": ("{type: on_surface, point: a, equation: x + w}", "constraints.k.equation", "unknown name 'w'", ""),
-    "code in an equation": ("{type: on_surface, point: a, equation: \"__import__('os')\"}", "constraints.k.equation", "not a number", ""),
+    "code in an equation": ("{type: on_surface, point: a, equation: \"__import__('os')\"}", "constraints.k.equation", "unknown name 'os'", ""),
     "a length in seconds": ("{type: distance, between: [a, b], length: 1 s}", "constraints.k.length", "", ""),
     "a direction of zeros": ("{type: on_line, point: a, direction: [0, 0, 0]}", "constraints.k.direction", "", ""),
     "a line without direction": ("{type: on_line, point: a}", "constraints.k", "'direction' is missing", "Add it."),
