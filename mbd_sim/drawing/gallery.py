@@ -1,4 +1,4 @@
-"""The gallery of the shipped mechanisms: `python -m mbd_sim.drawing.gallery docs` writes `gallery.md` and its pictures.
+"""The gallery of shipped mechanisms: `python -m mbd_sim.drawing.gallery docs` writes its page and pictures.
 
 Names after the folder limit the pictures to these mechanisms.
 

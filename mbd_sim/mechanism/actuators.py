@@ -119,7 +119,7 @@ Machine = Motor | Cylinder
 
 @dataclass(frozen=True)
 class Servo:
-    """A controller of the position or velocity of the port, with the motor's command: `mbd_sim.dynamics.servos`.
+    """A controller of the port's position or velocity, with the motor's command: `mbd_sim.dynamics.servos`.
 
     Gains are in units of the output for 1 rad or m, or 1 rad/s or m/s, and per second (`ki`) or times a second (`kd`).
     `feedforward` multiplies the commanded velocity. The output stays within `limit`; beyond it, the integral follows

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
@@ -321,12 +320,6 @@ class Mechanism:
     def mass(self) -> float:
         """The mass of all parts, kg."""
         return float(sum(part.mass for part in self.parts.values()))
-
-    def _repr_html_(self) -> str:
-        return str(import_module("mbd_sim.notebook.views").mechanism_html(self))
-
-    def _repr_png_(self) -> bytes:
-        return bytes(import_module("mbd_sim.notebook.views").mechanism_png(self))
 
     def tree_joints(self) -> Iterator[Joint]:
         """The joints of the tree from ground outwards."""

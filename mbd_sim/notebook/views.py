@@ -1,4 +1,4 @@
-"""Pictures and tables of mechanisms and simulations as HTML and PNG, for `_repr_html_` and `_repr_png_`."""
+"""Pictures and tables of mechanisms and simulations as HTML and PNG."""
 
 from __future__ import annotations
 

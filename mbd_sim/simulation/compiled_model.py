@@ -138,7 +138,7 @@ class Model:
         return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
 
     def pose_array(self, time: float, y: Array, inputs: Array | None = None) -> Array:
-        """The pose rows (parts, 12) of `part_names` in ground's frame: see `mbd_sim.geometry.pose.unpack_poses`."""
+        """Pose rows (parts, 12) of `part_names` in ground's frame: see `mbd_sim.geometry.pose.unpack_poses`."""
         return self._read("poses", time, y, np.empty((len(self.part_names), 12)), inputs)
 
     def poses(self, time: float, y: Array, inputs: Array | None = None) -> Mapping[str, Pose]:

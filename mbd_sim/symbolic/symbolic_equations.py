@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any
 
 import casadi as ca
@@ -61,10 +60,6 @@ class SymbolicEquations:
     parameters: tuple[ParameterSymbol, ...] = ()
     built_in: Mapping[str, str] = field(default_factory=dict)
     sensors: tuple[SymbolicSensor, ...] = ()
-
-    def _repr_latex_(self) -> str:
-        """The equations of motion and the constraints as one formula for MathJax."""
-        return str(import_module("mbd_sim.symbolic.screen_latex").screen_latex(self))  # which imports this module
 
     @property
     def q(self) -> tuple[Any, ...]:

@@ -3,13 +3,17 @@
 import base64
 import io
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from IPython.core.formatters import DisplayFormatter
 from PIL import Image
 
 from mbd_sim import InputError, Simulation, load_mechanism, symbolic_equations
+from mbd_sim.notebook.formatters import FORMATTERS, register
 
 
 class Table(HTMLParser):
@@ -35,8 +39,34 @@ class Table(HTMLParser):
             self.rows[self._cells[-2]] = self._cells[-1]
 
 
+def shown_in_a_notebook(record):
+    """What IPython displays, by MIME type."""
+    display = DisplayFormatter()
+    register(display.formatters)
+    data, _ = display.format(record)
+    return data
+
+
+def test_importing_the_package_in_a_notebook_registers_its_formatters():
+    program = """
+from IPython.core.interactiveshell import InteractiveShell
+formatters = InteractiveShell.instance().display_formatter.formatters
+import mbd_sim
+import sys
+types = [f"{module}.{name}" for kind in formatters.values() for module, name in kind.deferred_printers]
+print("numpy" in sys.modules, *(name for name in types if name.startswith("mbd_sim.")))
+"""
+    heavy, *names = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    ).stdout.split()
+    assert heavy == "False"
+    assert sorted(set(names)) == sorted({name for _, name, _ in FORMATTERS})
+
+
 def test_a_mechanism_shows_its_degrees_of_freedom():
-    table = Table(load_mechanism("four_bar")._repr_html_())
+    data = shown_in_a_notebook(load_mechanism("four_bar"))
+    assert data["image/png"].startswith(b"\x89PNG")
+    table = Table(data["text/html"])
     assert (table.rows["degrees of freedom"], table.rows["parts"], table.rows["joints"]) == ("1", "3", "4")
     ((kind, picture),) = table.pictures
     assert kind == "svg+xml" and b"<svg" in picture
@@ -95,7 +125,7 @@ def test_an_animation_has_a_frame_every_forty_milliseconds():
 
 @pytest.mark.parametrize("name", ["double_rod", "four_bar", "upright_wheel"])
 def test_equations_are_one_formula(name):
-    text = symbolic_equations(load_mechanism(name), ())._repr_latex_()
+    text = shown_in_a_notebook(symbolic_equations(load_mechanism(name), ()))["text/latex"]
     assert text.startswith("$") and text.endswith("$") and text.count("$") == 2
     assert text.count(r"\begin") == text.count(r"\end") and "align*" not in text and r"\text{" not in text
     assert text.count("{") == text.count("}")
