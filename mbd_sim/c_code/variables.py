@@ -12,6 +12,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, DcMotor
 from mbd_sim.mechanism.drives import CommandedDrive, commanded_drives
+from mbd_sim.mechanism.names import reference
 from mbd_sim.mechanism.records import Mechanism
 
 _WRENCH = (
@@ -182,7 +183,7 @@ def actuator_outputs(mechanism: Mechanism, readings: Sequence[str]) -> list[tupl
 
 def point_outputs(part: str, point: str) -> list[Variable]:
     """Position and velocity of a point in ground's axes."""
-    name, found = f"{part}.{point}", []
+    name, found = reference(part, point), []
     for what, prefix, unit in (("position", "p", "m"), ("velocity", "v", "m/s")):
         for letter in "xyz":
             about = f"{what} {letter} of {name} in ground's axes"

@@ -20,11 +20,13 @@ class CompiledReaders:
     def __init__(self, functions: Mapping[str, ca.Function]) -> None:
         """Compile functions, by name."""
         module = new_module()
+        symbols = {name: f"read_{number}" for number, name in enumerate(functions)}
         for name, function in functions.items():
-            export(module, f"read_{name}", lower(module, function, inline=True))
+            export(module, symbols[name], lower(module, function, inline=True))
         self._code = compile_module(module)
+        self._addresses = {name: self._code.address(symbol) for name, symbol in symbols.items()}
         self._functions = {
-            name: function_of_addresses(self._code.address(f"read_{name}"), function.n_in() + 1)
+            name: function_of_addresses(self._addresses[name], function.n_in() + 1)
             for name, function in functions.items()
         }
         self._sizes = {name: function.nnz_out(0) for name, function in functions.items()}
@@ -35,7 +37,7 @@ class CompiledReaders:
 
     def bound_to(self, name: str, clock: Clock, arrays: Sequence[NDArray[np.float64]], rows: slice = ALL) -> Call:
         """A function of arrays that stay where they are: see `CompiledFunction.bound`."""
-        function = CompiledFunction(self._code.address(f"read_{name}"), self, self._sizes[name])
+        function = CompiledFunction(self._addresses[name], self, self._sizes[name])
         return function.bound(clock, arrays, (function.size,), rows)
 
     def read(self, name: str, time: float, y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from mbd_sim.drawing.picture import POINTS, pixels
 from mbd_sim.drawing.projection import Page, view_of
 from mbd_sim.drawing.sheet import FRONT, GRAY, MARKS, Sheet, SheetPath, SheetText
 from mbd_sim.geometry.pose import Array, Pose
-from mbd_sim.mechanism.attachments import resolve_reference
+from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 
@@ -160,8 +160,8 @@ def traced_points(mechanism: Mechanism, names: Sequence[str]) -> list[tuple[str,
     """
     points, found = {name: part.points for name, part in mechanism.parts.items()}, []
     for name in names:
-        part, pose = resolve_reference(name, points)
-        found.append((part, pose.position if "." in name else np.array(tip_of(mechanism.parts[part]))))
+        part, point = split_reference(name, points)
+        found.append((part, points[part][point].position if point else np.array(tip_of(mechanism.parts[part]))))
     return found
 
 

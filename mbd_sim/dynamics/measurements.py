@@ -69,9 +69,9 @@ class Measurements:
             currents = readings[MOTOR_READINGS.index("current"), :].T
         return {
             sensor.name: self._function(
-                f"sensor_{sensor.name}", exact_values(self.traced, links, reactions, currents, sensor)
+                f"sensor_{number}", exact_values(self.traced, links, reactions, currents, sensor)
             )
-            for sensor in sensors
+            for number, sensor in enumerate(sensors)
         }
 
     def _function(self, name: str, output: ca.SX) -> ca.Function:

@@ -24,7 +24,9 @@ from mbd_sim.kinematic_analysis.motion_panels import DEGREES, MECHANISM, MotionP
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower
+from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.packages import require_packages
+from mbd_sim.simulation.part_motion import points_of
 
 SUFFIXES = (".png", ".svg", ".pdf")
 DRAWN = np.array([420.0, 330.0])  # pt, of the mechanism
@@ -166,7 +168,8 @@ def _sheet(
 ) -> Any:
     curves = constraint_curves(motion.mechanism, poses, page.view)
     sheet = mechanism_sheet(page, motion.mechanism, poses, size, curves)
-    traced = traced_points(motion.mechanism, [name for name in points if "." in name])
+    known = points_of(motion.mechanism)
+    traced = traced_points(motion.mechanism, [name for name in points if split_reference(name, known)[1]])
     sheet.add(*traced_point_paths(page, motion.mechanism, traced, poses))
     for number, path in enumerate(paths):
         color = TRACE_COLORS[number % len(TRACE_COLORS)]

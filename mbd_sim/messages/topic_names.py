@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+LONGEST = 100  # of a token: a topic has at most 247 characters
+
 
 def topic_names(names: Iterable[str]) -> dict[str, str]:
     """A valid and unique topic token for each name: the name itself if it is valid.
@@ -24,5 +26,5 @@ def topic_names(names: Iterable[str]) -> dict[str, str]:
 
 
 def _token(name: str) -> str:
-    token = re.sub(r"_{2,}", "_", re.sub(r"[^A-Za-z0-9_]", "_", name)) or "_"
+    token = re.sub(r"_{2,}", "_", re.sub(r"[^A-Za-z0-9_]", "_", name))[:LONGEST] or "_"
     return f"_{token}" if token[0].isdigit() else token

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.playback.recorded_mechanism import names_by_topic, recorded_mechanism
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recorded_file import Message
@@ -23,12 +24,16 @@ ColumnReader = Callable[[Message], tuple[tuple[str, ...], Array]]  # names and v
 def requested_readers(recording: Recording) -> Mapping[str, ColumnReader]:
     """Return functions that read the messages of a run that were recorded on request, by topic."""
     found: dict[str, ColumnReader] = {}
+    posed = any(topic.type == POSE for topic in recording.topics.values())
+    mechanism = recorded_mechanism(recording) if posed else None
+    parts = names_by_topic(mechanism.parts) if mechanism else {}
     for name, topic in recording.topics.items():
         *_, folder, last = ("", *name.split("/"))
         if topic.type == REACTIONS and last == "joint_reactions":
             found[name] = lambda message: _reactions(recording.decoded(message))
         elif topic.type == POSE and folder == "poses":
-            found[name] = lambda message, part=last: _pose(part, recording.decoded(message))  # type: ignore[misc]
+            part = parts.get(last, last)
+            found[name] = lambda message, part=part: _pose(part, recording.decoded(message))  # type: ignore[misc]
         elif topic.type == cdr.MULTI_ARRAY and last == "constraint_violation":
             found[name] = lambda message: _violation(recording.decoded(message))
     return found

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.playback.recorded_mechanism import names_by_topic, recorded_mechanism
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recorded_file import Message
@@ -84,12 +84,17 @@ class SensorMessages:
     recording: Recording
     _readers: dict[str, Callable[[Any], Values]] = field(default_factory=dict)
     _found: dict[str, list[tuple[int, int, int, Values]]] = field(default_factory=dict)
+    _mechanism: Mechanism | None = None
+    _names: Mapping[str, str] = field(default_factory=dict)  # by the words in topics
 
     def __post_init__(self) -> None:
         roles = topic_roles(self.recording.topics)
         for name, role in roles.items():
             if role is TopicRole.SENSORS and (reader := _READERS.get(self.recording.topics[name].type)) is not None:
                 self._readers[name] = reader
+        if self._readers and (mechanism := recorded_mechanism(self.recording)) is not None:
+            self._mechanism = mechanism
+            self._names = names_by_topic(sensor.name for sensor in mechanism.sensors)
 
     def add(self, message: Message, states: Sequence[tuple[int, int]]) -> None:
         """Decode a message, if it is of a sensor.
@@ -109,11 +114,12 @@ class SensorMessages:
         """
         reader, decoded = self._readers[message.topic], self.recording.decoded(message)
         stamp = decoded.stamp_ns if isinstance(decoded, cdr.JointStates) else _stamp_ns(decoded)
-        return message.topic.rpartition("/")[2], stamp, reader(decoded)
+        topic = message.topic.rpartition("/")[2]
+        return self._names.get(topic, topic), stamp, reader(decoded)
 
     def tables(self, start_ns: int) -> dict[str, SensorTable]:
         """The measurements by the name of the sensor; times are counted from `start_ns`."""
-        units = _coordinate_units(self.recording)
+        units = _coordinate_units(self._mechanism)
         found = {}
         for name, messages in sorted(self._found.items()):
             times, stamps, rows, values = zip(*messages, strict=True)
@@ -133,15 +139,10 @@ def _measured(quantity: str, values: Sequence[Sequence[float]], unit: str | None
     return Measured(_UNITS[quantity] if own is None else own, components, table)
 
 
-def _coordinate_units(recording: Recording) -> dict[str, str]:
+def _coordinate_units(mechanism: Mechanism | None) -> dict[str, str]:
     """The units of sensors that measure one quantity of a coordinate, by name."""
-    if recording.mechanism_text is None:
-        return {}
-    try:
-        mechanism = parse_mechanism(recording.mechanism_text, str(recording.path))
-    except MechanismError:
-        return {}
-    return {sensor.name: sensor.quantities[0].unit for sensor in mechanism.sensors if len(sensor.quantities) == 1}
+    sensors = mechanism.sensors if mechanism else ()
+    return {sensor.name: sensor.quantities[0].unit for sensor in sensors if len(sensor.quantities) == 1}
 
 
 def _stamp_ns(message: Any) -> int:

@@ -242,7 +242,7 @@ def _grouped(names: list[str]) -> list[str]:
     """The equations of each joint or constraint on one line."""
     found: dict[str, list[str]] = {}
     for name in names:
-        owner, _, what = name.partition(": ")
+        owner, _, what = name.rpartition(": ")
         found.setdefault(owner, []).append(what)
     return [f"{owner}: {'; '.join(what)}" for owner, what in found.items()]
 

@@ -110,7 +110,7 @@ class _Applied:
         if not any(component.state for component in force.vector):
             vectors = [self._vector(time, np.zeros(0)) for time in np.linspace(0.0, PREVIEW_TIME, 101)]
             largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
-        path = f"{entity_paths.WORLD}/forces/{force.name}"
+        path = entity_paths.in_world("forces", force.name)
         self._style = ArrowStyle(path, palette.APPLIED, scene.extent.size, largest)
 
     def static(self) -> LoggedItems:
@@ -136,7 +136,11 @@ class _Wrench:
     def __init__(self, scene: SceneDescription, part: str) -> None:
         self._part, self._slice, rows = part, scene.wrenches[part], scene.rows
         self._start = rows.slices["inputs"].start
-        path, full_scale, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(scene), scene.extent.size
+        path, full_scale, size = (
+            entity_paths.in_world("wrenches", part),
+            weight(scene),
+            scene.extent.size,
+        )
         self._force = ArrowStyle(path, palette.COMMANDED, size, full_scale)
         self._couple = ArrowStyle(path, palette.COMMANDED, size, 0.25 * full_scale * size)
 
@@ -159,7 +163,11 @@ class _Effort:
     def __init__(self, scene: SceneDescription, joint: Joint) -> None:
         self._joint, self._slice = joint, scene.u[joint.name]
         self._couples = {coordinate.rotation for coordinate in joint.kind.coordinates}
-        path, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", scene.extent.size, joint.effort_limit
+        path, size, limit = (
+            entity_paths.in_world("efforts", joint.name),
+            scene.extent.size,
+            joint.effort_limit,
+        )
         radius = max(2.6 * joint_radius(scene.mechanism, joint, size) / size, 0.06)
         self._force = ArrowStyle(path, palette.COMMANDED, size, limit or weight(scene))
         self._couple = ArrowStyle(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
@@ -191,7 +199,7 @@ class _Reaction:
 
     def __init__(self, scene: SceneDescription, index: int, joint: Joint) -> None:
         self._index, self._joint = index, joint
-        path = f"{entity_paths.WORLD}/reactions/{joint.name}"
+        path = entity_paths.in_world("reactions", joint.name)
         self._style = ArrowStyle(path, palette.REACTION, scene.extent.size, weight(scene))
 
     def static(self) -> LoggedItems:

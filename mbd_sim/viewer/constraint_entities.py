@@ -35,7 +35,7 @@ def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
     for constraint_lines in scene.constraint_lines:
         yield _ConstraintLines(constraint_lines, size)
     for constraint in scene.mechanism.constraints:
-        path = f"{entity_paths.WORLD}/constraints/{constraint.name}"
+        path = entity_paths.in_world("constraints", constraint.name)
         match constraint:
             case Distance(first=first, second=second):
                 yield _line(scene, constraint, (first, second), 0.007 * size)
@@ -65,7 +65,7 @@ class _ConstraintLines:
         width, color = (-0.7, palette.CURVE) if self._lines.surface else (0.006 * self._size, palette.CLOSING)
         lines = rr.LineStrips3D(list(self._lines.lines), radii=[width], colors=[color])
         if self._lines.lines:
-            yield f"{entity_paths.part(self._lines.part)}/wires/{self._lines.name}", lines
+            yield f"{entity_paths.part(self._lines.part)}/wires/{entity_paths.word(self._lines.name)}", lines
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         yield from ()
@@ -118,7 +118,7 @@ def _line(
     color = palette.ROPE if rope else palette.CLOSING
     if constraint.law is not None:
         return _OneSidedLine(scene, ("constraints", constraint.name), points, radius, color)
-    return _StraightLine(f"{entity_paths.WORLD}/constraints/{constraint.name}", points, radius, color)
+    return _StraightLine(entity_paths.in_world("constraints", constraint.name), points, radius, color)
 
 
 class _Point:
@@ -146,7 +146,7 @@ class _PointOnLine(_Point):
         if len(self._constraint.normals) == 2:
             base, half = self._constraint.base, HALF_LENGTH * self._size * np.cross(*self._constraint.normals)
             line = rr.LineStrips3D([[base.point - half, base.point + half]], radii=[-1.0], colors=[palette.CURVE])
-            yield f"{entity_paths.part(base.part)}/lines/{self._constraint.name}", line
+            yield f"{entity_paths.part(base.part)}/lines/{entity_paths.word(self._constraint.name)}", line
 
 
 class _RollingContact:
@@ -157,7 +157,7 @@ class _RollingContact:
 
     def __init__(self, scene: SceneDescription, constraint: Rolling) -> None:
         self._scene, self._constraint, self._size = scene, constraint, scene.extent.size
-        self._path = f"{entity_paths.WORLD}/contacts/{constraint.name}"
+        self._path = entity_paths.in_world("contacts", constraint.name)
         self._track = Trace(entity_paths.trace(constraint.name), palette.CONTACT, 0.003 * self._size)
 
     def static(self) -> LoggedItems:

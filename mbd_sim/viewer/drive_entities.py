@@ -26,7 +26,7 @@ class _HousingEntity:
     """A cylinder in the frame of the part that carries it: only the part moves."""
 
     def __init__(self, kind: str, name: str, housing: Housing, color: palette.Color) -> None:
-        self._path = f"{entity_paths.part(housing.part)}/{kind}/{name}"
+        self._path = f"{entity_paths.part(housing.part)}/{kind}/{entity_paths.word(name)}"
         self._housing, self._color = housing, color
 
     def static(self) -> LoggedItems:

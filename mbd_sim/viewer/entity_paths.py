@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 
 TIMELINE = "sim_time"
@@ -30,19 +32,33 @@ UNITS = {  # of the plots, by the paths of their entities
 }
 
 
+def word(name: str) -> str:
+    """A name as one step of a path, as Rerun escapes it."""
+    return re.sub(r"[^\w.-]", lambda found: _escaped(found[0]), name)
+
+
+def _escaped(letter: str) -> str:
+    return f"\\{letter}" if letter.isascii() else f"\\u{{{ord(letter):04X}}}"
+
+
+def in_world(kind: str, name: str) -> str:
+    """An entity of a kind in ground's frame."""
+    return f"{WORLD}/{kind}/{word(name)}"
+
+
 def part(name: str) -> str:
     """The entity that moves with a part; ground's does not move."""
-    return f"{WORLD}/ground" if name == GROUND else f"{WORLD}/parts/{name}"
+    return f"{WORLD}/ground" if name == GROUND else in_world("parts", name)
 
 
 def trace(name: str) -> str:
     """The trace that a point leaves, in ground's frame."""
-    return f"{WORLD}/traces/{name}"
+    return in_world("traces", name)
 
 
 def sensor(name: str, quantity: str) -> str:
     """The measurements of a quantity by a sensor."""
-    return f"sensors/{name}/{quantity}"
+    return f"sensors/{word(name)}/{quantity}"
 
 
 def kinds(joint: Joint) -> list[str]:

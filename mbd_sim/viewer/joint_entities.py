@@ -51,7 +51,7 @@ class _JointEntity:
 
     def __init__(self, scene: SceneDescription, joint: Joint) -> None:
         self._scene, self._joint = scene, joint
-        self._path = f"{entity_paths.part(joint.parent)}/joints/{joint.name}"
+        self._path = f"{entity_paths.part(joint.parent)}/joints/{entity_paths.word(joint.name)}"
         self._size = scene.extent.size
         self._radius = joint_radius(scene.mechanism, joint, self._size)
         self._color = color_of(scene, joint)

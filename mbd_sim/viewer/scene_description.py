@@ -12,7 +12,7 @@ from mbd_sim.appearance.extent import Extent, extent_of
 from mbd_sim.appearance.trace_points import default_traces, tip_of
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
-from mbd_sim.mechanism.attachments import resolve_reference
+from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.one_sided import is_one_sided
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
@@ -123,10 +123,10 @@ def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, 
     traces: dict[str, Attachment] = {}
     for text in chosen:
         try:
-            part, pose = resolve_reference(text, points)
+            part, name = split_reference(text, points)
         except InputError as error:
             raise ValueError(f"traces: {error.message}. {error.remedy or nearest(text, points)}") from error
-        point = pose.position if "." in text else tip_of(mechanism.parts[part])
+        point = points[part][name].position if name else tip_of(mechanism.parts[part])
         traces[text] = Attachment(part, np.array(point))
     return traces
 

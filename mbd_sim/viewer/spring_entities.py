@@ -32,8 +32,8 @@ def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
     """All springs, dampers and actuators between points, and the springs of prismatic joints."""
     mechanism = scene.mechanism
     for element in mechanism.two_point_elements:
-        spring_path = f"{entity_paths.WORLD}/springs/{element.name}"
-        damper_path = f"{entity_paths.WORLD}/dampers/{element.name}"
+        spring_path = entity_paths.in_world("springs", element.name)
+        damper_path = entity_paths.in_world("dampers", element.name)
         match element:
             case Spring(first=first, second=second, elastic=elastic):
                 if elastic:
@@ -46,11 +46,11 @@ def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
             case _:
                 assert_never(element)
     for name, port in line_ports(mechanism).items():
-        yield _DamperEntity(scene, f"{entity_paths.WORLD}/actuators/{name}", port.first, port.second)
+        yield _DamperEntity(scene, entity_paths.in_world("actuators", name), port.first, port.second)
     for joint in mechanism.joints.values():
         if joint.type == "prismatic" and (np.any(joint.stiffness) or joint.spring not in (None, Linear(0.0))):
             anchor, end = _joint_spring_ends(scene, joint)
-            yield _SpringEntity(scene, f"{entity_paths.WORLD}/springs/{joint.name}", anchor, end)
+            yield _SpringEntity(scene, entity_paths.in_world("springs", joint.name), anchor, end)
 
 
 def _joint_spring_ends(scene: SceneDescription, joint: Joint) -> tuple[Attachment, Attachment]:

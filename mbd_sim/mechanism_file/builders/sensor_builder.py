@@ -182,7 +182,8 @@ class _SensorBuilder:
 
     def _coordinate(self, where: Location, reference: str) -> tuple[str, JointCoordinate] | None:
         """The name and the kind of the coordinate that `joint` or `joint.label` names."""
-        joint = self._joint(where, reference.partition(POINT)[0])
+        owners = [name for name in self._joints if reference == name or reference.startswith(f"{name}{POINT}")]
+        joint = self._joint(where, max(owners, key=len, default=reference.partition(POINT)[0]))
         if joint is None:
             return None
         scalar = {
