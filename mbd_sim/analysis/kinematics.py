@@ -15,6 +15,7 @@ from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
+from mbd_sim.short_repr import short_repr
 
 
 class Kinematics:
@@ -29,6 +30,8 @@ class Kinematics:
     >>> arm.poses(np.zeros(6))["tool"].position.shape
     (3,)
     """
+
+    __repr__ = short_repr
 
     @interruptible_tracing()
     def __init__(self, mechanism: Mechanism) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mbd_sim.errors import DivergedError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.argument_checks import positive_count
 from mbd_sim.simulation.simulation import Simulation
 
@@ -45,6 +46,8 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  # Gymnasium's own way
+
+    __repr__ = short_repr
 
     def __init__(
         self,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mbd_sim.compiler.ensemble_kernel import MemberGroups
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.snapshot import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
@@ -26,6 +27,9 @@ class EnsembleEnergies(NamedTuple):
     work_drives: Array
     total: Array
     residual: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class EnsembleState(ReadOnlyAttributes):
