@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, fields
 
+from mbd_sim.short_repr import short_repr
+
 MAX_SHOWN = 20  # problems listed in the text of one error
 MAX_KEY, MAX_TEXT = 200, 800  # characters of a key, and of a message or a remedy, in which names may be of any length
 MAX_COMPARED = 500  # names compared with a misspelled one
@@ -30,6 +32,8 @@ class Problem:
     file: str = ""
     line: int = 0
     repetition: str = ""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for field in fields(self):

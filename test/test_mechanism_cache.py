@@ -7,6 +7,7 @@ import pytest
 
 from mbd_sim import MechanismError, Simulation, load_mechanism, mechanism_cache, parse_mechanism
 from mbd_sim.mechanism_file.library import shipped
+from test.record_contents import contents
 
 PENDULUM = """
 mechanism: pendulum
@@ -35,7 +36,7 @@ def entries(folder):
 def test_the_records_of_every_shipped_mechanism_are_the_same(folder, name):
     read = load_mechanism(name)
     assert entries(folder) == 1
-    assert repr(load_mechanism(name)) == repr(read)
+    assert contents(load_mechanism(name)) == contents(read)
 
 
 def test_a_file_that_was_read_before_needs_no_schema(folder):
@@ -91,9 +92,9 @@ def reads_cached(monkeypatch, path, base=None):
 def test_a_urdf_that_was_read_before_is_not_read_again(folder, tmp_path, monkeypatch, base):
     (tmp_path / "arm.urdf").write_text(URDF.format(mass=1))
     read = load_mechanism(tmp_path / "arm.urdf", base)
-    assert repr(reads_cached(monkeypatch, tmp_path / "arm.urdf", base)) == repr(read)
+    assert contents(reads_cached(monkeypatch, tmp_path / "arm.urdf", base)) == contents(read)
     other = load_mechanism(tmp_path / "arm.urdf", "free" if base is None else None)
-    assert repr(other) != repr(read)
+    assert contents(other) != contents(read)
     assert entries(folder) == 2
 
 

@@ -17,6 +17,7 @@ from mbd_sim.dynamics.assembly import close_loops
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 ATTEMPTS = 12  # other configurations from which equilibria are sought
 SCATTER = 0.3  # m or rad, between these
@@ -40,6 +41,8 @@ class Equilibrium:
     displacement: Array
     distance: float
     growth: float
+
+    __repr__ = short_repr
 
     @property
     def stable(self) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 class InertiaForces(NamedTuple):
@@ -55,6 +56,8 @@ class InertiaSplit:
     forces: ca.Function
     gyroscopic: ca.Function
     kinetic: ca.Function
+
+    __repr__ = short_repr
 
     def at(self, t: float, q: Array, u: Array, u_rates: Array) -> InertiaForces:
         """The terms at a state, with u' = `u_rates` (nv,)."""

@@ -19,6 +19,7 @@ from mbd_sim.geometry.shaped_arrays import vector
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
+from mbd_sim.short_repr import short_repr
 
 _Numbers = Array | Sequence[float]
 FEASIBLE = 1e-9  # the error of the accelerations that is allowed, relative to the largest one
@@ -42,6 +43,8 @@ class InverseDynamics:
     >>> arm = InverseDynamics(load_mechanism("six_axis_arm"))
     >>> gravity_compensation = arm(q, np.zeros(6), np.zeros(6))
     """
+
+    __repr__ = short_repr
 
     @interruptible_tracing()
     def __init__(

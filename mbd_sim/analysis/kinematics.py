@@ -16,6 +16,7 @@ from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.attachments import split_reference
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
+from mbd_sim.short_repr import short_repr
 
 
 class Kinematics:
@@ -30,6 +31,8 @@ class Kinematics:
     >>> arm.poses(np.zeros(6))["tool"].position.shape
     (3,)
     """
+
+    __repr__ = short_repr
 
     @interruptible_tracing()
     def __init__(self, mechanism: Mechanism) -> None:

@@ -36,7 +36,7 @@ ACTUATOR_UNITS = {
     **dict.fromkeys(("flow_a", "flow_b"), "m³/s or W"),
     "voltage": "V",
     "current": "A",
-    "stored": "J",
+    **dict.fromkeys(("stored", "displaced"), "J"),
 }
 
 

@@ -19,6 +19,7 @@ from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.mechanism.channels import channel_names
+from mbd_sim.short_repr import short_repr
 
 ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:
 LEAST_EIGENVALUE, SPLIT = 1e-6, 1e-5  # the same in 1/s, √(ε g/r) of a balanced r = 1 mm, and relative to the largest
@@ -54,6 +55,8 @@ class Linearization:
     commands: tuple[str, ...] = ()
     remark: str = ""
 
+    __repr__ = short_repr
+
 
 class Mode(NamedTuple):
     """A natural mode: undamped `frequency` in Hz, `damping` ratio, and `eigenvalue` in 1/s.
@@ -65,6 +68,9 @@ class Mode(NamedTuple):
     frequency: float
     damping: float
     eigenvalue: complex
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def linearize(

@@ -14,6 +14,7 @@ from mbd_sim.dynamics.load_functions import Loads
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load
 DETERMINED = 1e-9  # influence of multipliers on drives that is round-off, relative to that of one multiplier
@@ -33,6 +34,8 @@ class LoadSharing:
 
     `indeterminacy` is the number of independent self-stresses: loads without any effect on the motion.
     """
+
+    __repr__ = short_repr
 
     def __init__(
         self, mechanism: Mechanism, equations: Equations, read: Callable[[float, Array, Array], Array] | None = None

@@ -17,10 +17,11 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.input_layout import UNDRIVEN
 from mbd_sim.dynamics.state_derivatives import derivative_function
-from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.errors import CommandError, listed, nearest, shortened
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.packages import require_packages
+from mbd_sim.short_repr import LONGEST
 
 Named = TypeVar("Named")
 
@@ -58,8 +59,8 @@ class StateSpace:
             return np.array([self._response_at(one) for one in shifted])
 
     def __repr__(self) -> str:
-        names = (listed(list(one)) or "none" for one in (self.states, self.inputs, self.outputs))
-        return "<StateSpace: states {}; inputs {}; outputs {}>".format(*names)
+        names = (listed(list(one), 3) or "none" for one in (self.states, self.inputs, self.outputs))
+        return shortened("<StateSpace: states {}; inputs {}; outputs {}>".format(*names), LONGEST)
 
     def _response_at(self, shifted: Array) -> Array:
         try:

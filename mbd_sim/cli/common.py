@@ -23,6 +23,7 @@ PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints the completed a
 SECONDS = "{task.completed:.1f} s"
 COUNT = "{task.completed:.0f}/{task.total:.0f}"
 
+ROUND_OFF = 1e-13  # of a number that was computed over many steps, relative to the numbers that cancel in it
 PATIENCE = 2.0  # s after which a command shows that it is at work
 DURATION = 10.0  # s that are simulated where no time is given
 
@@ -95,6 +96,11 @@ def positive_in(si_unit: str) -> Callable[[str], float]:
         return positive_number(repr(value))
 
     return quantity
+
+
+def rounded(value: float, size: float, round_off: float = ROUND_OFF) -> float:
+    """A value, or 0 where it is round-off in comparison with the numbers of the given size that cancel in it."""
+    return 0.0 if abs(value) <= round_off * size else value
 
 
 def seed_number(text: str) -> int:

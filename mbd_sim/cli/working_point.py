@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import add_mechanism, add_method_and_step
+from mbd_sim.cli.common import add_mechanism, add_method_and_step, rounded
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
 
 if TYPE_CHECKING:
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Array
     from mbd_sim.simulation.simulation import Simulation
 
-ROUND_OFF = 1e-12  # of coordinates
-MOVED = 1e-9  # m or rad, up to which a coordinate counts as that of the start
+SOLVED = 1e-12  # error of a coordinate at an equilibrium, relative to 1 rad or the size of the mechanism
+MOVED = 1e-9  # up to which a coordinate counts as that of the start, relative to the same
 EQUILIBRIUM, START = "equilibrium", "start"
 
 
@@ -62,14 +62,14 @@ def equilibrium_text(simulation: Simulation, found: Equilibrium) -> str:
     """How far an equilibrium is from the start, by coordinate, and whether it is stable."""
     from mbd_sim.playback.run_table import coordinate_units
 
-    units = coordinate_units(simulation.mechanism)
+    units, names = coordinate_units(simulation.mechanism), simulation.coordinate_names
     stability = "stable" if found.stable else f"unstable: motions grow with {found.growth:.4g} 1/s"
     if math.isnan(found.growth):
         stability = "a contact is about to change"
     moved = [
         f"{name} {value:+.4g} {units[name]}"
-        for name, value in zip(simulation.coordinate_names, found.displacement.tolist(), strict=True)
-        if abs(value) > MOVED
+        for name, value, size in zip(names, found.displacement.tolist(), _sizes(simulation), strict=True)
+        if abs(value) > MOVED * size
     ]
     where = f"moved from the start by {', '.join(moved)}" if moved else "the start itself"
     return f"  {stability}; {where}"
@@ -79,8 +79,17 @@ def place_text(simulation: Simulation, q: Array) -> str:
     """The coordinates q (nq,) by name, those of rotations as rotation vectors."""
     y = simulation.model.start.copy()
     y[simulation.model.q_range] = q
-    names, values = simulation.coordinate_names, simulation.model.coordinates(y)
-    return ", ".join(f"{name} = {_rounded(value):.6g}" for name, value in zip(names, values.tolist(), strict=True))
+    values = simulation.model.coordinates(y).tolist()
+    return ", ".join(
+        f"{name} = {rounded(value, size, SOLVED):.6g}"
+        for name, value, size in zip(simulation.coordinate_names, values, _sizes(simulation), strict=True)
+    )
+
+
+def _sizes(simulation: Simulation) -> list[float]:
+    from mbd_sim.dynamics.state_scales import coordinate_sizes
+
+    return coordinate_sizes(simulation.mechanism, simulation.step_size)
 
 
 def _state_text(simulation: Simulation, where: str) -> str:
@@ -94,10 +103,6 @@ def _number(text: str) -> int:
     if name != EQUILIBRIUM or (number and not number.isdecimal()):
         return 0
     return int(number or 1)
-
-
-def _rounded(value: float) -> float:
-    return value if abs(value) > ROUND_OFF else 0.0
 
 
 def _time(text: str) -> float:

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar, cast
 
 from mbd_sim.compiler.machine_code import MachineCode
 from mbd_sim.compiler.python_callable import callable_of, function_of_addresses
+from mbd_sim.short_repr import short_repr
 
 Result = TypeVar("Result")
 
@@ -52,6 +53,8 @@ class Kernel:
     `instructions` is the number of scalar instructions of one evaluation of the rates. `guarded` are the functions of a
     system with one-sided rows.
     """
+
+    __repr__ = short_repr
 
     def __init__(self, code: MachineCode, signature: KernelSignature) -> None:
         self.code, self.signature, self.instructions = code, signature, signature.instructions

@@ -12,10 +12,13 @@ from mbd_sim.compiler.bound_call import ALL, Call, Clock, CompiledFunction
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.lowering import export, lower
 from mbd_sim.compiler.python_callable import function_of_addresses
+from mbd_sim.short_repr import short_repr
 
 
 class CompiledReaders:
     """Compiled functions of (t, y, inputs) with one output each; they release the interpreter's lock."""
+
+    __repr__ = short_repr
 
     def __init__(self, functions: Mapping[str, ca.Function]) -> None:
         """Compile functions, by name."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from mbd_sim.mechanism.drives import STATES, commanded_drives
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +21,8 @@ class CoordinateLayout:
     nq: int
     nv: int
     drives: dict[str, slice]
+
+    __repr__ = short_repr
 
 
 def coordinate_layout(mechanism: Mechanism) -> CoordinateLayout:

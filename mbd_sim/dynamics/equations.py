@@ -49,6 +49,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
@@ -113,6 +114,8 @@ class Equations:
     contact: ContactFunctions | None = None
     cushions: CushionFunctions | None = None
     actuators: ActuatorFunctions | None = None
+
+    __repr__ = short_repr
 
     @property
     def inputs_without_commands(self) -> Array:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 WRENCH_SIZE = 15  # the numbers of an `ExternalWrench`
 UNDRIVEN = 4  # disturbances besides those of drives: their time, and the acceleration of ground
@@ -29,6 +30,8 @@ class InputLayout:
     contact_count: int = 0
     command_count: int = 0
     disturbance_count: int = 0
+
+    __repr__ = short_repr
 
     @property
     def efforts(self) -> slice:

@@ -55,6 +55,25 @@ def state_scales(
     return tuple(result)
 
 
+def coordinate_sizes(mechanism: Mechanism, step: float) -> list[float]:
+    """A natural size of each undriven coordinate: 1 rad, or the size of the mechanism in m.
+
+    :param step: in s.
+    """
+    length = _length(mechanism, step) or 1.0
+    free = (joint for joint in mechanism.joints.values() if not joint.drive)
+    return [1.0 if coordinate.rotation else length for joint in free for coordinate in joint.kind.coordinates]
+
+
+def energy_size(mechanism: Mechanism, step: float) -> float:
+    """A natural size of the potential energy in J, whose terms may cancel: the weight times the size of the mechanism.
+
+    :param step: in s.
+    """
+    mass = sum(part.mass for part in mechanism.parts.values())
+    return mass * float(np.linalg.norm(mechanism.gravity)) * _length(mechanism, step)
+
+
 def _of_actuator(actuator: Actuator, state: str) -> float:
     """The scale of a pressure, of the integral of a servo, or of a current, which is compared with 1 A."""
     from mbd_sim.mechanism.cylinders import Cylinder

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.short_repr import short_repr
+
 Array = NDArray[np.float64]
 
 
@@ -16,6 +18,8 @@ class Pose:
 
     position: Array
     rotation: Array
+
+    __repr__ = short_repr
 
     def __init__(self, position: Array, rotation: Array) -> None:
         own = self.__dict__  # in half the time of what a frozen dataclass generates

@@ -13,6 +13,7 @@ from mbd_sim.errors import DivergedError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.notebook.simulation import Simulation
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.argument_checks import positive_count
 
 try:
@@ -45,6 +46,8 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  # Gymnasium's own way
+
+    __repr__ = short_repr
 
     def __init__(
         self,

@@ -17,6 +17,7 @@ from mbd_sim.gym.agent_interface import AgentInterface, require_episodes, requir
 from mbd_sim.gym.command_names import Limit
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.argument_checks import rows_of
 from mbd_sim.simulation.ensemble import Ensemble
 from mbd_sim.simulation.ensemble_variants import Change
@@ -39,6 +40,8 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012  # Gymnasium's own way
+
+    __repr__ = short_repr
 
     def __init__(
         self,

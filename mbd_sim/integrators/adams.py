@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from mbd_sim.integrators.estimate import Coefficients
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Adams:
     midpoints: tuple[Coefficients, ...]
     tolerance: float
     otherwise: Tableau
+
+    __repr__ = short_repr
 
     @property
     def length(self) -> int:

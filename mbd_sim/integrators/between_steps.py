@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mbd_sim.short_repr import short_repr
+
 if TYPE_CHECKING:
     import casadi as ca
 
@@ -45,3 +47,5 @@ class BetweenSteps:
     samplers: tuple[Sampler, ...]
     held: frozenset[int] = frozenset()
     unread: frozenset[int] = frozenset()
+
+    __repr__ = short_repr

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mbd_sim.short_repr import short_repr
+
 Coefficients = tuple[float, ...]
 Scales = Sequence[float]  # s of each component of a state y: errors are relative to s + |y|. Without any, they are 1
 
@@ -22,3 +24,5 @@ class ErrorEstimate:
     fine: Coefficients
     coarse: Coefficients = ()
     weight: float = 1.0
+
+    __repr__ = short_repr

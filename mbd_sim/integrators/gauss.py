@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class Gauss:
     estimate: ErrorEstimate
     sweeps: int = 16
     stability_limit: float = 2.0
+
+    __repr__ = short_repr
 
     @property
     def stages(self) -> int:

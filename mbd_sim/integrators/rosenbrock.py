@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from mbd_sim.integrators import rodas5p, ros34pw2
 from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Rosenbrock:
     estimate: ErrorEstimate
     stability_limit: float = math.inf
     joints_only: bool = False
+
+    __repr__ = short_repr
 
     @property
     def stages(self) -> int:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from mbd_sim.integrators import dop853, tsitouras8, verner7
 from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class Tableau:
     c: Coefficients
     estimate: ErrorEstimate
     stability_limit: float
+
+    __repr__ = short_repr
 
     @property
     def stages(self) -> int:

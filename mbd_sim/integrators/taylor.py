@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ class Taylor:
     compared: int = 4
     most_steps: int = 256
     most_parts: int = 32
+
+    __repr__ = short_repr
 
     @property
     def stages(self) -> int:

@@ -12,6 +12,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 BATCH = 100  # starts
 LEAST, MOST = 200, 4000  # starts
@@ -33,6 +34,8 @@ class AssemblyModes:
     q: Array
     found: Sequence[int]
     starts: int
+
+    __repr__ = short_repr
 
     def __len__(self) -> int:
         return len(self.q)

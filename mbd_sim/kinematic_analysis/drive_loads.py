@@ -14,6 +14,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.mechanism.one_sided import require_two_sided
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.state_records import Reaction
 
 
@@ -29,6 +30,8 @@ class DriveLoads:
     efforts: Mapping[str, Array]
     reactions: Mapping[str, Reaction]
     power: Array
+
+    __repr__ = short_repr
 
 
 @interruptible_tracing()

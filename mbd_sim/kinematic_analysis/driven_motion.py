@@ -21,6 +21,7 @@ from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coo
 from mbd_sim.kinematic_analysis.reach import require_reached, require_regular
 from mbd_sim.kinematic_analysis.singular_points import Kind, SingularPoint
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 POSITIONS = 361
 AtDeadPoints = Literal["refuse", "follow"]
@@ -33,6 +34,8 @@ class SingularRow:
     kind: Kind
     row: int
     drives: Mapping[str, float]
+
+    __repr__ = short_repr
 
 
 class DrivenMotion:

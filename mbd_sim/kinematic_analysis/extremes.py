@@ -12,6 +12,7 @@ from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.golden_section import least_place
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.event_location import first_zero
 
 STANDSTILL = 1e-12  # velocity of an output, relative to the largest, that is round-off
@@ -26,6 +27,8 @@ class Extreme:
     value: float
     drive: float
     greatest: bool
+
+    __repr__ = short_repr
 
 
 @interruptible_tracing()

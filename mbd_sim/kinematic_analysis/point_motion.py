@@ -11,6 +11,7 @@ from mbd_sim.dynamics.frame_functions import FrameQuantity, frame_function
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.mechanism.records import GROUND
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.part_motion import named_frame
 
 
@@ -21,6 +22,8 @@ class PointMotion:
     position: Array
     velocity: Array
     acceleration: Array
+
+    __repr__ = short_repr
 
 
 class PointFunctions:

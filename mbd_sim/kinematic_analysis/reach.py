@@ -14,6 +14,7 @@ from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem, Unreach
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
 from mbd_sim.kinematic_analysis.singular_points import VANISHING, Kind, is_singular
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 TURN = 2.0 * np.pi
 FAR = 20.0  # sizes of the mechanism, up to which displacements are followed
@@ -30,6 +31,8 @@ class ReachableRange:
     upper: float
     lower_bound: Kind | str
     upper_bound: Kind | str
+
+    __repr__ = short_repr
 
 
 @interruptible_tracing()

@@ -11,6 +11,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.parametric_motion import ParametricMotion, Quantity, StateDerivatives, States
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +22,13 @@ class Sensitivity:
     velocity: Array
     acceleration: Array
 
+    __repr__ = short_repr
+
 
 class MotionSensitivity:
     """The exact derivatives of a motion by parameters, at the same drives. `keys` (np,) are those of the file."""
+
+    __repr__ = short_repr
 
     def __init__(
         self, mechanism: Mechanism, motion: DrivenMotion, keys: Sequence[str], *, with_forces: bool = False

@@ -13,6 +13,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.sensitivity import MotionSensitivity
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 Distribution = Literal["normal", "uniform"]
 DEVIATIONS = 3.0  # standard deviations in a tolerance, for normal distributions
@@ -34,9 +35,13 @@ class Deviation:
     least: Array
     greatest: Array
 
+    __repr__ = short_repr
+
 
 class ToleranceAnalysis:
     """The effect of tolerances ±t on a motion, at the same drives."""
+
+    __repr__ = short_repr
 
     def __init__(
         self,

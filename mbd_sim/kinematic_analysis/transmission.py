@@ -22,6 +22,7 @@ from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
 from mbd_sim.mechanism.names import split_names
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
+from mbd_sim.short_repr import short_repr
 
 LINE_OF_FORCE = ("revolute", "prismatic", "spherical", "universal")
 PARALLEL = 1e-4  # sine of the angle up to which axes are parallel or normal to each other, as people write digits
@@ -38,6 +39,8 @@ class CouplerAndFollower:
     coupler: str
     pin: str
     follower: str
+
+    __repr__ = short_repr
 
 
 def couplers_and_followers(mechanism: Mechanism, drives: Sequence[str]) -> tuple[CouplerAndFollower, ...]:

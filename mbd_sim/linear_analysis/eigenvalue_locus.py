@@ -15,6 +15,7 @@ from mbd_sim.errors import CommandError, InputError, MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.linear_analysis.working_point import to_equilibrium
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.simulation import Simulation
 
 ROUND_OFF = 1e-9  # of a real part, relative to its eigenvalue
@@ -33,6 +34,8 @@ class EigenvalueLocus:
     names: tuple[str, ...]
     values: tuple[Array, ...]
     eigenvalues: NDArray[np.complex128]
+
+    __repr__ = short_repr
 
     @property
     def growth(self) -> Array:

@@ -15,6 +15,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Attachment
+from mbd_sim.short_repr import short_repr
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
@@ -153,6 +154,8 @@ class Actuator:
     start: Mapping[str, float]
     delay: float = 0.0
     command_range: tuple[float, float] = (-math.inf, math.inf)
+
+    __repr__ = short_repr
 
     @property
     def control(self) -> Control:

@@ -16,6 +16,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.one_sided import Bound, ContactLaw, Play
 from mbd_sim.mechanism.records import Attachment
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,8 @@ class Distance:
     bound: Bound | None = None
     law: ContactLaw | None = None
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Flat:
@@ -42,6 +45,8 @@ class Flat:
     kind: str
     bound: Bound | None = None
     law: ContactLaw | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +65,8 @@ class Surface:
     kind: str
     bound: Bound | None = None
     law: ContactLaw | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +90,8 @@ class Coupling:
     slip: Mapping[str, float] = field(default_factory=dict)
     follower: str | None = None
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
@@ -100,6 +109,8 @@ class Rolling:
     kind: str = "rolling"
     law: ContactLaw | None = None
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class KnifeEdge:
@@ -112,6 +123,8 @@ class KnifeEdge:
     normal: Array
     kind: str = "knife_edge"
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Cable:
@@ -123,6 +136,8 @@ class Cable:
     kind: str = "cable"
     bound: Bound | None = None
     law: ContactLaw | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +154,8 @@ class Clutch:
     static: float = 1.0
     law: ContactLaw | None = None
     kind: str = "clutch"
+
+    __repr__ = short_repr
 
 
 Constraint = Distance | Flat | Surface | Coupling | Rolling | KnifeEdge | Cable | Clutch

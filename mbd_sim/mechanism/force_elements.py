@@ -8,6 +8,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, PowerLaw, Varying
 from mbd_sim.mechanism.records import GROUND, Attachment
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,8 @@ class Spring:
     length: float
     damping: float
     mass: float = 0.0
+
+    __repr__ = short_repr
 
     @property
     def elastic(self) -> bool:
@@ -51,6 +54,8 @@ class Damper:
     law: PowerLaw
     needs_line: bool
 
+    __repr__ = short_repr
+
     @property
     def elastic(self) -> bool:
         """Whether it stores energy: a damper does not."""
@@ -76,6 +81,8 @@ class AppliedForce:
     axes_of: str
     axes: Array
 
+    __repr__ = short_repr
+
     @property
     def following(self) -> bool:
         """Whether its axes rotate with a part."""
@@ -90,6 +97,8 @@ class AppliedEffort:
     coordinate: str
     effort: TimeExpression
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class AppliedPotential:
@@ -97,6 +106,8 @@ class AppliedPotential:
 
     name: str
     energy: TimeExpression
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +129,8 @@ class Bushing:
     stiffness: Array
     damping: Array
     in_joint: bool = False
+
+    __repr__ = short_repr
 
 
 TwoPointElement = Spring | Damper

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from mbd_sim.errors import counted, listed, quoted
+from mbd_sim.errors import counted, listed, quoted, shortened
 from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z
@@ -22,6 +22,7 @@ from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointCoordinate, JointKind, JointType
 from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.source import Source
+from mbd_sim.short_repr import LONGEST, short_repr
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.actuators import Actuator
@@ -55,6 +56,8 @@ class Shape:
     pose: Pose
     color: str | None = None
     hole: bool = False
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +219,8 @@ class Attachment:
     part: str
     point: Array
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
@@ -256,9 +261,8 @@ class Mechanism:
 
     def __repr__(self) -> str:
         parts, joints = counted(len(self.parts), "part"), counted(len(self.all_joints), "joint")
-        return (
-            f"<Mechanism {self.name}: {parts}, {joints}; coordinates {listed(list(self.coordinate_names)) or 'none'}>"
-        )
+        names = listed(list(self.coordinate_names), 6) or "none"
+        return shortened(f"<Mechanism {self.name}: {parts}, {joints}; coordinates {names}>", LONGEST)
 
     @property
     def all_joints(self) -> Mapping[str, Joint]:

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.short_repr import short_repr
 
 
 class Quantity(NamedTuple):
@@ -47,6 +48,8 @@ class ErrorModel:
     resolution: float = 0.0
     limit: float = math.inf
 
+    __repr__ = short_repr
+
 
 EXACT = ErrorModel()
 
@@ -57,6 +60,8 @@ class SensorFrame:
 
     part: str
     pose: Pose
+
+    __repr__ = short_repr
 
     @property
     def is_of_part(self) -> bool:
@@ -75,6 +80,8 @@ class Sampling:
     delay: float = 0.0
     drop_out: float = 0.0
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Sensor(ABC):
@@ -83,6 +90,8 @@ class Sensor(ABC):
     name: str
     sampling: Sampling
     errors: tuple[ErrorModel, ...]
+
+    __repr__ = short_repr
 
     @property
     @abstractmethod
@@ -100,6 +109,8 @@ class Imu(Sensor):
     at: SensorFrame
     orientation: bool
 
+    __repr__ = short_repr
+
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures."""
@@ -111,6 +122,8 @@ class Accelerometer(Sensor):
     """The specific force at a point, in the axes of its frame."""
 
     at: SensorFrame
+
+    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -124,6 +137,8 @@ class ForceTorque(Sensor):
 
     joint: str
     at: SensorFrame
+
+    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -145,6 +160,8 @@ class Encoder(Sensor):
     counts: int | None
     index: float | None
 
+    __repr__ = short_repr
+
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures; the errors are those of the position."""
@@ -158,6 +175,8 @@ class Tachometer(Sensor):
     coordinate: str
     unit: str
 
+    __repr__ = short_repr
+
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures."""
@@ -169,6 +188,8 @@ class MotorCurrent(Sensor):
     """The current of an actuator with a DC motor."""
 
     actuator: str
+
+    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -193,6 +214,8 @@ class RangeFinder(Sensor):
     field_of_view: float
     radiation: Literal["ultrasound", "infrared"]
 
+    __repr__ = short_repr
+
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures."""
@@ -204,6 +227,8 @@ class PoseSensor(Sensor):
     """The pose of a frame in ground's frame."""
 
     at: SensorFrame
+
+    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -218,6 +243,8 @@ class TwistSensor(Sensor):
     at: SensorFrame
     in_frame: bool
 
+    __repr__ = short_repr
+
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures."""
@@ -229,6 +256,8 @@ class Odometry(Sensor):
     """The pose of a frame in ground's frame, and its velocities in its own axes."""
 
     at: SensorFrame
+
+    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:

@@ -16,6 +16,7 @@ from mbd_sim.playback.plot_style import plot_style
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.run_recorder import RunRecorder
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.argument_checks import step_at
 from mbd_sim.simulation.simulation import Simulation
 
@@ -30,6 +31,8 @@ class RunPicture:
     suffix: str
     text: str
     width: int
+
+    __repr__ = short_repr
 
     def save(self, path: str | Path) -> None:
         """Write the picture to a file, which must end in `suffix`.

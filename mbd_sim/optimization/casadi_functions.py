@@ -22,6 +22,7 @@ from mbd_sim.mechanism.names import readings, reference
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
+from mbd_sim.short_repr import short_repr
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
 REFUSED = "cannot be given as CasADi functions"
@@ -45,6 +46,8 @@ class CasadiFunctions:
     efforts: Array
     equations: Equations = field(repr=False)
     _inputs: ParameterInputs = field(repr=False)
+
+    __repr__ = short_repr
 
     @property
     def coordinates(self) -> tuple[str, ...]:

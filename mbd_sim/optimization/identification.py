@@ -24,6 +24,7 @@ from mbd_sim.optimization.measured_runs import MeasuredRun, Residuals, measured_
 from mbd_sim.optimization.sensitivities import SensitivityModel
 from mbd_sim.optimization.separable_fit import Linearized, column_sizes, eliminated_parts, fit
 from mbd_sim.packages import require_packages
+from mbd_sim.short_repr import short_repr
 
 FITS = 2  # with the weights of the data, then with those of the residuals
 SINGULAR = 1e-12  # of the information matrix, relative
@@ -40,6 +41,8 @@ class ParameterEstimate:
     lower: float
     upper: float
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True, eq=False)
 class Identification:
@@ -53,6 +56,8 @@ class Identification:
     covariance: Array
     noise: Array
     measured: tuple[str, ...]
+
+    __repr__ = short_repr
 
 
 def identify(

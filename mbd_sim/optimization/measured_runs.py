@@ -15,6 +15,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import skew
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
 from mbd_sim.optimization.sensitivity_records import Sensitivities
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,8 @@ class MeasuredRun:
     start: float = 0.0
     outputs: Mapping[str, Array] = field(default_factory=dict)
     first_state: Array | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """:raises InputError: states or efforts are not tables of numbers, which may be given as lists."""

@@ -21,6 +21,7 @@ from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functi
 from mbd_sim.optimization.sensitivity_records import Derivatives, Sensitivities
 from mbd_sim.optimization.start_projection import StartProjection
 from mbd_sim.optimization.tangent_kernel import TangentKernel, tangent_method
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.simulation import Simulation
 
 
@@ -33,6 +34,8 @@ class SensitivityModel:
     Start values and parameters are independent of each other: the start state is moved onto the constraints as by
     `Simulation.reset`, and where a length changes, onto those with this length.
     """
+
+    __repr__ = short_repr
 
     @interruptible_tracing()
     def __init__(

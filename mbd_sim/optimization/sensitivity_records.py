@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,8 @@ class Derivatives:
     by_parameters: Array
     by_start: Array | None
     by_efforts: Array | None
+
+    __repr__ = short_repr
 
     def of(self, numbers: slice, times: slice = slice(None)) -> Derivatives:
         """The derivatives of some of the numbers, at some of the times, as views."""
@@ -47,6 +50,8 @@ class Sensitivities:
     points: Mapping[str, tuple[Array, Derivatives]]
     _nq: int = field(repr=False)
     _nv: int = field(repr=False)
+
+    __repr__ = short_repr
 
     def at(self, times: slice) -> Sensitivities:
         """The same at some of the times, as views."""

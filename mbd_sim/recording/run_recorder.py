@@ -37,6 +37,7 @@ from mbd_sim.recording.durable_file import OPEN_FILES
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recording.recording_paths import RecordingError
 from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.events import RESTARTS, EventKind, Payload
 from mbd_sim.simulation.simulation import Simulation
 
@@ -54,6 +55,8 @@ class RunRecorder:
     recording of the node. While a simulation is recorded, a `step(n)` that diverges leaves it at the last recorded
     state, not at the one before the call.
     """
+
+    __repr__ = short_repr
 
     def __init__(
         self,

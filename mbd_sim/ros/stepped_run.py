@@ -20,7 +20,9 @@ from mbd_sim.simulation.events import AppliedEfforts, ChangedValues, EventKind
 from mbd_sim.simulation.live_values import PreparedValues
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.state_values import StateValues
-from mbd_sim.simulation.step_advice import TOLERATED
+from mbd_sim.simulation.step_advice import OPEN_ACCOUNT, TOLERATED, open_share
+
+AUDIT_PERIOD = 1.0  # simulated s between looks at the energy account
 
 
 class SteppedRun:
@@ -37,9 +39,9 @@ class SteppedRun:
         self.simulation, self.commands, self.wrenches = simulation, commands, wrenches
         self.output = SteppingOutput(simulation, silent=silent)
         self.clock = self.output.journal.clock
-        self.problem = self.advice = ""
         self.start_values: StateValues | None = None
-        self._error_threshold = TOLERATED
+        self._forget_problems()
+        self._next_audit = 0  # the tick
 
     def advance(self, steps: int) -> None:
         """Apply commands and take steps.
@@ -52,7 +54,7 @@ class SteppedRun:
         self.simulation.step(steps)
         self.output.journal.count_steps()
         self.output.report_contacts()
-        self._check_error_estimate()
+        self._check_accuracy()
         self.output.counters.stepping += time.perf_counter() - began
 
     def report_divergence(self, error: DivergedError) -> None:
@@ -122,12 +124,23 @@ class SteppedRun:
         return ""
 
     def _forget_problems(self) -> None:
-        self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
+        self.problem = self.advice = ""
+        self._error_threshold, self._share_threshold = TOLERATED, OPEN_ACCOUNT
 
-    def _check_error_estimate(self) -> None:
-        """Warn once of a step that is too large, and again when the estimated error has grown tenfold."""
-        estimate = self.simulation.error_estimate
-        if estimate > self._error_threshold:
-            self._error_threshold = 10.0 * estimate
-            self.advice = self.simulation.step_advice or ""
+    def _check_accuracy(self) -> None:
+        """Warn once of a step that is too large or an open energy account, and again when it has grown tenfold.
+
+        The account is left alone where the estimated error of a step says why it is open.
+        """
+        simulation, grown = self.simulation, False
+        if (estimate := simulation.error_estimate) > self._error_threshold:
+            self._error_threshold, grown = 10.0 * estimate, True
+        elif estimate <= TOLERATED and self.clock.ticks >= self._next_audit:
+            self._next_audit = self.clock.ticks + round(AUDIT_PERIOD / simulation.step_size)
+            energies, start_energy = simulation.energies, simulation.start_energy
+            share = open_share(simulation.model, energies, start_energy, simulation.step_size)
+            if share > self._share_threshold:
+                self._share_threshold, grown = 10.0 * share, True
+        if grown:
+            self.advice = simulation.step_advice or ""
             self.output.report(EventKind.WARNING, self.advice)

@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.errors import CommandError, counted, listed, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.channels import Channel, channel_names
+from mbd_sim.short_repr import short_repr
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.input_layout import InputLayout
@@ -27,6 +28,8 @@ class CommandMap:
     A command in N, N·m, rad, m, rad/s, m/s, V or A acts on the first channel of an actuator, or on those that it names.
     A drive has the name of its joint.
     """
+
+    __repr__ = short_repr
 
     def __init__(self, takers: Sequence[Actuator | CommandedDrive], layout: InputLayout) -> None:
         self.takers, self.range = {taker.name: taker for taker in takers}, layout.commands

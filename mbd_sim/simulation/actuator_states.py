@@ -13,6 +13,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor
 from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
+from mbd_sim.short_repr import short_repr
 
 
 class ActuatorEnergies(NamedTuple):
@@ -28,6 +29,9 @@ class ActuatorEnergies(NamedTuple):
     friction_loss: float
     stored: float
     residual: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class ActuatorState(NamedTuple):
@@ -51,6 +55,9 @@ class ActuatorState(NamedTuple):
     friction_loss: float
     energies: ActuatorEnergies
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class CylinderEnergies(NamedTuple):
     """The account of a cylinder since the start, in J: fluid = mechanical + throttling + change of the stored energy.
@@ -65,6 +72,9 @@ class CylinderEnergies(NamedTuple):
     throttling_loss: float
     stored: float
     residual: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class CylinderState(NamedTuple):
@@ -85,6 +95,9 @@ class CylinderState(NamedTuple):
     mechanical: float
     throttling_loss: float
     energies: CylinderEnergies
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 AnyActuatorState = ActuatorState | CylinderState

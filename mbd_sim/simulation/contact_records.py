@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 class ContactChange(StrEnum):
@@ -84,6 +85,8 @@ class ContactState:
     slip: Array
     point: Array | None = None
     force: Array | None = None
+
+    __repr__ = short_repr
 
     @property
     def friction_entries(self) -> list[tuple[float, float, float]]:

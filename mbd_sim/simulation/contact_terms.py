@@ -18,6 +18,7 @@ from mbd_sim.dynamics.contact_functions import ContactFunctions
 from mbd_sim.dynamics.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.contact_records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -67,6 +68,8 @@ class ContactModel:
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`.
     """
+
+    __repr__ = short_repr
 
     def __init__(self, functions: ContactFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
         """:param size: of the mechanism in m."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from mbd_sim.errors import CommandError, counted, listed, nearest, printable, quoted
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 class UnknownJointError(CommandError):
@@ -28,6 +29,8 @@ class UnknownJointError(CommandError):
 
 class EffortMap:
     """Commands by order or by name, as one effort (N or N·m) for each degree of freedom."""
+
+    __repr__ = short_repr
 
     def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
         """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""

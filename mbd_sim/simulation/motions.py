@@ -9,6 +9,7 @@ import numpy as np
 
 from mbd_sim import compiler
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.short_repr import short_repr
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.bound_call import Call, Clock
@@ -26,6 +27,9 @@ class PartMotion(NamedTuple):
     angular_velocity: Array
     acceleration: Array
     angular_acceleration: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def of(self, frame: Pose) -> PartMotion:
         """The motion of a frame that is fixed in this one."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim import disk_cache
 from mbd_sim.compiler.bound_call import CompiledFunction
+from mbd_sim.short_repr import short_repr
 
 if TYPE_CHECKING:  # what was compiled before is read without CasADi
     import casadi as ca
@@ -19,6 +20,8 @@ if TYPE_CHECKING:  # what was compiled before is read without CasADi
 
 class RequestedFunctions:
     """The compiled functions of equations and of their `Measurements`; the simulations of one model share them."""
+
+    __repr__ = short_repr
 
     def __init__(self, equations: Callable[[], Equations], key: str | None) -> None:
         """`equations` traces the equations, or returns those that are known.

@@ -22,6 +22,7 @@ from mbd_sim.mechanism.sensors import (
 )
 from mbd_sim.sensing.measurement_errors import MeasurementErrors
 from mbd_sim.sensing.noise import Noise
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.sensor_samples import StateSample
 
@@ -40,6 +41,8 @@ class SensorReading:
     time: float
     sample: int
     values: Mapping[str, Array]
+
+    __repr__ = short_repr
 
     def __getitem__(self, quantity: str) -> Array:
         return self.values[quantity]
@@ -63,6 +66,8 @@ def sampling_steps(mechanism: Mechanism, step: float) -> list[SamplingSteps]:
 
 class SensorModel:
     """The sensors of a model; each reading is a function of the sampled state and the number of the sample."""
+
+    __repr__ = short_repr
 
     def __init__(self, model: Model, mechanism: Mechanism, step: float) -> None:
         """Prepare the sensors; not for several threads at once, as random numbers are kept.

@@ -12,6 +12,7 @@ import numpy as np
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.sampling import SamplingSteps
 from mbd_sim.sensing.noise import Noise
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.kernel_memory import KernelMemory
 
 
@@ -23,12 +24,17 @@ class StateSample:
     y: Array
     inputs: Array
 
+    __repr__ = short_repr
+
 
 class Arrival(NamedTuple):
     """A measurement that arrives: the number of its sensor, and the state that was measured."""
 
     sensor: int
     sample: StateSample
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class SensorSamples:

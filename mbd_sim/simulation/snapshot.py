@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 class RunLayout(NamedTuple):
@@ -56,6 +57,8 @@ class RunPoint:
     history: Array = field(default_factory=lambda: np.empty(0))
     error_estimate: float = 0.0
     layout: RunLayout | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 class Energies(NamedTuple):
@@ -23,12 +24,18 @@ class Energies(NamedTuple):
     total: float
     residual: float
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class Losses(NamedTuple):
     """Parts of the dissipated energy in J: that of impacts, and that of friction that sticks and slides."""
 
     impact: float
     friction: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Violation(NamedTuple):
@@ -37,6 +44,9 @@ class Violation(NamedTuple):
     position: float
     velocity: float
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class DriveState(NamedTuple):
     """A driven coordinate in m or rad, its velocity, and the force or moment in N or N·m that its drive exerts."""
@@ -44,6 +54,9 @@ class DriveState(NamedTuple):
     position: float
     velocity: float
     force: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Reaction(NamedTuple):
@@ -58,6 +71,8 @@ class Reaction(NamedTuple):
     force: Array
     moment: Array
 
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 class EnsembleEnergies(NamedTuple):
     """The energy audit with an array (k,) for each entry, in J: see `Energies`."""
@@ -69,6 +84,9 @@ class EnsembleEnergies(NamedTuple):
     work_drives: Array
     total: Array
     residual: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class EnsembleMotion(NamedTuple):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.dynamics.state_scales import energy_size
 from mbd_sim.errors import DivergedError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.adams import Adams
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.undefined_expressions import UndefinedExpression
 
 TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
-OPEN_ACCOUNT = 1e-4  # residual relative to the energy exchanged
+OPEN_ACCOUNT = 1e-4  # residual relative to the largest energy or work
 TARGET = 1e-7  # error of a step at which the proposed step size aims
 MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
 USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is
@@ -57,14 +58,26 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
     )
 
 
+def open_share(model: Model, energies: Energies, start_energy: float, step: float) -> float:
+    """The residual of the energy account relative to its largest term; 0 where it is not known.
+
+    What was exchanged counts, and the potential energies that may have been: at a turning point nothing else is left.
+
+    :param step: the step size in s.
+    """
+    changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
+    potentials = start_energy, energies.potential, energy_size(model.mechanism, step)
+    largest = max(energies.kinetic, *map(abs, changes), *map(abs, potentials))
+    return abs(energies.residual) / largest if largest > 0.0 else 0.0
+
+
 def advice_on_energy(model: Model, energies: Energies, start_energy: float, step: float) -> str | None:
     """A sentence on an energy account that does not close, with what may be the cause; None if it closes.
 
     Estimates of errors overlook what happens within single steps, such as a force that jumps; the account does not.
     """
-    changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
-    exchanged = max(energies.kinetic, *map(abs, changes))
-    if not abs(energies.residual) > OPEN_ACCOUNT * exchanged:
+    share = open_share(model, energies, start_energy, step)
+    if not share > OPEN_ACCOUNT:
         return None
     mechanism, causes = model.mechanism, list[str]()
     if turning := [f"'{each.name}'" for each in mechanism.bushings if np.any(each.stiffness[3:, 3:])]:
@@ -73,8 +86,8 @@ def advice_on_energy(model: Model, energies: Energies, start_energy: float, step
         causes.append(f"the force of {listed(springs)} reverses where its length passes zero")
     cause = f": {'; '.join(causes)}" if causes else ", such as one that jumps"
     return (
-        f"the energy account of {mechanism.name} is open by {abs(energies.residual) / exchanged:.1g} of the energy "
-        f"that was exchanged. A force may change abruptly within steps of {step:g} s{cause}. Try step "
+        f"the energy account of {mechanism.name} is open by {share:.1g} of the largest "
+        f"energy or work. A force may change abruptly within steps of {step:g} s{cause}. Try step "
         f"{round_down(0.1 * step):g}, or keep the motion away from there."
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from mbd_sim.errors import CommandError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.input_layout import InputLayout
@@ -29,6 +30,8 @@ def require_parts(names: Sequence[str], mechanism: Mechanism) -> None:
 
 class WrenchMap:
     """Wrenches on the loaded parts of a mechanism, as inputs of its equations."""
+
+    __repr__ = short_repr
 
     def __init__(self, mechanism: Mechanism, layout: InputLayout) -> None:
         self._parts, self._layout = mechanism.parts, layout

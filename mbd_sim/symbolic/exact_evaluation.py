@@ -91,10 +91,20 @@ def expression(algebra: Algebra, p: Polynomial) -> Any:
     """A polynomial as a SymPy expression."""
     return sp.Add(
         *(
-            sp.Mul(ratio(value), *(sp.Pow(algebra.expressions[number], exponent) for number, exponent in monomial))
+            sp.Mul(ratio(value), *_factors({algebra.expressions[number]: exponent for number, exponent in monomial}))
             for monomial, value in p.items()
         )
     )
+
+
+def _factors(exponents: dict[Any, int]) -> list[Any]:
+    """The factors of a product, with x in place of |x| sign x."""
+    for sign in [each for each in exponents if isinstance(each, sp.sign)]:
+        x, size = sign.args[0], sp.Abs(sign.args[0])
+        if exponents[sign] == exponents.get(size) == 1:
+            exponents = {each: exponent for each, exponent in exponents.items() if each not in (sign, size)}
+            exponents[x] = exponents.get(x, 0) + 1
+    return [sp.Pow(base, exponent) for base, exponent in exponents.items()]
 
 
 def ratio(value: Fraction) -> Any:

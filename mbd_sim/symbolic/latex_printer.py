@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from typing import Any
 
@@ -43,24 +42,25 @@ def number(numerator: int, denominator: int) -> str:
 
 
 def exact_number(numerator: int, denominator: int) -> str:
-    """A rational number with all of its digits, or "" where these are many."""
+    """A rational number with all of its digits, or "" where these are many.
+
+    A number with a factor of five in its denominator is written as the decimal that it most likely was in a file, as
+    0.05, if it has an end; others are fractions, as 1/8.
+    """
     if denominator == 1 and abs(numerator) < 10**DIGITS:
         return str(numerator)
     rest, power = _without_tens(denominator)
+    is_decimal = rest == 1 and denominator % 5 == 0
     small = abs(numerator) <= LARGEST_NUMERATOR and denominator <= LARGEST_DENOMINATOR
-    if small and (denominator in (2, 4) or rest > 1):
+    short = abs(numerator) * denominator <= LARGEST_PRODUCT and denominator <= LARGEST_NUMERATOR
+    if denominator > 1 and not is_decimal and (small or short):
         return _fraction(numerator, denominator)
-    digits = len(str(abs(numerator) * 10**power // denominator).strip("0")) if rest == 1 else math.inf
-    if digits <= DIGITS:
-        return _decimal(f"{numerator / denominator:.{DIGITS}g}")
-    if abs(numerator) * denominator <= LARGEST_PRODUCT and denominator <= LARGEST_NUMERATOR:
-        return _fraction(numerator, denominator)
-    if digits <= MOST_DIGITS:
-        return _decimal(f"{numerator / denominator:.{MOST_DIGITS}g}")
     whole = str(numerator * 10**power // (denominator // rest))
-    short = whole.rstrip("0")
-    if rest > 1 and abs(int(short)) <= LARGEST_DENOMINATOR >= rest:
-        return rf"{_fraction(int(short), rest)} \cdot 10^{{{len(whole) - len(short) - power}}}"
+    shown = whole.rstrip("0")
+    if rest == 1 and len(shown.lstrip("-")) <= MOST_DIGITS:
+        return _decimal(f"{numerator / denominator:.{MOST_DIGITS}g}")
+    if rest > 1 and abs(int(shown)) <= LARGEST_DENOMINATOR >= rest:
+        return rf"{_fraction(int(shown), rest)} \cdot 10^{{{len(whole) - len(shown) - power}}}"
     return ""
 
 
@@ -125,5 +125,13 @@ def _printer() -> Any:
                     term = -term if negative else term
                 text += self._print(term)
             return text
+
+        def _print_Abs(self, expr: Any, exp: Any = None) -> str:  # noqa: N802
+            size = rf"\left|{self._print(expr.args[0])}\right|"
+            return size if exp is None else f"{size}^{{{exp}}}"
+
+        def _print_sign(self, expr: Any, exp: Any = None) -> str:
+            power = "" if exp is None else f"^{{{exp}}}"
+            return rf"\operatorname{{sign}}{power}\left({self._print(expr.args[0])}\right)"
 
     return Printer

@@ -18,6 +18,7 @@ from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.packages import require_packages
+from mbd_sim.short_repr import short_repr
 from mbd_sim.symbolic.equation_limits import MAX_INSTRUCTIONS, too_large
 from mbd_sim.symbolic.symbolic_actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
 from mbd_sim.symbolic.symbolic_constraints import (
@@ -60,6 +61,8 @@ class SymbolicEquations:
     parameters: tuple[ParameterSymbol, ...] = ()
     built_in: Mapping[str, str] = field(default_factory=dict)
     sensors: tuple[SymbolicSensor, ...] = ()
+
+    __repr__ = short_repr
 
     @property
     def q(self) -> tuple[Any, ...]:

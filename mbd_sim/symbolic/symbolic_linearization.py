@@ -19,6 +19,7 @@ from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 from mbd_sim.symbolic.actuated_equilibrium import states_at_rest
 from mbd_sim.symbolic.characteristic_polynomial import characteristic_polynomial
 from mbd_sim.symbolic.equation_limits import MAX_OPERATIONS
@@ -66,6 +67,8 @@ class SymbolicLinearization:
     loads: tuple[Any, ...] = ()
     state_values: tuple[Any, ...] = ()
     rolling: bool = False
+
+    __repr__ = short_repr
 
 
 @interruptible_tracing()

@@ -36,6 +36,7 @@ from mbd_sim.mechanism.sensors import (
     RangeFinder,
     SensorFrame,
 )
+from mbd_sim.short_repr import short_repr
 from mbd_sim.symbolic.symbolic_actuators import SymbolicActuator, state_and_inputs
 from mbd_sim.symbolic.symbolic_contacts import row_order
 from mbd_sim.symbolic.symbolic_values import SymbolicValues
@@ -67,6 +68,8 @@ class SymbolicSensor:
     sensor: AnySensor
     values: Mapping[str, Any]
     reason: str = ""
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

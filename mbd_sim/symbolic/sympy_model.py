@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.short_repr import short_repr
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations, symbolic_equations
 
 
@@ -44,6 +45,8 @@ class SympyModel:
     G: Any
     b: Any
     sensors: Mapping[str, Mapping[str, Any]]
+
+    __repr__ = short_repr
 
     @property
     def L(self) -> Any:  # noqa: N802

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,8 @@ class PathGoal:
     positions: Array
     drives: Array
     free_timing: bool = False
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         _convert(self, "drives", "positions")
@@ -44,6 +47,8 @@ class FunctionGoal:
     drives: Array
     free_offset: bool = False
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         _convert(self, "drives", "values")
         _require_rows(self.drives, self.values, (len(self.drives),), "values")
@@ -57,6 +62,8 @@ class EffortGoal:
 
     drives: Array
     speed: float
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         _convert(self, "drives")

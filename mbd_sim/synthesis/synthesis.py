@@ -17,6 +17,7 @@ from mbd_sim.kinematic_analysis.reach import require_reached
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.packages import require_packages
+from mbd_sim.short_repr import short_repr
 from mbd_sim.synthesis.design_problem import DesignProblem
 from mbd_sim.synthesis.goals import Goal, PathGoal
 from mbd_sim.synthesis.minimax import least_peak
@@ -46,6 +47,8 @@ class Design:
     offset: float
     steps: int
     converged: bool
+
+    __repr__ = short_repr
 
     @property
     def rms(self) -> float:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.packages import MissingPackageError, require_packages
+from mbd_sim.short_repr import short_repr
 from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.viewer import protocol
 from mbd_sim.viewer.event_filter import EventFilter
@@ -54,6 +55,8 @@ class Viewer:
     ...         viewer.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
     ...         sim.step(10)
     """
+
+    __repr__ = short_repr
 
     def __init__(
         self,

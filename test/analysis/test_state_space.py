@@ -227,3 +227,9 @@ def test_forces_of_closed_contacts_are_refused():
     sim.run(0.2)
     with pytest.raises(MbdSimError, match="forces of closed contacts"):
         sim.state_space(outputs=[f"points.{sim.model.part_names[0]}.acceleration"])
+
+
+def test_every_reading_of_a_cylinder_is_an_output():
+    """Among them the work of compression, whose unit was missing, so that nothing could be chosen."""
+    system = Simulation.from_file("hydraulic_scissor_lift").state_space(outputs=["actuators"])
+    assert {"actuators.cylinder.displaced", "actuators.cylinder.stored"} <= set(system.outputs)

@@ -64,10 +64,7 @@ def test_shapes_that_are_only_drawn_may_stand_beside_the_mass_of_the_part():
 def test_a_large_energy_residual_is_a_warning(step, warned):
     sim = Simulation.from_text(PENDULUM.replace("ANGLE", "1"), method="euler" if warned else None, step=step)
     summary = simulate(sim, 5.0, quiet=True)
-    assert (
-        bool(re.search(r"WARNING +the energy residual is .* of the largest energy or work: use a smaller", summary))
-        == warned
-    )
+    assert bool(re.search(r"WARNING +(a step of 0.5 s is too large|the energy account)", summary)) == warned
 
 
 def test_compliant_contacts_are_listed_apart_from_one_sided_elements():

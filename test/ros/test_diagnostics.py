@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from mbd_sim.playback.run_table import read_table
+from mbd_sim.recording.reader import open_recording
 from test.recording.runs import stepped_node
 from test.waiting import wait_until
 
@@ -28,6 +30,29 @@ def mechanics(folder: Path, position: str) -> str:
 def test_energies_beyond_every_table_are_unknown_rather_than_balanced(tmp_path: Path) -> None:
     assert mechanics(tmp_path, "1e3 rad") == "energies balance"
     assert "the energy balance is unknown: at this elongation the potential" in mechanics(tmp_path, "1e9 rad")
+
+
+ZERO = """mechanism: through_zero
+gravity: [0, 0, 0]
+parts: {cart: {mass: 1}}
+joints: {rail: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], position: 1}}
+forces: {s: {type: spring, between: [ground, cart], stiffness: 100, length: 0.3}}
+"""
+
+
+def test_an_open_energy_account_is_warned_of_once_and_stands_in_the_diagnostics(tmp_path: Path) -> None:
+    """Its steps have no error that an estimate sees: the force jumps within them."""
+    file = tmp_path / "through_zero.yaml"
+    file.write_text(ZERO, encoding="utf-8")
+    with stepped_node(tmp_path, str(file)) as node:
+        node.stepping_thread.step(1500)
+        wait_until(lambda: node.publishing_thread.energies is not None, "energies")
+        message = str(node.diagnostics._mechanics().message)
+        advice = node.stepping_thread.run.advice
+    assert message == advice and "the force of 's' reverses where its length passes zero" in advice
+    recording = node.publishing_thread.recorder.path
+    texts = [text for _, text in read_table(open_recording(recording)).events]
+    assert sum("the energy account of through_zero" in text for text in texts) == 1
 
 
 def test_dropped_messages_are_those_of_the_last_second_also_when_a_recording_has_ended(tmp_path: Path) -> None:

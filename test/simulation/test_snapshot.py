@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import CommandError, Ensemble, MechanismError, Simulation
+from test.record_contents import contents
 
 OPTIONS = {"live": ["gravity[2]", "joints.*.damping"], "wrenches": ["lower"]}
 
@@ -142,7 +143,7 @@ def all_of(sim):
         name: (one.time, one.sample, {k: v.tolist() for k, v in one.values.items()})
         for name, one in sim.sensors().items()
     }
-    return *everything(sim), sim.samples.tobytes(), measured, repr(sim.actuators()), repr(sim.contacts())
+    return *everything(sim), sim.samples.tobytes(), measured, contents(sim.actuators()), contents(sim.contacts())
 
 
 @pytest.mark.parametrize("name", ["plant", *OTHERS])

@@ -112,6 +112,34 @@ def test_a_method_of_higher_order_is_advised_beside_a_smaller_step():
     assert simulation.step_advice.endswith("or method tsitouras8.")
 
 
+HANGING = """
+mechanism: hanging
+parts: {weight: {mass: 1}}
+joints: {rail: {type: prismatic, between: [ground, weight], axis: [0, 0, 1], position: POSITION}}
+forces: {s: {type: spring, between: [ground.hook, weight], stiffness: 100, length: 0.3}}
+ground: {points: {hook: [0, 0, 0.3]}}
+"""
+
+
+@pytest.mark.parametrize("position", ["-0.0981", "-0.1", "-0.2"])
+def test_round_off_of_the_energy_account_is_no_advice(position):
+    """At rest, and at the turning points of the motion, nothing but the round-off of the account is left."""
+    simulation = Simulation.from_text(HANGING.replace("POSITION", position))
+    period = 2.0 * np.pi / np.sqrt(100.0)
+    for turn in range(1, 9):
+        simulation.run(until=0.5 * turn * period)
+        assert simulation.step_advice is None
+
+
+def test_a_summary_prints_zero_for_round_off_by_the_size_of_the_mechanism():
+    """A weight at rest keeps its speed of some 1e-16 m/s; one that moves by nanometres does move."""
+    lines = simulate(Simulation.from_text(HANGING.replace("POSITION", "-0.0981")), 2.0, quiet=True).splitlines()
+    assert lines[-1].split() == ["rail", "-0.0981", "0"]
+    small = HANGING.replace("POSITION", "-2e-13").replace("100,", "1e13,").replace("0.3", "3e-10")
+    position, speed = map(float, simulate(Simulation.from_text(small), 1e-3, quiet=True).splitlines()[-1].split()[1:])
+    assert 0.0 < abs(position + 9.81e-13) < 9e-13 and 0.0 < abs(speed) < 1e-5
+
+
 def test_a_run_says_so():
     assert "WARNING" not in simulate(Simulation.from_file("double_rod"), 1.0, quiet=True)
     summary = simulate(Simulation.from_file("double_rod", method="euler"), 1.0, quiet=True)

@@ -111,6 +111,10 @@ def test_the_command_prints_equations_and_meanings(capsys):
     [
         ((1, 3), r"\tfrac{1}{3}"),
         ((-5, 2), r"-\tfrac{5}{2}"),
+        ((1, 4), r"\tfrac{1}{4}"),
+        ((1, 8), r"\tfrac{1}{8}"),
+        ((3, 256), r"\tfrac{3}{256}"),
+        ((1, 40), "0.025"),
         ((981, 100), "9.81"),
         ((1, 5), "0.2"),
         ((7, 1), "7"),
@@ -137,6 +141,16 @@ def test_numbers_are_shortest_also_in_products():
     assert sp.expand(short - long) == 0
     assert all(exact_number(int(one.p), int(one.q)) for one in short.atoms(sp.Rational))
     assert write(sp.Rational(4, 3) * m / 10**6, {m: "m"}) == r"\tfrac{4}{3} \cdot 10^{-6}\, m"
+
+
+def test_a_force_along_a_line_has_no_signs_beside_distances(capsys):
+    """|x| sign x is x: k (|x| - l) sign x is k x - k l sign x."""
+    assert main(["check", "cart_massive_spring", "--latex", "--numbers", "--no-linearization"]) == 0
+    text = capsys.readouterr().out
+    rail = r"\tfrac{3}{2} + q_{\mathrm{rail}}"
+    force = rf"30\, \operatorname{{sign}}\left({rail}\right) - 30 - 20\, q_{{\mathrm{{rail}}}}"
+    assert force in text and rf"- 30\, \left|{rail}\right|" in text
+    assert not re.search(r"\\right\|\s*\\operatorname\{sign\}", text)
 
 
 def test_equations_are_printed_without_their_linearization(capsys):
