@@ -16,6 +16,7 @@ import numpy as np
 
 from mbd_sim.exact_geometry.families import Family, families
 from mbd_sim.exact_geometry.freedoms import stacked
+from mbd_sim.exact_geometry.guides import guides, with_guides
 from mbd_sim.exact_geometry.loop_positions import NEARLY, Loops, Placement
 from mbd_sim.exact_geometry.targets import Groups, Targets
 from mbd_sim.geometry import rotation as rot
@@ -32,7 +33,7 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
     :param tolerance: in rad and parts of the size of a loop; what differs by more is meant as it is written.
     :raises TypeError: a mechanism with batches of numbers would have to be mended.
     """
-    if not tolerance or not mechanism.closures:
+    if not tolerance or not (mechanism.closures or mechanism.constraints):
         return mechanism
     first = _first_variant(mechanism)
     mended = _mended(first, tolerance)
@@ -42,25 +43,33 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
 
 
 def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
-    loops = Loops(mechanism)
+    found = guides(mechanism)
+    loops = Loops(with_guides(mechanism, found))
     place = loops.closed()
     if place is None:
         return mechanism
+    massless = {guide.pin.name: guide.pin.parent for guide in found}
     groups = Groups()
     mended: dict[str, Joint] = {}
     for name in loops.around:
-        family = _family_of(loops, name, place, tolerance)
+        family = _family_of(loops, name, place, tolerance, massless.get(name, ""))
         if family is not None:
-            joints = [joint for joint, _ in loops.around[name]]
-            groups.add(family, joints)
-            mended |= {joint.name: joint for joint in joints}
+            groups.add(family)
+            mended |= {joint.name: joint for joint, _ in loops.around[name]}
     if not mended:
         return mechanism
     targets = Targets(groups, mended.values(), place)
     changed = {joint.name: targets.moved(joint) for joint in mended.values()}
+    moves = {name: _move(mended[name], changed[name]) for name in mechanism.all_joints if name in changed}
+    constraints = {constraint.name: constraint for constraint in mechanism.constraints}
+    for guide in found:
+        if guide.pin.name in changed:
+            name, ends = guide.constraint.name, (changed[guide.carrier.name], changed[guide.pin.name])
+            constraints[name], moves[f"constraints.{name}"] = guide.moved(
+                *ends, place, targets.is_common(guide.pin.name)
+            )
     least = Move(ROUND_OFF * place.size, ROUND_OFF)
     most = Move(3.0 * tolerance * place.size, 3.0 * tolerance)
-    moves = {name: _move(mended[name], joint) for name, joint in changed.items()}
     moves = {name: move for name, move in moves.items() if move.exceeds(least)}
     if not moves or any(move.exceeds(most) for move in moves.values()):
         return mechanism
@@ -72,22 +81,24 @@ def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
         mechanism,
         joints=of(mechanism.joints),
         closing=of(mechanism.closing),
-        moved={name: moves[name] for name in mechanism.all_joints if name in moves},
+        constraints=tuple(constraints.values()),
+        moved=moves,
     )
 
 
-def _family_of(loops: Loops, name: str, place: Placement, tolerance: float) -> Family | None:
+def _family_of(loops: Loops, name: str, place: Placement, tolerance: float, massless: str) -> Family | None:
     """What the axes of a loop have in common only nearly, if that keeps it from moving, or from closing; or None."""
     around = loops.around[name]
     points = [pose.position for joint, _ in around for pose in place.frames(joint)]
-    size = float(np.linalg.norm(np.ptp(np.array(points), axis=0))) or place.size
+    size = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
+    size = size if size > tolerance * place.size else place.size  # all points of a loop may be meant to coincide
     about = np.mean(points, axis=0)
     before, left_open = _redundancy(loops, name, place, about, size)
     if not before and not left_open:
         return None
-    for family in families(around, place, size, tolerance):
+    for family in families(around, place, size, tolerance, massless):
         groups = Groups()
-        groups.add(family, [joint for joint, _ in around])
+        groups.add(family)
         targets = Targets(groups, [joint for joint, _ in around], place)
         after = _nearly_zero(stacked([twist for joint, _ in around for twist in targets.twists(joint)]), about, size)
         if after < before or (left_open and after == before):
