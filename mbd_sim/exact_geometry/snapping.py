@@ -21,7 +21,7 @@ from mbd_sim.exact_geometry.loop_positions import NEARLY, Loops, Placement
 from mbd_sim.exact_geometry.targets import Groups, Targets
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.batch import Batch
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Joint, Mechanism, Move
 
 ROUND_OFF = 1e-13  # rad, or parts of the size
@@ -139,27 +139,26 @@ def _move(before: Joint, after: Joint) -> Move:
 
 
 def _first_variant(mechanism: Mechanism) -> Mechanism:
-    """The same mechanism, or the first variant of the frames of its joints where these are batches."""
-    joints = [*mechanism.joints.values(), *mechanism.closing.values()]
-    found = {joint.name: _first_of(joint) for joint in joints}
-    if all(found[joint.name] is joint for joint in joints):
+    """The same mechanism, or the first variant of its joints and constraints where these have batches of numbers."""
+    own = {name: _first(getattr(mechanism, name)) for name in ("joints", "closing", "constraints")}
+    if all(own[name] is getattr(mechanism, name) for name in own):
         return mechanism
-    own = ({name: found[name] for name in of} for of in (mechanism.joints, mechanism.closing))
-    return dataclasses.replace(mechanism, joints=next(own), closing=next(own))
+    return dataclasses.replace(mechanism, **own)
 
 
-def _first_of(joint: Joint) -> Joint:
-    poses = [joint.parent_pose, joint.child_pose]
-    numbers: list[Any] = [joint.axis, joint.second, joint.position, joint.lead]
-    numbers += [part for pose in poses for part in (pose.position, pose.rotation)]
-    if not any(isinstance(number, Batch) for number in numbers):
-        return joint
-    first, second = (Pose(_plain(pose.position), _plain(pose.rotation)) for pose in poses)
-    axis, other, position, lead = (_plain(number) for number in numbers[:4])
-    return dataclasses.replace(
-        joint, parent_pose=first, child_pose=second, axis=axis, second=other, position=position, lead=lead
-    )
-
-
-def _plain(number: Any) -> Any:
-    return number.values[0] if isinstance(number, Batch) else number
+def _first(value: Any) -> Any:
+    """The same value, or its copy with the first variant of each batch in it."""
+    match value:
+        case Batch():
+            return value.values[0]
+        case tuple():
+            parts = tuple(_first(one) for one in value)
+            return value if all(new is old for new, old in zip(parts, value, strict=True)) else parts
+        case Mapping():
+            items = {key: _first(one) for key, one in value.items()}
+            return value if all(items[key] is value[key] for key in items) else items
+        case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+            changed = {name: new for name, old in fields.items() if (new := _first(old)) is not old}
+            return dataclasses.replace(value, **changed) if changed else value
+    return value
