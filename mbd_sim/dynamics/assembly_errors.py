@@ -12,21 +12,29 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
 
-NEARLY_REDUNDANT = 1e-2  # in natural units: what prevents a motion by less may be due to rounded digits
+NEARLY_REDUNDANT = 1e-2  # in natural units: what prevents a motion by less may be due to rounded digits,
+NEARLY_CLOSED = 3e-3  # and so may a gap that is less
 _BETTER_GUESS = "Give joint positions closer to the intended configuration, with 'guess: true'."
 
 
 def open_loops(
-    mechanism: Mechanism, rows: Sequence[ConstraintRow], gaps: Array, size: float, given_positions_at_fault: bool
+    mechanism: Mechanism,
+    rows: Sequence[ConstraintRow],
+    gaps: Array,
+    row_sizes: Array,
+    size: float,
+    given_positions_at_fault: bool,
 ) -> MechanismError:
     """Loops and constraints that cannot be closed.
 
     :param gaps: (m,) the remaining gap of each row, in the row's unit.
-    :param size: that of the mechanism in m.
+    :param row_sizes: (m,) the natural size of each row, and `size` that of the mechanism in m.
     :param given_positions_at_fault: whether they could be closed without the given positions.
     """
+    nearly = bool(np.all(np.abs(gaps) <= NEARLY_CLOSED * row_sizes)) and not given_positions_at_fault
     problems = [
-        _open_loop(mechanism, owner, gap, given_positions_at_fault) for owner, gap in _by_owner(rows, gaps, size)
+        _nearly_closed(mechanism, owner, gap) if nearly else _open_loop(mechanism, owner, gap, given_positions_at_fault)
+        for owner, gap in _by_owner(rows, gaps, size)
     ]
     if not problems:
         message = "the loop closes only in the wrong assembly mode (a joint axis is flipped)"
@@ -67,11 +75,16 @@ def no_mobility(
         return MechanismError([mechanism.source.problem(owners[0], message, remedy)])
     chief = rows[int(np.argmax(shares))]
     message += f", but only just: deviations of {least:.1g} rad, or of {least:.1g} of its size, prevent a motion"
-    remedy = (
-        f"If axes at '{chief.name}' are meant to be parallel, points to coincide, or lengths to be equal, give them "
-        "with more digits. Otherwise remove a joint or a constraint."
-    )
+    axes = f"axes at '{chief.name}'"
+    remedy = f"{_more_digits(axes)} Otherwise remove a joint or a constraint."
     return MechanismError([mechanism.source.problem(chief.owner, message, remedy)])
+
+
+def _more_digits(axes: str) -> str:
+    return (
+        f"If {axes} are meant to be parallel, points to coincide, or lengths to be equal, give them with more digits, "
+        "or leave out 'tolerance: 0' where it is given."
+    )
 
 
 def isolated_position(mechanism: Mechanism, rows: Sequence[ConstraintRow]) -> MechanismError:
@@ -130,6 +143,16 @@ def _loop_of(mechanism: Mechanism, owner: Location) -> str:
         paths.append(path)
     first, second = ([name for name in path if name not in other] for path, other in (paths, paths[::-1]))
     return listed([*first[::-1], joint.name, *second])
+
+
+def _nearly_closed(mechanism: Mechanism, owner: Location, gap: str) -> Problem:
+    loop = _loop_of(mechanism, owner)
+    violation = f"the loop of {loop} remains open here" if loop else "this constraint is violated"
+    message = (
+        f"{violation} by at least {gap}, but only just: its axes may be nearly parallel, or its points nearly match"
+    )
+    remedy = f"{_more_digits('axes')} Otherwise check the lengths, points and axes of its parts."
+    return mechanism.source.problem(owner, message, remedy)
 
 
 def _open_loop(mechanism: Mechanism, owner: Location, gap: str, given_positions_at_fault: bool) -> Problem:

@@ -218,8 +218,9 @@ def _closed(mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequen
     if closure.closed:
         return closure.q
     unfixed = close_loops(constraints, 0.0, q, np.ones(len(fixed), dtype=bool)) if fixed.any() else closure
-    gaps = closure.gaps if unfixed.closed else unfixed.gaps
-    raise open_loops(mechanism, rows, gaps, constraints.size, given_positions_at_fault=unfixed.closed)
+    worst = closure if unfixed.closed else unfixed
+    sizes = constraints.row_sizes(0.0, worst.q)
+    raise open_loops(mechanism, rows, worst.gaps, sizes, constraints.size, given_positions_at_fault=unfixed.closed)
 
 
 def _flags(flags_of_joints: Sequence[Sequence[bool]]) -> NDArray[Any]:

@@ -53,27 +53,48 @@ def axes_of(joint: Joint, place: Placement, to_child: bool = True) -> list[Axis]
 class Family:
     """What the axes of a loop have in common: pairs of `parallel` axes, pairs (slider, axis) of `perpendicular` ones.
 
-    If `common` is a line, all axes and points are on it; if it is a point, all axes go through it.
+    If `common` is a line, all axes and points of the `joined` joints are on it; if it is a point, all go through it.
     """
 
     parallel: Sequence[tuple[Key, Key]] = ()
     perpendicular: Sequence[tuple[Key, Key]] = ()
     common: str = ""
+    joined: Sequence[str] = ()
 
 
-def families(around: Sequence[tuple[Joint, bool]], place: Placement, size: float, tolerance: float) -> Iterator[Family]:
-    """The families to which a loop belongs within a tolerance in rad and parts of its size, the strictest one first."""
-    axes = [axis for joint, to_child in around for axis in axes_of(joint, place, to_child)]
+def families(
+    around: Sequence[tuple[Joint, bool]], place: Placement, size: float, tolerance: float, massless: str = ""
+) -> Iterator[Family]:
+    """The families to which a loop belongs within a tolerance in rad and parts of its size, the strictest one first.
+
+    :param massless: the part of a guide in the loop. Where the rest of the loop does not move one of the points that
+        the guide holds, it is of no account how it holds them.
+    """
+    yield from _with_common_axes(around, place, size, tolerance)
+    for guiding in [joint for joint, _ in around if massless in (joint.parent, joint.child)]:
+        rest = [(joint, to_child) for joint, to_child in around if joint is not guiding]
+        yield from _with_common_axes(rest, place, size, tolerance)
+    yield _parallel_runs(_axes(around, place), tolerance)
+
+
+def _axes(around: Sequence[tuple[Joint, bool]], place: Placement) -> list[Axis]:
+    return [axis for joint, to_child in around for axis in axes_of(joint, place, to_child)]
+
+
+def _with_common_axes(
+    around: Sequence[tuple[Joint, bool]], place: Placement, size: float, tolerance: float
+) -> Iterator[Family]:
+    """The families of joints that are all on a line, or through a point."""
+    axes = _axes(around, place)
     kinds = {joint.type for joint, _ in around} - {"fixed"}
     by_name, reach = {joint.name: joint.type for joint, _ in around}, size * tolerance
     if kinds <= {*LINES, "prismatic", "spherical"} and _coincide(axes, by_name, reach, tolerance):
         directed = [axis.key for axis in axes if axis.direction.any()]
-        yield Family(parallel=[(directed[0], key) for key in directed[1:]], common="line")
+        yield Family([(directed[0], key) for key in directed[1:]], common="line", joined=tuple(by_name))
     if kinds <= {"revolute", "universal", "spherical"}:
         center = meeting_point(axes)
         if center is not None and all(distance_of(axis, center) <= reach for axis in axes):
-            yield Family(common="point")
-    yield _parallel_runs(axes, tolerance)
+            yield Family(common="point", joined=tuple(by_name))
 
 
 def _coincide(axes: Sequence[Axis], kinds: Mapping[str, str], reach: float, angle: float) -> bool:

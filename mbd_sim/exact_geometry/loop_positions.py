@@ -78,6 +78,10 @@ class Loops:
             part = joints[following].child if to_child else joints[following].parent
         return found
 
+    def at_start(self) -> Placement:
+        """The poses at the start values of the file."""
+        return self._placed({joint.name: _start_of(joint) for joint in self.tree})
+
     def closed(self) -> Placement | None:
         """A configuration near the start values of the file in which all loops are closed, nearly; None: not found."""
         random = np.random.default_rng(0)

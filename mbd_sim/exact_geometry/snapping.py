@@ -16,11 +16,12 @@ import numpy as np
 
 from mbd_sim.exact_geometry.families import Family, families
 from mbd_sim.exact_geometry.freedoms import stacked
+from mbd_sim.exact_geometry.guides import guides, with_guides
 from mbd_sim.exact_geometry.loop_positions import NEARLY, Loops, Placement
 from mbd_sim.exact_geometry.targets import Groups, Targets
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.batch import Batch
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Joint, Mechanism, Move
 
 ROUND_OFF = 1e-13  # rad, or parts of the size
@@ -32,7 +33,7 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
     :param tolerance: in rad and parts of the size of a loop; what differs by more is meant as it is written.
     :raises TypeError: a mechanism with batches of numbers would have to be mended.
     """
-    if not tolerance or not mechanism.closures:
+    if not tolerance or not (mechanism.closures or mechanism.constraints):
         return mechanism
     first = _first_variant(mechanism)
     mended = _mended(first, tolerance)
@@ -42,25 +43,33 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
 
 
 def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
-    loops = Loops(mechanism)
+    found = guides(mechanism)
+    loops = Loops(with_guides(mechanism, found))
     place = loops.closed()
     if place is None:
         return mechanism
+    massless = {guide.pin.name: guide.pin.parent for guide in found}
     groups = Groups()
     mended: dict[str, Joint] = {}
     for name in loops.around:
-        family = _family_of(loops, name, place, tolerance)
+        family = _family_of(loops, name, place, tolerance, massless.get(name, ""))
         if family is not None:
-            joints = [joint for joint, _ in loops.around[name]]
-            groups.add(family, joints)
-            mended |= {joint.name: joint for joint in joints}
+            groups.add(family)
+            mended |= {joint.name: joint for joint, _ in loops.around[name]}
     if not mended:
         return mechanism
     targets = Targets(groups, mended.values(), place)
     changed = {joint.name: targets.moved(joint) for joint in mended.values()}
+    moves = {name: _move(mended[name], changed[name]) for name in mechanism.all_joints if name in changed}
+    constraints = {constraint.name: constraint for constraint in mechanism.constraints}
+    for guide in found:
+        if guide.pin.name in changed:
+            name, ends = guide.constraint.name, (changed[guide.carrier.name], changed[guide.pin.name])
+            constraints[name], moves[f"constraints.{name}"] = guide.moved(
+                *ends, place, targets.is_common(guide.pin.name)
+            )
     least = Move(ROUND_OFF * place.size, ROUND_OFF)
     most = Move(3.0 * tolerance * place.size, 3.0 * tolerance)
-    moves = {name: _move(mended[name], joint) for name, joint in changed.items()}
     moves = {name: move for name, move in moves.items() if move.exceeds(least)}
     if not moves or any(move.exceeds(most) for move in moves.values()):
         return mechanism
@@ -72,22 +81,24 @@ def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
         mechanism,
         joints=of(mechanism.joints),
         closing=of(mechanism.closing),
-        moved={name: moves[name] for name in mechanism.all_joints if name in moves},
+        constraints=tuple(constraints.values()),
+        moved=moves,
     )
 
 
-def _family_of(loops: Loops, name: str, place: Placement, tolerance: float) -> Family | None:
+def _family_of(loops: Loops, name: str, place: Placement, tolerance: float, massless: str) -> Family | None:
     """What the axes of a loop have in common only nearly, if that keeps it from moving, or from closing; or None."""
     around = loops.around[name]
     points = [pose.position for joint, _ in around for pose in place.frames(joint)]
-    size = float(np.linalg.norm(np.ptp(np.array(points), axis=0))) or place.size
+    size = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
+    size = size if size > tolerance * place.size else place.size  # all points of a loop may be meant to coincide
     about = np.mean(points, axis=0)
     before, left_open = _redundancy(loops, name, place, about, size)
     if not before and not left_open:
         return None
-    for family in families(around, place, size, tolerance):
+    for family in families(around, place, size, tolerance, massless):
         groups = Groups()
-        groups.add(family, [joint for joint, _ in around])
+        groups.add(family)
         targets = Targets(groups, [joint for joint, _ in around], place)
         after = _nearly_zero(stacked([twist for joint, _ in around for twist in targets.twists(joint)]), about, size)
         if after < before or (left_open and after == before):
@@ -128,27 +139,26 @@ def _move(before: Joint, after: Joint) -> Move:
 
 
 def _first_variant(mechanism: Mechanism) -> Mechanism:
-    """The same mechanism, or the first variant of the frames of its joints where these are batches."""
-    joints = [*mechanism.joints.values(), *mechanism.closing.values()]
-    found = {joint.name: _first_of(joint) for joint in joints}
-    if all(found[joint.name] is joint for joint in joints):
+    """The same mechanism, or the first variant of its joints and constraints where these have batches of numbers."""
+    own = {name: _first(getattr(mechanism, name)) for name in ("joints", "closing", "constraints")}
+    if all(own[name] is getattr(mechanism, name) for name in own):
         return mechanism
-    own = ({name: found[name] for name in of} for of in (mechanism.joints, mechanism.closing))
-    return dataclasses.replace(mechanism, joints=next(own), closing=next(own))
+    return dataclasses.replace(mechanism, **own)
 
 
-def _first_of(joint: Joint) -> Joint:
-    poses = [joint.parent_pose, joint.child_pose]
-    numbers: list[Any] = [joint.axis, joint.second, joint.position, joint.lead]
-    numbers += [part for pose in poses for part in (pose.position, pose.rotation)]
-    if not any(isinstance(number, Batch) for number in numbers):
-        return joint
-    first, second = (Pose(_plain(pose.position), _plain(pose.rotation)) for pose in poses)
-    axis, other, position, lead = (_plain(number) for number in numbers[:4])
-    return dataclasses.replace(
-        joint, parent_pose=first, child_pose=second, axis=axis, second=other, position=position, lead=lead
-    )
-
-
-def _plain(number: Any) -> Any:
-    return number.values[0] if isinstance(number, Batch) else number
+def _first(value: Any) -> Any:
+    """The same value, or its copy with the first variant of each batch in it."""
+    match value:
+        case Batch():
+            return value.values[0]
+        case tuple():
+            parts = tuple(_first(one) for one in value)
+            return value if all(new is old for new, old in zip(parts, value, strict=True)) else parts
+        case Mapping():
+            items = {key: _first(one) for key, one in value.items()}
+            return value if all(items[key] is value[key] for key in items) else items
+        case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+            changed = {name: new for name, old in fields.items() if (new := _first(old)) is not old}
+            return dataclasses.replace(value, **changed) if changed else value
+    return value

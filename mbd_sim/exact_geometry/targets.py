@@ -23,14 +23,14 @@ class Groups:
         self.perpendicular: list[tuple[Key, Key]] = []
         self.common: list[tuple[str, dict[str, None]]] = []
 
-    def add(self, family: Family, joints: Iterable[Joint]) -> None:
+    def add(self, family: Family) -> None:
         """Add what a loop has in common."""
         for one, other in family.parallel:
             if (first := self.leader(one)) != (second := self.leader(other)):
                 self._leader[second] = first
         self.perpendicular += family.perpendicular
         if family.common:
-            names = {joint.name: None for joint in joints}
+            names = dict.fromkeys(family.joined)
             for kind, others in [*self.common]:
                 if kind == family.common and not others.keys().isdisjoint(names):
                     self.common.remove((kind, others))
@@ -142,6 +142,10 @@ class Targets:
         if (center := self._point.get(joint.name)) is not None:
             return center if joint.type != "revolute" else center + axis * float(axis @ (at - center))
         return at
+
+    def is_common(self, name: str) -> bool:
+        """Whether a joint is on the line, or at the point, that the joints of its loop have in common."""
+        return name in self._line or name in self._point
 
     def twists(self, joint: Joint) -> list[Array]:
         """The twists of a joint after it is moved."""

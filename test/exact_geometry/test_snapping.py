@@ -97,11 +97,13 @@ def test_an_axis_that_is_meant_to_be_oblique_stays_so(angle):
         Kinematics(oblique)
 
 
-def test_tolerance_0_keeps_everything_as_written():
-    found, _ = written("four-bar", 1, 6, tolerance=0)
-    assert not found.moved
-    with pytest.raises(MechanismError):
-        Kinematics(found)
+@pytest.mark.parametrize("name", FAMILIES)
+def test_tolerance_0_keeps_everything_as_written_and_the_error_says_why_it_is_locked(name):
+    for digits in (4, 6):
+        found, _ = written(name, 1, digits, tolerance=0)
+        assert not found.moved
+        with pytest.raises(MechanismError, match=r"(?s)only just.*parallel.*more digits"):
+            Kinematics(found)
 
 
 def test_a_small_eccentricity_is_no_slip_of_digits():

@@ -17,6 +17,7 @@ VARIED = {
     "four_bar": ("coupler", "joints.crank_pivot.velocity", "density"),
     "tumbling": ("parts.body.mass", "joints.flight.angular_velocity[1]"),
     "stewart": ("m", "r"),
+    "constrained_pendulum": ("l", "m"),
     "spring_chain": ("forces.first.mass", "forces.first.stiffness"),
     "universal_pendulum": ("parameters.*",),
 }
@@ -43,7 +44,7 @@ def test_numbers_of_all_variants_are_those_of_each(name):
         assert numbers.same_as(numbers_of(with_values(mechanism, change)))
 
 
-@pytest.mark.parametrize("name", ["four_bar", "stewart"])
+@pytest.mark.parametrize("name", ["four_bar", "stewart", "constrained_pendulum"])
 def test_loops_closed_at_once_are_those_of_each(name):
     mechanism, changes = changes_of(name)
     variants = Variants(mechanism, changes)
