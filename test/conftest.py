@@ -35,6 +35,7 @@ QUICKLY_COMPILED = {
     "docs",
     "drawing",
     "dynamics",
+    "exact_geometry",
     "examples",
     "fmu",
     "gym",

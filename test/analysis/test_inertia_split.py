@@ -18,7 +18,7 @@ from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.report.mechanism_report import report
 from mbd_sim.report.report_text import report_text
-from test.generators.mechanisms import SHIPPED, random_state, random_trees
+from test.generators.mechanisms import KINDS, random_state, random_trees
 from test.oracles import kane
 
 T = 0.7
@@ -231,7 +231,7 @@ def test_random_trees(drawn):
     check(parse_mechanism(drawn[0]), drawn[1])
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_shipped_mechanisms(name):
     """Without drives all is relative; only the rotating frame has more than one coordinate to couple."""
     gyroscopic, unsteady = check(load_mechanism(name), np.random.default_rng(111))

@@ -83,8 +83,7 @@ def test_a_processor_without_fused_operations_gets_the_same_bits(monkeypatch):
     assert bits(run(*compile_model("audited", "dop853"), 300)) == bits(here)
 
 
-@pytest.mark.parametrize("name", MECHANISMS)
-@pytest.mark.parametrize("method", ["rk4", "rosenbrock", "gauss6"])
+@pytest.mark.parametrize(("name", "method"), [("double_rod", "rk4"), ("audited", "rosenbrock"), ("floating", "gauss6")])
 def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name, method):
     kernel, equations = compile_model(name, method)
     at_once = run(kernel, equations, 500)
@@ -94,8 +93,10 @@ def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name, method):
     assert bits(y) == bits(at_once)
 
 
-@pytest.mark.parametrize("name", MECHANISMS)
-@pytest.mark.parametrize("method", ["rk4", "adams11", "rosenbrock", "gauss4"])
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("double_rod", "rk4"), ("floating", "adams11"), ("audited", "rosenbrock"), ("audited", "gauss4")],
+)
 def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
     """Rates inlined or called, arrays in registers, in memory or in loops, optimized or not: the same bits."""
     found = []

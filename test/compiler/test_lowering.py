@@ -28,7 +28,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.generators.loops import state_near_start
-from test.generators.mechanisms import AUDITED, SHIPPED, random_state, random_trees
+from test.generators.mechanisms import AUDITED, KINDS, random_state, random_trees
 from test.oracles import kane
 from test.oracles.instruction_interpreter import BINARY, LIBRARY, TERNARY, UNARY, interpret
 
@@ -273,7 +273,7 @@ def _reader(kernel, name, size):
     return call
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_machine_code_of_shipped_mechanisms(name):
     check_machine_code(load_mechanism(name), np.random.default_rng(40))
 

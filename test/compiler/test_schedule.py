@@ -24,7 +24,7 @@ from mbd_sim.compiler.schedule import (
 )
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
-from test.generators.mechanisms import SHIPPED
+from test.generators.mechanisms import KINDS
 from test.oracles.instruction_interpreter import interpret
 
 
@@ -58,7 +58,7 @@ def by_library(angle):
     return np.sin(angle), np.cos(angle)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_rates_of_shipped_mechanisms(name):
     equations = derive(load_mechanism(name))
     rng = np.random.default_rng(50)

@@ -17,7 +17,7 @@ from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.generators.loops import random_mechanisms, state_near_start, with_same_mechanisms
-from test.generators.mechanisms import SHIPPED
+from test.generators.mechanisms import KINDS
 
 
 @dataclass
@@ -82,7 +82,7 @@ def test_rows_of_random_mechanisms(drawn):
         return  # contradicts its drives
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_rows_of_shipped_mechanisms(name):
     check(load_mechanism(name), np.random.default_rng(4))
 

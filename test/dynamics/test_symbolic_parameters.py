@@ -11,10 +11,9 @@ from mbd_sim.dynamics.symbolic_parameters import (
 )
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
-from test.generators.mechanisms import SHIPPED
+from test.generators.mechanisms import KINDS
 
-SLOW = ("stewart", "four_bars", "a02", "a04", "scissor", "tricycle", "bricard", "rssr")
-NAMES = [name for name in SHIPPED if not any(slow in name for slow in SLOW)]
+NAMES = [name for name in KINDS if name not in ("a04_bricard", "scissor_lift", "stewart")]
 
 
 def all_free(mechanism) -> SymbolicParameters:

@@ -41,7 +41,7 @@ def start_accelerations(mechanism):
     return simulation.model.accelerations(0.0, simulation.state, simulation.inputs)
 
 
-@pytest.mark.parametrize("digits", [4, 5, 6, 9, 12])
+@pytest.mark.parametrize("digits", [4, 6, 12])
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name, digits):
     for seed in range(2):
@@ -148,7 +148,7 @@ joints:
     assert found.moved.keys() <= {"one", "two"}
 
 
-@pytest.mark.parametrize("digits", [4, 5, 6])
+@pytest.mark.parametrize("digits", [4, 6])
 @pytest.mark.parametrize("name", RINGS)
 def test_the_same_in_sdf_and_urdf(name, digits, tmp_path):
     for seed in range(2):

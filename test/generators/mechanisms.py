@@ -20,6 +20,14 @@ SHIPPED = tuple(
     for name, path in shipped().items()
     if path.parent.name != "contacts" and "\nactuators:" not in path.read_text(encoding="utf-8")
 )
+# Few of them that have together every type of joint, element, law and field that any of them has, then loops of several
+# sorts, drives and rolling. What is compared for each of them needs no comparison for the others; test_library.py checks it.
+KINDS = (
+    "air_spring", "balancing_pendulum", "gas_engine", "upright_wheel", "stick_slip", "quadratic_drag", "pencil", "knife_edge",
+    "rack_and_pinion", "insect_on_sphere", "atwood", "arm", "snap_through", "universal_pendulum", "screw_press",
+    "cylindrical_slider", "follower_force", "slider_crank", "a04_bricard", "spring_chain",
+    "bennett", "double_rod", "four_bar", "rotating_frame_mass", "scissor_lift", "spherical_top", "stewart",
+)  # fmt: skip
 
 CART_PENDULUM = """
 mechanism: cart_pendulum

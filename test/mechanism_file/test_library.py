@@ -5,6 +5,8 @@ import pytest
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import config_directory, find, shipped
+from test.generators.mechanisms import KINDS, SHIPPED
+from test.generators.shipped_features import features
 
 
 def refusal(mechanism):
@@ -26,6 +28,11 @@ def test_every_shipped_mechanism_loads_and_bears_the_name_of_its_file(name):
     mechanism = load_mechanism(name)
     assert mechanism.name == name and mechanism.description
     assert set(mechanism.tree) == set(mechanism.joints) and len(mechanism.tree) == len(mechanism.parts)
+
+
+def test_the_mechanisms_of_each_kind_have_every_feature_of_the_smooth_ones():
+    few, all_smooth = ({one for name in names for one in features(load_mechanism(name))} for names in (KINDS, SHIPPED))
+    assert all_smooth - few == set()
 
 
 def test_a_mechanism_is_found_by_name_and_by_path(tmp_path):

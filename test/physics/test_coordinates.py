@@ -168,42 +168,6 @@ def test_double_rod_in_absolute_and_in_relative_angles():
         assert_alike(absolute, relative, 1e-12)
 
 
-FOUR_BAR_JOINTS = ("crank_pivot", "crank_pin", "rocker_pivot", "rocker_pin")
-
-
-def four_bar(cut):
-    """The shipped four-bar with one of its joints cut, in the same state."""
-    shipped = Simulation.from_file("four_bar")
-    data = dict(shipped.mechanism.source.data)
-    bare = ("position", "velocity", "guess", "cut")
-    joints = {name: {k: v for k, v in joint.items() if k not in bare} for name, joint in data["joints"].items()}
-    angles = np.append(shipped.q, shipped.q[0] + shipped.q[1] - shipped.q[2])  # of the rocker pin from the coupler
-    rates = np.append(shipped.u, shipped.u[0] + shipped.u[1] - shipped.u[2])
-    angles[3], rates[3] = -angles[3], -rates[3]
-    left = [index for index, name in enumerate(FOUR_BAR_JOINTS) if name != cut]
-    for index in left:
-        joints[FOUR_BAR_JOINTS[index]] |= {"position": float(angles[index]), "guess": True}
-    joints[cut]["cut"] = True
-    sim = Simulation.from_text(json.dumps({**data, "joints": joints}))
-    assert list(sim.mechanism.closing) == [cut]
-    sim.reset(q=angles[left], u=rates[left])
-    assert sim.q == near(angles[left], 1e-13) and sim.u == near(rates[left], 1e-13)
-    return sim
-
-
-@pytest.mark.parametrize("cut", FOUR_BAR_JOINTS)
-def test_four_bar_cut_at_any_of_its_joints(cut):
-    """Over two seconds, in which the crank makes a few turns; the in-plane reactions of its joints agree."""
-    shipped, other = Simulation.from_file("four_bar"), four_bar(cut)
-    for _ in range(4):
-        shipped.step(500)
-        other.step(500)
-        assert_alike(other, shipped, 1e-12)
-        for name in FOUR_BAR_JOINTS:
-            expected, found = (sim.reactions()[name].force[[0, 2]] for sim in (shipped, other))
-            assert found == near(expected, 1e-10)
-
-
 ROW = """
 mechanism: row
 parts:

@@ -11,7 +11,6 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
-from mbd_sim.load import parse_mechanism as load_text
 from mbd_sim.mechanism_file.library import shipped
 from test.generators.mechanisms import accelerations, consistent_state, derived, violation
 
@@ -97,32 +96,6 @@ def test_redundant_constraint_of_the_driveline():
     assert (derived_.layout.nv, len(derived_.rows), derived_.start.rank) == (5, 5, 4)
     dropped = [row.name for index, row in enumerate(derived_.rows) if index not in derived_.start.independent]
     assert len(dropped) == 1 and dropped[0].startswith("second_cross: displacement")
-
-
-def poses_after(text, seconds):
-    sim = Simulation.from_text(text)
-    sim.run(until=seconds)
-    return sim.poses(), sim.energies
-
-
-CUTS = [("four_bar", "crank_pin"), ("four_bar", "rocker_pivot"), ("rssr", "first_ball"), ("rssr", "rocker_pivot")]
-CUTS += [("slider_crank", "slider_pin"), ("slider_crank", "crank_pin"), ("a04_bricard", "b"), ("a04_bricard", "f")]
-
-
-@pytest.mark.parametrize(("name", "cut"), CUTS)
-def test_it_does_not_matter_which_joint_is_cut(name, cut):
-    """A mechanism cut at another joint has the same motion in other coordinates, except for idle spin of a coupler."""
-    text = re.sub(r"(?m)^    cut: true\n", "", written(name))
-    line = re.search(rf"(?m)^  {cut}:.*$", text).group()
-    other = text.replace(line, line[:-1] + ", cut: true}" if "{" in line else line + "\n    cut: true")
-    assert list(load_text(other).closing) == [cut]
-    first, audit = poses_after(written(name), 0.6)
-    second, other_audit = poses_after(other, 0.6)
-    for part, pose in first.items():
-        seen = slice(0, 1 if (name, part) == ("rssr", "coupler") else 3)
-        assert second[part].position == pytest.approx(pose.position, abs=1e-10)
-        assert second[part].rotation[:, seen] == pytest.approx(pose.rotation[:, seen], abs=1e-10)
-    assert other_audit.kinetic == pytest.approx(audit.kinetic, rel=1e-9)
 
 
 def free_lift():

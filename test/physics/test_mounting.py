@@ -17,7 +17,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.geometry.rotation import from_quaternion, unit
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.generators.loops import state_near_start
-from test.generators.mechanisms import SHIPPED, accelerations, random_state
+from test.generators.mechanisms import KINDS, accelerations, random_state
 
 QUATERNION = unit(np.array([0.7, -0.2, 0.5, 0.4]))
 ALONG = unit(np.array([1.0, -2.0, 0.5]))
@@ -63,7 +63,7 @@ def carried(name):
 
 
 # A spring with mass must have one end on ground; these mechanisms keep theirs there.
-MOUNTED = [name for name in SHIPPED if not any(spring.mass for spring in load_mechanism(name).springs)]
+MOUNTED = [name for name in KINDS if not any(spring.mass for spring in load_mechanism(name).springs)]
 
 
 def reactions(mechanism, derived, q, u, efforts):

@@ -16,7 +16,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.load import load_mechanism
 from test.generators.loops import state_near_start
-from test.generators.mechanisms import SHIPPED, accelerations, random_state
+from test.generators.mechanisms import KINDS, accelerations, random_state
 from test.oracles import kane
 
 T = 0.05
@@ -41,7 +41,7 @@ def powers(derived):
     return lambda *state: [np.array(value).ravel() for value in function(*state)]
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_the_power_theorem_at_every_step(name):
     """d(T + V)/dt is the power of the forces and of the drives less the dissipated power, with varying efforts."""
     sim, rng = Simulation.from_file(name), np.random.default_rng(120)
@@ -66,7 +66,7 @@ def multipliers(derived, q, u, efforts):
     return np.array(derived.multipliers(T, np.concatenate([q, u, np.zeros(3)]), efforts)).ravel()
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if constrained(load_mechanism(name))])
+@pytest.mark.parametrize("name", [name for name in KINDS if constrained(load_mechanism(name))])
 def test_constraint_forces_do_work_only_where_constraints_depend_on_time(name):
     """u·(M u' + h - Q) is the power of Gᵀλ: -λ·b with G u + b = 0, where b is the rate of the constraints by time.
 
@@ -113,7 +113,7 @@ def power_across(joint, moving, wrench):
     return wrench[:3] @ (second_v - first_v) + wrench[3:] @ (second_w - first_w)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_joint_reactions_do_work_only_along_the_joints_coordinates(name):
     """Their power is that of effort, spring, damper, gear and drive, and zero for a joint that closes a loop."""
     derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(122)

@@ -17,11 +17,12 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.geometry.rotation import from_quaternion
 from mbd_sim.load import load_mechanism
-from test.generators.loops import state_near_start
+from mbd_sim.mechanism_file.library import shipped
 from test.generators.mechanisms import SHIPPED, accelerations, random_state
 from test.oracles import kane
 
 G = 9.81
+LOOPED = ("constraints", "benchmarks")  # folders whose mechanisms test_constrained_systems.py runs
 
 
 @functools.cache
@@ -447,25 +448,12 @@ def test_energy_audit_after_a_minute(name):
     assert (sim.energies.work_drives != 0.0) == any(joint.drive for joint in sim.mechanism.joints.values())
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_mechanism(name):
-    """It runs, its energy audit closes, and Kane's equations give its accelerations at any state and time."""
-    sim, rng = Simulation.from_file(name), np.random.default_rng(63)
+OTHERS = [name for name in SHIPPED if name not in CLOSED_FORMS and shipped()[name].parent.name not in LOOPED]
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_energy_audit_after_ten_seconds(name):
+    sim = Simulation.from_file(name)
     largest = largest_energy(sim, 10.0)
     assert abs(sim.energies.residual) <= 1e-7 * largest
     assert np.all(np.isfinite(sim.state))
-    for _ in range(3):
-        t, state = rng.uniform(0.0, 10.0), random_state(sim.mechanism, rng)
-        if equations(name).rows:
-            state = state_near_start(sim.mechanism, equations(name), rng, t)
-        oracle = kane.equations(sim.mechanism, *state, t)
-        allowed = (
-            1e-13
-            * oracle.condition
-            * oracle.constraint_condition
-            * max(np.linalg.norm(oracle.scale * oracle.accelerations), 1.0)
-        )
-        by_recursion = accelerations(equations(name), *state, t)
-        by_lagrange = lagrange_equations(sim.mechanism).accelerations(*state, t)
-        for found in (by_recursion, by_lagrange):
-            assert np.linalg.norm(oracle.scale * (found - oracle.accelerations)) <= allowed

@@ -56,7 +56,7 @@ print(json.dumps(found))
 
 
 def test_processes_of_several_hash_seeds_derive_and_compute_the_same():
-    processes, names = [], mechanisms_with_all_features(most_joints=6)  # longer chains are those of what these have
+    processes, names = [], mechanisms_with_all_features(most_joints=3)  # longer chains are those of what these have
     for seed in ("1", "2"):
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT), "MBD_SIM_CACHE": "off"}
         command = [sys.executable, "-c", PROGRAM, *names]
@@ -64,6 +64,6 @@ def test_processes_of_several_hash_seeds_derive_and_compute_the_same():
     outputs = [process.communicate()[0] for process in processes]
     assert [process.returncode for process in processes] == [0, 0]
     first, *others = [json.loads(output) for output in outputs]
-    assert len(first) == len(names) + 4 and len(names) > 20
+    assert len(first) == len(names) + 4 and len(names) > 12
     for other in others:
         assert [name for name in first if first[name] != other[name]] == []

@@ -17,7 +17,7 @@ from mbd_sim.simulation.step_advice import (
     fastest_rate,
     round_down,
 )
-from test.generators.mechanisms import SHIPPED
+from test.generators.mechanisms import KINDS
 
 STIFF = """
 mechanism: grain_on_a_rod
@@ -33,7 +33,7 @@ RIGID = STIFF[: STIFF.index("  slide")] + "  slide: {type: fixed, between: [rod.
 RIGID = RIGID.replace("to: [0, 0, -1]}}", "to: [0, 0, -1]}, points: {tip: [0, 0, -1]}}")
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in ("stewart", "tricycle")])
+@pytest.mark.parametrize("name", [name for name in KINDS if name != "stewart"])
 def test_no_shipped_mechanism_is_warned_of(name):
     simulation = Simulation.from_file(name)
     simulation.step(3000)

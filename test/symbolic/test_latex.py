@@ -15,7 +15,7 @@ from mbd_sim.symbolic.latex import constraint_rows, energy_rows, entry_rows, mot
 from mbd_sim.symbolic.latex_printer import exact_number, number, write
 from mbd_sim.symbolic.sensor_latex import sensor_rows
 from mbd_sim.symbolic.short_numbers import shortest_numbers
-from test.generators.mechanisms import SHIPPED
+from test.generators.mechanisms import KINDS
 from test.symbolic.test_symbolic_equations import equations_of, small
 
 INNERMOST = re.compile(r"\\left\(((?:(?!\\left|\\right).)*)\\right\)")
@@ -71,7 +71,7 @@ def parse_factor(factor):
     MathTextParser("path").parse(f"${plain}$")
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if small(name)])
+@pytest.mark.parametrize("name", [name for name in KINDS if small(name)])
 def test_every_formula_parses(name):
     equations = equations_of(name)
     for left, right in energy_rows(equations) + motion_rows(equations) + constraint_rows(equations):

@@ -12,7 +12,7 @@ from mbd_sim.errors import MbdSimError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.symbolic import symbolic_equations
 from mbd_sim.symbolic.symbolic_equations import MAX_SPEEDS
-from test.generators.mechanisms import AUDITED, SHIPPED, accelerations, audited, consistent_state, random_state
+from test.generators.mechanisms import AUDITED, KINDS, accelerations, audited, consistent_state, random_state
 
 LONG = ("six_axis_arm", "stewart", "bennett", "gas_engine")  # with few coordinates, but long equations
 
@@ -101,12 +101,12 @@ def compare_constrained(mechanism, found, states=4):
             assert np.max(np.abs(own - expected)) <= 1e-10 * max(1.0, float(np.max(np.abs(expected))))
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if small(name) and not constrained(name)])
+@pytest.mark.parametrize("name", [name for name in KINDS if small(name) and not constrained(name)])
 def test_shipped_mechanisms_give_the_engines_accelerations(name):
     compare(load_mechanism(name), equations_of(name))
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if small(name) and constrained(name)])
+@pytest.mark.parametrize("name", [name for name in KINDS if small(name) and constrained(name)])
 def test_shipped_closed_mechanisms_give_the_engines_accelerations_and_multipliers(name):
     compare_constrained(load_mechanism(name), equations_of(name))
 

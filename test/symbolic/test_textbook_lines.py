@@ -44,28 +44,6 @@ def column(*entries):
     return sp.Matrix(entries)
 
 
-def test_simple_pendulum():
-    """θ'' + (g/l) sin θ = 0."""
-    model = model_of("simple_pendulum")
-    (l, g, m), (theta,) = symbols(model, "l g m"), model.q
-    compare((model.residual + model.efforts) / (m * l**2), column(model.u_rates[0] + g / l * sin(theta)))
-
-
-def test_rod_pendulum():
-    """m l²/3 θ'' + m g l/2 sin θ = 0."""
-    model = model_of("rod_pendulum")
-    (m, l, g), (theta,) = symbols(model, "m l g"), model.q
-    compare(model.residual + model.efforts, column(THIRD * m * l**2 * model.u_rates[0] + HALF * m * g * l * sin(theta)))
-    compare(model.T, THIRD * m * l**2 * model.u[0] ** 2 / 2)
-
-
-def test_particle_on_circle():
-    """φ'' + (g/r) cos φ = 0."""
-    model = model_of("particle_on_circle")
-    (m, r, g), (phi,) = symbols(model, "m r g"), model.q
-    compare((model.residual + model.efforts) / (m * r**2), column(model.u_rates[0] + g / r * cos(phi)))
-
-
 RODS = """
 mechanism: rods
 parameters: {m1: 1.5, m2: 0.8, l1: 0.7, l2: 1.1}
@@ -97,60 +75,6 @@ def test_double_rod():
     compare(model.Q - model.efforts, jacobian.T * gravity)
 
 
-def test_triple_rod_with_torsion_springs():
-    """The forces of springs at the pins in absolute angles: -k1 θ1 + k2 (θ2 - θ1), and so on (Huston & Liu P11.5.7)."""
-    keys = ("joints.top.stiffness", "joints.second.stiffness", "joints.third.stiffness")
-    model = model_of("triple_rod_torsion", keys)
-    m, l, tip, k1, k2, k3, g = symbols(model, "m l tip k_top k_second k_third g")
-    to_absolute = sp.Matrix([[1, 0, 0], [1, 1, 0], [1, 1, 1]])
-    a, b, c = to_absolute * model.q
-    springs = column(-k1 * a + k2 * (b - a), -k2 * (b - a) + k3 * (c - b), -k3 * (c - b))
-    weights = column(
-        *(
-            -factor * g * l * sin(angle)
-            for factor, angle in zip((5 * m / 2 + tip, 3 * m / 2 + tip, m / 2 + tip), (a, b, c), strict=True)
-        )
-    )
-    compare(model.Q - model.efforts, to_absolute.T * (springs + weights))
-    diagonal = [(THIRD + 2) * m + tip, (THIRD + 1) * m + tip, THIRD * m + tip]
-    sides = {(0, 1): 3 * m / 2 + tip, (0, 2): m / 2 + tip, (1, 2): m / 2 + tip}
-    angles, mass = (a, b, c), sp.diag(*diagonal)
-    for (i, j), factor in sides.items():
-        mass[i, j] = mass[j, i] = factor * cos(angles[i] - angles[j])
-    compare(model.M, to_absolute.T * (l**2 * mass) * to_absolute)
-
-
-def test_particles_in_a_tube():
-    """Huston & Liu 11.12.4, with the positions i l + x_i."""
-    model = model_of("tube_particles")
-    (m, l, k, g), (M,) = symbols(model, "m l k g"), symbols(model, "M")
-    x = sp.symbols("x1:4", real=True)
-    places = {q: (i + 1) * l + x[i] for i, q in enumerate(model.q[1:])}
-    theta, (turning, *rates), (angular, *second) = model.q[0], model.u, model.u_rates
-    signs = {sp.sign(q): 1 for q in model.q} | {
-        sp.sign(model.q[1] - model.q[2]): -1,
-        sp.sign(model.q[2] - model.q[3]): -1,
-        sp.sign(4 * l - model.q[3]): 1,
-    }  # the particles stay in order
-    forces = (model.Q - model.efforts).subs(signs).subs(places)
-    total = sum(x)
-    compare(
-        forces,
-        column(
-            -HALF * M * g * 4 * l * sin(theta) - m * g * (6 * l + total) * sin(theta),
-            m * g * cos(theta) + k * x[1] - 2 * k * x[0],
-            m * g * cos(theta) + k * x[0] + k * x[2] - 2 * k * x[1],
-            m * g * cos(theta) + k * x[1] - 2 * k * x[2],
-        ),
-    )
-    inertia = (model.M * model.u_rates + model.h).subs(places)
-    distances = [(i + 1) * l + x[i] for i in range(3)]
-    turned = (M * (4 * l) ** 2 / 3 + m * sum(d**2 for d in distances)) * angular
-    turned += 2 * m * sum(d * v for d, v in zip(distances, rates, strict=True)) * turning
-    along = [m * (a - d * turning**2) for a, d in zip(second, distances, strict=True)]
-    compare(inertia, column(turned, *along))
-
-
 def test_cart_with_pendulum_and_spring():
     """Lidström, example 4:14, and with a spring that has mass."""
     for name in ("cart_pendulum_spring", "cart_massive_spring"):
@@ -162,14 +86,6 @@ def test_cart_with_pendulum_and_spring():
         second = m * l * cos(theta) * a + m * l**2 * angular + m * g * l * sin(theta)
         on_the_right = {sp.sign(x + sp.Rational(3, 2)): 1, sp.Abs(x + sp.Rational(3, 2)): x + sp.Rational(3, 2)}
         compare((model.residual + model.efforts).subs(on_the_right), column(first, second))
-
-
-def test_particle_in_a_spinning_tube():
-    """θ'' - Ω² sin θ cos θ + (g/r) sin θ = 0 (Huston & Liu 8.5)."""
-    model = model_of("spun_tube_particle")
-    (m, r, omega, g), (theta,) = symbols(model, "m r omega g"), model.q
-    expected = model.u_rates[0] - omega**2 * sin(theta) * cos(theta) + g / r * sin(theta)
-    compare((model.residual + model.efforts) / (m * r**2), column(expected))
 
 
 def test_pendulum_on_a_moving_support():
@@ -226,26 +142,11 @@ def test_knife_edge():
     assert model.Phi[0] is sp.nan
 
 
-def test_duffing():
-    """m x'' + k x + k3 x³ = 0 (Huston & Liu 11.11.17), to the right of the wall."""
-    model = model_of("duffing")
-    (m, k, k3), (x,) = symbols(model, "m k k3"), model.q
-    right = {sp.sign(x + 2): 1, sp.Abs(x + 2): x + 2}
-    compare((model.residual + model.efforts).subs(right), column(m * model.u_rates[0] + k * x + k3 * x**3))
-
-
 def test_elastic_bars():
     """V = k (z² - h²)² / 4 l0² and the weight (Lidström p. 103-105)."""
     model = model_of("snap_through")
     (m, k, b, h, g), (z,) = symbols(model, "m k b h g"), model.q
     compare(model.V, k * (z**2 - h**2) ** 2 / (4 * (b**2 + h**2)) + m * g * z)
-
-
-def test_driven_disk():
-    """I_O = m r²/2 (Huston & Liu 8.8)."""
-    model = model_of("disk_driven")
-    m, r = symbols(model, "m r")
-    compare(model.residual, column(m * r**2 / 2 * model.u_rates[0] - model.efforts[0]))
 
 
 def test_tumbling_body_has_eulers_equations():

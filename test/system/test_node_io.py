@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Vector3, Wrench, WrenchStamped
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as NodeParameter
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64MultiArray, Header, String
-from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
-from mbd_sim import Simulation, parse_mechanism
-from test.system.growing_recordings import stop_recording, until_recorded
+from mbd_sim import Simulation
+from mbd_sim.recording.verification import verify
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 
@@ -186,66 +181,8 @@ def test_a_wrench_acts_expires_is_recorded_and_the_run_can_be_computed_again(tmp
         assert abs(listener.energies[-1].data[-1]) < 1e-9
         assert process.end(signal.SIGINT) == 0
     (path,) = (tmp_path / "logs").glob("*.mcap")
-    assert recomputed(path) > 20
-
-
-def test_a_recording_begins_and_ends_on_request(tmp_path: Path) -> None:
-    with running(tmp_path, record_dir="logs") as (_, listener):
-        assert not listener.call(SetBool, "record", data=False).success
-        paths = []
-        for _ in range(2):
-            began = listener.call(SetBool, "record", data=True)
-            assert began.success, began.message
-            paths.append(tmp_path / began.message)
-            until_recorded(listener, paths[-1], 20)
-            assert stop_recording(listener, tmp_path) == paths[-1]
-    simulation = as_in_the_node("double_rod")
-    for path in paths:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            tick = int(next(reader.iter_metadata()).metadata["first_tick"])
-            messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
-        states = [(sequence, content) for topic, sequence, content in messages if topic == "/joint_states"]
-        assert {"/robot_description", "/sim_node/live_values"} <= {topic for topic, _, _ in messages}
-        assert tick > 0 and min(sequence for sequence, _ in states) - tick in range(1, 11)
-        assert len(states) >= 15
-        for sequence, content in states:
-            simulation.step(sequence - simulation.steps)
-            assert list(content.position) == simulation.q.tolist(), sequence
-
-
-def recomputed(path: Path) -> int:
-    """Compute a recorded run again, and compare every state; returns how many."""
-    with path.open("rb") as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        (attachment,) = reader.iter_attachments()
-        about = next(reader.iter_metadata()).metadata
-        messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
-    live = {name: float.fromhex(value) for name, value in json.loads(about["live"]).items()}
-    simulation = Simulation(
-        parse_mechanism(attachment.data.decode()),
-        method=about["method"],
-        step=float.fromhex(about["step"]),
-        wrenches=json.loads(about["wrenches"]),
-        live=list(live),
-    )
-    states = 0
-    for topic, tick, content in messages:
-        if topic in ("/sim_node/applied_wrenches", "/sim_node/live_values", "/joint_states"):
-            simulation.step(tick - simulation.steps)
-        if topic == "/sim_node/applied_wrenches":
-            part = content.layout.dim[0].label.split(".")[0]
-            force, couple, own_force, own_couple, point = np.reshape(content.data, (5, 3))
-            own = bool(np.any(own_force) or np.any(own_couple))
-            pair = (own_force, own_couple) if own else (force, couple)
-            simulation.set_wrench(part, *pair, at=point, axes="part" if own else "ground")
-        elif topic == "/sim_node/live_values":
-            labels = [dimension.label for dimension in content.layout.dim]
-            simulation.set_live(dict(zip(labels, content.data, strict=True)))
-        elif topic == "/joint_states":
-            assert list(content.position) == simulation.q.tolist(), tick
-            states += 1
-    return states
+    (result,) = verify(path)
+    assert result.agrees and result.compared["joint_states"] > 20 and result.commands["applied_wrenches"] >= 2
 
 
 def number(name: str, value: float | list[float]) -> Parameter:

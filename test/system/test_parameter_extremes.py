@@ -59,7 +59,7 @@ def test_no_value_of_a_parameter_of_the_node_ends_the_run(tmp_path: Path) -> Non
         assert "Traceback" not in process.text
 
 
-@pytest.mark.parametrize("value", [0.0, LEAST, -SMALL, 1e-300, 1e300, LARGE, -LARGE])
+@pytest.mark.parametrize("value", [0.0, LEAST, -LARGE])
 def test_no_live_value_of_the_mechanism_ends_the_run_for_good(tmp_path: Path, value: float) -> None:
     with running(tmp_path, mechanism="moving_support_pendulum", live="all") as (process, listener):
         listener.until(lambda: listener.states, "joint states")

@@ -9,7 +9,6 @@ from typing import Any
 
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
@@ -111,24 +110,6 @@ def test_split_by_service_loses_nothing_and_each_file_is_computed_again_alone(tm
     assert all(recomputed(path) >= 14 for path in paths)
     ticks = [tick for path in paths for tick in state_ticks(path)]
     assert ticks == list(range(0, ticks[-1] + 1, 10))
-
-
-def test_split_by_duration_into_a_folder_of_rosbag2(tmp_path: Path) -> None:
-    options = {"record": True, "record_dir": "logs", "record_format": "rosbag2", "record_split_duration": 0.4}
-    with running(tmp_path, **options) as (process, listener):
-        more_states(listener, 150)
-        process.end()
-    (folder,) = (tmp_path / "logs").iterdir()
-    files = sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2]))
-    assert len(files) >= 3
-    states = [recomputed(path) for path in files]
-    assert min(states[:-1]) >= 1  # the node may end between the last split and the next state
-    ticks = [tick for path in files for tick in state_ticks(path)]
-    assert ticks == list(range(0, ticks[-1] + 1, 10))
-    with AnyReader([folder]) as reader:
-        connections = [c for c in reader.connections if c.topic == "/joint_states"]
-        assert sum(1 for _ in reader.messages(connections)) == len(ticks)
-        assert reader.message_count == sum(1 for _ in reader.messages())
 
 
 def state_ticks(path: Path) -> list[int]:

@@ -160,28 +160,6 @@ def test_several_mechanisms_in_one_program_run_on_one_clock_each_in_its_namespac
         assert result.agrees and result.tolerance is None, (mechanism, result.first, result.failure)
 
 
-def test_the_members_of_a_group_wait_at_their_starts_until_the_first_one_is_resumed(tmp_path: Path) -> None:
-    domain = new_domain()
-    node = SimNodeProcess(
-        domain, tmp_path, {"mechanisms": "'left=double_rod, right=rod_pendulum'", "start_paused": True}
-    )
-    listeners = {name: Listener(domain, name) for name in MECHANISMS}
-    for name, listener in listeners.items():
-        listener.server, listener.process = f"/{name}/sim_node", node
-    try:
-        for listener in listeners.values():
-            listener.until(lambda listener=listener: len(listener.states) > 3, "the start state")
-            assert {nanoseconds(state.header.stamp) for state in listener.states} == {0}
-        listeners["left"].pause(False)
-        for listener in listeners.values():
-            listener.until(lambda listener=listener: nanoseconds(listener.states[-1].header.stamp) > 50e6, "motion")
-        assert node.end() == 0, node.text
-    finally:
-        for listener in listeners.values():
-            listener.close()
-        node.kill()
-
-
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -14,7 +14,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.geometry.rotation import about, from_rpy
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.urdf.urdf_writer import floating_joints, left_out, to_urdf
-from test.generators.mechanisms import SHIPPED, accelerations, random_state, random_trees
+from test.generators.mechanisms import KINDS, accelerations, random_state, random_trees
 from test.oracles import kane
 
 TURNED = """
@@ -175,7 +175,7 @@ def test_random_trees_come_back(drawn):
 
 PLAIN = [
     name
-    for name in SHIPPED
+    for name in KINDS
     if not (found := load_mechanism(name)).constraints
     and "<!--" not in to_urdf(found)
     and not any(joint.type == "free" and joint.reversed for joint in found.joints.values())
@@ -187,7 +187,7 @@ def test_shipped_trees_come_back(name):
     check_again(load_mechanism(name), np.random.default_rng(5))
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", KINDS)
 def test_every_shipped_mechanism_is_written(name):
     mechanism = load_mechanism(name)
     robot = ElementTree.fromstring(to_urdf(mechanism))
