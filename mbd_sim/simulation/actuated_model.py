@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.readable_model import ReadableModel
@@ -30,16 +29,18 @@ class ActuatedModel(ReadableModel):
 
     def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, AnyActuatorState]:
         """Each actuator by name; see `ActuatorState` and `CylinderState`."""
+        from mbd_sim.simulation.actuator_states import states_of_actuators
+
         if not self.mechanism.actuators or (functions := self.equations.actuators) is None:
             return {}
         columns = self._actuator_readings(time, y, inputs)
-        return simulation.states_of_actuators(self.mechanism.actuators, functions.layout, columns, y, inputs)
+        return states_of_actuators(self.mechanism.actuators, functions.layout, columns, y, inputs)
 
     def actuator_efforts(self, time: float, y: Array, inputs: Array) -> Array:
         """The efforts (nv,) of actuators on the coordinates, in N and N·m."""
-        return simulation.efforts_on(
-            self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names
-        )
+        from mbd_sim.simulation.actuator_states import efforts_on
+
+        return efforts_on(self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names)
 
     def keep_accounts(
         self, time: float, before: Array, y: Array, inputs: Array, new_inputs: Array | None = None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim import compiler, disk_cache, dynamics, integrators, simulation
+from mbd_sim import disk_cache
 from mbd_sim.collection_pause import paused_collection
 from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.dynamics.audit_states import AUDIT_STATES, LOSS_STATES
@@ -20,6 +20,7 @@ from mbd_sim.simulation.actuated_model import ActuatedModel
 from mbd_sim.simulation.live_values import LiveParameters
 from mbd_sim.simulation.loaded_model import LoadedModel
 from mbd_sim.simulation.method_name import require_method
+from mbd_sim.simulation.motions import MotionReaders
 from mbd_sim.simulation.prepared_model import PreparedModel, load_prepared, model_key, store_prepared
 from mbd_sim.simulation.state_records import Energies, Violation
 
@@ -85,7 +86,9 @@ class Model(ActuatedModel, LoadedModel):
     @cached_property
     def method(self) -> Method:
         """The method of integration."""
-        return integrators.METHODS[self.method_name]
+        from mbd_sim.integrators.methods import METHODS
+
+        return METHODS[self.method_name]
 
     @property
     def between_steps(self) -> BetweenSteps | None:
@@ -142,16 +145,20 @@ class Model(ActuatedModel, LoadedModel):
     @cached_property
     def sensor_readers(self) -> CompiledReaders:
         """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
-        return compiler.CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
 
     @cached_property
     def on_request(self) -> RequestedFunctions:
         """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
-        return simulation.RequestedFunctions(lambda: self.equations, self.key)
+        from mbd_sim.simulation.requested_functions import RequestedFunctions
+
+        return RequestedFunctions(lambda: self.equations, self.key)
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:
-        return simulation.MotionReaders(self.equations)
+        return MotionReaders(self.equations)
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """u' (nv,), then the accelerations of `driven_names`, under all forces, those of contacts included."""
@@ -186,18 +193,20 @@ class Model(ActuatedModel, LoadedModel):
         :param values: (n,) the live values or ensemble values among the inputs; by default those of the file.
         :raises ValueError: no position near it closes the loops.
         """
+        from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
+
         if not self.row_names:
             return q, u
         constraints = self.equations.constraints
         if values is not None:
             constraints = constraints.with_values(values)
-        closing = dynamics.close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
+        closing = close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
             raise ValueError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
                 "remains. Give coordinates closer to a closed configuration."
             )
-        return closing.q, dynamics.nearest_speeds(constraints, 0.0, closing.q, u)
+        return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
 
     def project(self, y: Array, values: Array | None = None) -> None:
         """Move a state y in place to the nearest one at t = 0 that satisfies the constraints: see `consistent`."""
@@ -245,8 +254,10 @@ def build_model(
     name, given_step = require_method(mechanism, method), step or mechanism.step
 
     def trace() -> Equations:
+        from mbd_sim.dynamics.equations import derive
+
         symbols = values.symbolic if isinstance(values, LiveParameters) else values
-        return dynamics.derive(mechanism, loaded, symbols, given_step)
+        return derive(mechanism, loaded, symbols, given_step)
 
     live = values.digest if isinstance(values, LiveParameters) else ""
     key = None
@@ -256,9 +267,12 @@ def build_model(
         key = model_key(mechanism, name, loaded, given_step, live)
         if (found := load_prepared(key)) is not None:
             return Model(mechanism, *found, trace, key=key)
+    # All that traces and compiles: a start with a stored model needs none of it.
+    from mbd_sim.simulation.model_builder import build, can_be_stored, contact_model
+
     with paused_collection(), interruptible_tracing():
-        built = simulation.build(mechanism, name, trace, given_step)
-    if key is not None and simulation.can_be_stored(built.equations):
+        built = build(mechanism, name, trace, given_step)
+    if key is not None and can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)
-    contact = simulation.contact_model(built.equations, built.kernel)
+    contact = contact_model(built.equations, built.kernel)
     return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, contact, key)

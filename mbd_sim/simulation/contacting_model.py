@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim import dynamics, simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.source import Location
 from mbd_sim.simulation.readable_model import ReadableModel
@@ -64,13 +63,15 @@ class ContactingModel(ReadableModel):
 
     def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
         """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
+        from mbd_sim.dynamics.evaluation import evaluated
+
         placed, cushions = 0 if self.contact is None else len(self.contact.placed), self._cushions
         out = np.empty((placed, 2, 3))
         if placed:
             self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
         if cushions is None:
             return out
-        return np.concatenate([out, dynamics.evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
+        return np.concatenate([out, evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
 
     def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """Each one-sided element by name, then each compliant contact; see `ContactState`."""
@@ -81,20 +82,23 @@ class ContactingModel(ReadableModel):
         return found | self._compliant(time, y, inputs, places)
 
     def _compliant(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
+        from mbd_sim.simulation.compliant_states import compliant_names, states_of_compliant_contacts
+
         if (cushions := self._cushions) is None:
             return {}
         own = places[len(places) - len(cushions.directions) :]
-        states = simulation.states_of_compliant_contacts(cushions, time, y, inputs, own)
-        return dict(zip(simulation.compliant_names(self.compliant_contacts), states, strict=True))
+        states = states_of_compliant_contacts(cushions, time, y, inputs, own)
+        return dict(zip(compliant_names(self.compliant_contacts), states, strict=True))
 
     def contact_entry_names(self) -> list[str]:
         """The names of the `contact_entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
+        from mbd_sim.simulation.compliant_states import compliant_names
+        from mbd_sim.simulation.contact_records import with_friction
+
         names = [] if self.contact is None else self.contact.entry_names()
         if (cushions := self._cushions) is not None:
-            for name, directions in zip(
-                simulation.compliant_names(self.compliant_contacts), cushions.directions, strict=True
-            ):
-                names += simulation.with_friction(name, directions)
+            for name, directions in zip(compliant_names(self.compliant_contacts), cushions.directions, strict=True):
+                names += with_friction(name, directions)
         return names
 
     def contact_entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:

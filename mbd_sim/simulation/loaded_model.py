@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import compiler, simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism_cache import cached
 from mbd_sim.simulation.contacting_model import ContactingModel
@@ -78,11 +77,15 @@ class LoadedModel(ContactingModel):
 
     @cached_property
     def _reaction_reader(self) -> CompiledReaders:
-        return compiler.CompiledReaders({"reactions": self.equations.reactions})
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        return CompiledReaders({"reactions": self.equations.reactions})
 
     @cached_property
     def _multiplier_reader(self) -> CompiledReaders:
-        return compiler.CompiledReaders({"multipliers": self.equations.multipliers})
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        return CompiledReaders({"multipliers": self.equations.multipliers})
 
     @cached_property
     def load_sharing(self) -> LoadSharing:
@@ -94,4 +97,6 @@ class LoadedModel(ContactingModel):
     @cached_property
     def load_paths(self) -> LoadPathReader:
         """What load sharing reads of the equations."""
-        return simulation.LoadPathReader(self.equations)
+        from mbd_sim.simulation.load_path_reader import LoadPathReader
+
+        return LoadPathReader(self.equations)
