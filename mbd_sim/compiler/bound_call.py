@@ -6,14 +6,16 @@ import ctypes
 import json
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim import disk_cache
 from mbd_sim.compiler.host_module import compile_module, new_module
+from mbd_sim.compiler.lowering import export, lower
 from mbd_sim.compiler.machine_code import load_code
 from mbd_sim.compiler.python_callable import function_of_addresses
 from mbd_sim.interrupts import interruptible_tracing
@@ -29,7 +31,8 @@ Record = TypeVar("Record")
 ALL = slice(None)
 
 
-class CompiledFunction(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CompiledFunction:
     """Machine code of a function of the addresses of the time, of further arrays, and of its output of some `size`.
 
     The `owner` lives as long as the machine code.
@@ -48,8 +51,6 @@ class CompiledFunction(NamedTuple):
         """
         if key is not None and (found := cls._stored(key)) is not None:
             return found
-        from mbd_sim.compiler.lowering import export, lower  # with CasADi, which stored functions do not need
-
         function, module = trace(), new_module()
         export(module, "function", lower(module, function, inline=True))
         code, size = compile_module(module), function.nnz_out(0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.short_repr import short_repr
 
 
-class Quantity(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Quantity:
     """A quantity that a sensor measures: its key, its SI unit, and the names of its components."""
 
     name: str

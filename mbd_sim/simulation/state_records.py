@@ -74,6 +74,7 @@ class Reaction(NamedTuple):
     def __repr__(self) -> str:
         return short_repr(self)
 
+
 class EnsembleEnergies(NamedTuple):
     """The energy audit with an array (k,) for each entry, in J: see `Energies`."""
 
