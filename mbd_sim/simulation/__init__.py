@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact_records import with_friction as with_friction
     from mbd_sim.simulation.contact_start import require_free_start as require_free_start
     from mbd_sim.simulation.contact_start import require_outside as require_outside
-    from mbd_sim.simulation.contact_stepping import contact_stepper as contact_stepper
+    from mbd_sim.simulation.contact_stepping import one_sided_stepper as one_sided_stepper
     from mbd_sim.simulation.load_path_reader import LoadPathReader as LoadPathReader
     from mbd_sim.simulation.model_builder import build as build
     from mbd_sim.simulation.model_builder import can_be_stored as can_be_stored
-    from mbd_sim.simulation.model_builder import contact_model as contact_model
+    from mbd_sim.simulation.model_builder import one_sided_model as one_sided_model
     from mbd_sim.simulation.model_builder import partial_system as partial_system
     from mbd_sim.simulation.motions import MotionReaders as MotionReaders
     from mbd_sim.simulation.moving_points import MovingFrame as MovingFrame
@@ -43,10 +43,10 @@ else:
             "contact_pairs": ("require_computable_pairs",),
             "contact_records": ("with_friction",),
             "compliant_states": ("compliant_names", "states_of_compliant_contacts"),
-            "contact_stepping": ("contact_stepper",),
+            "contact_stepping": ("one_sided_stepper",),
             "contact_start": ("require_free_start", "require_outside"),
             "load_path_reader": ("LoadPathReader",),
-            "model_builder": ("build", "can_be_stored", "contact_model", "partial_system"),
+            "model_builder": ("build", "can_be_stored", "one_sided_model", "partial_system"),
             "motions": ("MotionReaders",),
             "moving_points": ("MovingFrame", "MovingPoint"),
             "part_motion": ("motion_of",),

@@ -34,7 +34,7 @@ from mbd_sim.simulation.argument_checks import (
     step_size,
 )
 from mbd_sim.simulation.compiled_model import Model, build_model
-from mbd_sim.simulation.contact_events import ContactStepper
+from mbd_sim.simulation.contact_events import OneSidedStepper
 from mbd_sim.simulation.contact_records import ContactObserver
 from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
 from mbd_sim.simulation.ensemble_variants import Change, Variants, member_changes
@@ -463,7 +463,7 @@ class Ensemble(ReadOnlyAttributes):
             contact.observer = observer
 
 
-def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper]) -> MemberGroups:
+def _member_groups(model: Model, count: int, contacts: Sequence[OneSidedStepper]) -> MemberGroups:
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))

@@ -30,11 +30,11 @@ class KernelMemory:
     def __init__(self, model: Model, step_size: float, mechanism: Mechanism | None = None) -> None:
         """Allocate the arrays: the start state of the `model`, its inputs without commands, and a step size in s.
 
-        :param mechanism: a variant of that of the model with the same equations, see `contact_stepper`.
+        :param mechanism: a variant of that of the model with the same equations, see `one_sided_stepper`.
         """
         self._kernel, self._model = model.kernel, model
         self.contacts = (
-            None if model.contact is None else simulation.contact_stepper(model, mechanism or model.mechanism)
+            None if model.one_sided is None else simulation.one_sided_stepper(model, mechanism or model.mechanism)
         )
         self.y, size = model.start.copy(), len(model.inputs)
         memory = model.kernel_inputs()
@@ -65,7 +65,7 @@ class KernelMemory:
         """u' (nv,) in the present state: see `Model.accelerations`."""
         if self._accelerations is not None:
             return self._accelerations()
-        if self._model.contact is not None:
+        if self._model.one_sided is not None:
             return self._model.accelerations(*self.now)[: self._model.layout.nv]
         self._accelerations = self._model.bound_accelerations(self.clock, self.y, self.inputs)
         return self._accelerations()

@@ -112,7 +112,7 @@ class Simulation(ReadOnlyAttributes):
         model = build_model(mechanism, method, wrenches, values.parameters, step)
         if mechanism.contacts:
             simulation.require_computable_pairs(model)
-        if model.contact is not None:
+        if model.one_sided is not None:
             simulation.require_free_start(model)
         self._begin(mechanism, model, values, step)
 
