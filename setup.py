@@ -94,7 +94,6 @@ setup(
         "matplotlib>=3.8",
         "mcap>=1.5",
         "numpy>=1.26",
-        "pint>=0.24",
         "pydantic>=2.7",
         "pyyaml>=6.0",
         "rerun-sdk>=0.38",

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.state_records import DriveState, Energies, EnsembleEnergies, Reaction, Violation
     from mbd_sim.symbolic import SymbolicEquations, symbolic_equations, to_latex
 
-__version__ = "0.1.0"
+__version__ = "0.4.0"
 
 __all__ = [
     "CommandError",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import sys
+import unicodedata
 
 PLAIN = {
     "·": "*", "×": "x", "−": "-", "–": "-", "—": "-", "…": "...", "°": " deg", "±": "+/-", "≥": ">=", "≤": "<=",
@@ -36,8 +37,6 @@ def plain(letter: str) -> str:
     """ASCII characters that stand for a character."""
     if letter in PLAIN:
         return PLAIN[letter]
-    import unicodedata  # rarely needed
-
     name = unicodedata.name(letter, "")
     if name.startswith("GREEK"):
         word = name.split(" WITH ")[0].rsplit(" ", 1)[1].replace("LAMDA", "LAMBDA")

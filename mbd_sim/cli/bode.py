@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from mbd_sim.cli.common import positive_in
 from mbd_sim.cli.linearize import add_signals
 from mbd_sim.cli.working_point import add_working_point, simulation_at
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.state_space import StateSpace
@@ -47,7 +48,6 @@ def execute(options: argparse.Namespace) -> int:
     """Compute the response, print its peaks, and write the table and the picture."""
     import numpy as np
 
-    from mbd_sim.errors import InputError
     from mbd_sim.linear_analysis.plots import draw_bode
     from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns

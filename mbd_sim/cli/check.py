@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbd_sim.cli.common import add_mechanism, print_undrawn_meshes
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
+from mbd_sim.errors import CommandError, NoInertiaError, listed
 from mbd_sim.plain_output import print_file
 
 if TYPE_CHECKING:
@@ -61,7 +62,6 @@ def execute(options: argparse.Namespace) -> int:
 
     :raises CommandError: options that have no effect.
     """
-    from mbd_sim.errors import CommandError, NoInertiaError
     from mbd_sim.report.cached_report import cached_report
 
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
@@ -123,7 +123,6 @@ def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
 
 
 def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
-    from mbd_sim.errors import CommandError, listed
     from mbd_sim.mechanism_file.override import matching
     from mbd_sim.symbolic import linearized, symbolic_equations, to_latex
 

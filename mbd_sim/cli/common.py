@@ -13,6 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from mbd_sim.errors import InputError, listed
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -83,7 +85,6 @@ def positive_in(si_unit: str) -> Callable[[str], float]:
     """The type of an argument that is a positive quantity: a number in its SI unit, or a value with its unit."""
 
     def quantity(text: str) -> float:
-        from mbd_sim.errors import InputError
         from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
         if not split_unit(text)[1]:
@@ -255,7 +256,6 @@ def print_notes(notes: Iterable[str]) -> None:
 def print_undrawn_meshes(mechanism: Mechanism) -> None:
     """Print, to standard error, which meshes a picture lacks and why."""
     from mbd_sim.appearance.mesh_triangles import undrawn_meshes
-    from mbd_sim.errors import listed
 
     if missing := undrawn_meshes(mechanism):
         print(f"note: meshes that are not drawn: {listed(missing)}", file=sys.stderr)

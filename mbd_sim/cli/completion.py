@@ -7,6 +7,8 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mbd_sim.errors import MbdSimError
+
 if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
 
@@ -83,7 +85,6 @@ class _Names:
         self._kinds, self._follows = kinds, follows
 
     def __call__(self, prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-        from mbd_sim.errors import MbdSimError
         from mbd_sim.load import load_mechanism
 
         try:

@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
+from mbd_sim.errors import CommandError
 from mbd_sim.plain_output import print_file
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ def execute(options: argparse.Namespace) -> int:
 
     :raises CommandError: `--expand` with another format.
     """
-    from mbd_sim.errors import CommandError
     from mbd_sim.load import load_mechanism
     from mbd_sim.mechanism_file.mesh_files import with_meshes_seen_from
     from mbd_sim.mechanism_file.yaml_writer import mechanism_text, yaml_text

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.cli.setup_options import add_export, exported_model
-from mbd_sim.errors import counted
+from mbd_sim.errors import InputError, counted
 
 HELP = "write a mechanism as an FMU, for use in other simulation tools"
 DESCRIPTION = (
@@ -29,7 +29,6 @@ def execute(options: argparse.Namespace) -> int:
 
     :raises InputError: the file is not called .fmu, or there is no C compiler.
     """
-    from mbd_sim.errors import InputError
     from mbd_sim.fmu.archive import platform_tuple, write_fmu
 
     if options.out.suffix != ".fmu":

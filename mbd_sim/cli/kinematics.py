@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from mbd_sim.cli.common import add_mechanism, print_notes, seed_number
 from mbd_sim.cli.plot_options import add_show, shown_plots
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Array
@@ -182,7 +183,6 @@ def _accuracy(
     options: argparse.Namespace, mechanism: Mechanism, motion: DrivenMotion
 ) -> tuple[list[str], dict[str, Array]]:
     """Lines and columns about sensitivities and tolerances."""
-    from mbd_sim.errors import InputError
     from mbd_sim.kinematic_analysis import MotionSensitivity, ToleranceAnalysis
     from mbd_sim.kinematic_analysis import accuracy_report as report
     from mbd_sim.kinematic_analysis.prescribed_drives import parameter_value

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import COUNT, ProgressBar, add_quiet, print_notes
+from mbd_sim.cli.setup_options import build_simulation
 from mbd_sim.cli.working_point import EQUILIBRIUM, START, add_working_point, equilibrium_text, place_text, simulation_at
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mode_shapes import ModeShape
@@ -59,8 +61,6 @@ def execute(options: argparse.Namespace) -> int:
 
     :raises InputError: options that have no effect.
     """
-    from mbd_sim.errors import InputError
-
     if (options.vary or options.equilibria) and (options.animate or options.mode != 1):
         others = "--vary and --equilibria, or --animate and --mode"
         raise InputError("--animate and --mode show one state", f"Leave out {others}.")
@@ -77,7 +77,6 @@ def execute(options: argparse.Namespace) -> int:
 
 def _modes(options: argparse.Namespace) -> int:
     from mbd_sim.analysis.mode_shapes import mode_shapes
-    from mbd_sim.errors import InputError
     from mbd_sim.playback.plot_files import require_suffix
     from mbd_sim.playback.table_export import SUFFIXES as TABLES
     from mbd_sim.playback.table_export import require_packages_for, write_columns
@@ -113,7 +112,6 @@ def _modes(options: argparse.Namespace) -> int:
 
 
 def _equilibria(options: argparse.Namespace) -> int:
-    from mbd_sim.cli.setup_options import build_simulation
     from mbd_sim.linear_analysis.working_point import equilibria_of
 
     simulation = build_simulation(options)
@@ -166,8 +164,6 @@ def _mode_lines(number: int, shape: ModeShape, names: tuple[str, ...]) -> Iterat
 def _varied(options: argparse.Namespace) -> int:
     import numpy as np
 
-    from mbd_sim.cli.setup_options import build_simulation
-    from mbd_sim.errors import InputError
     from mbd_sim.linear_analysis.eigenvalue_locus import eigenvalue_locus
     from mbd_sim.linear_analysis.plots import draw_locus
     from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
@@ -210,7 +206,6 @@ def _values(text: str, mechanism: Mechanism) -> tuple[str, Array]:
     """
     import numpy as np
 
-    from mbd_sim.errors import InputError
     from mbd_sim.sweep.sweep_plan import Grid, variation
 
     found = variation(text, mechanism)

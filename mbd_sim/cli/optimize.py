@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism, print_notes
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.synthesis.synthesis import Norm
@@ -63,7 +64,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Search, print the values found, and write and draw the mechanism; returns 1 if the search did not converge."""
-    from mbd_sim.errors import InputError
     from mbd_sim.kinematic_analysis.motion_picture import require_picture_suffix
     from mbd_sim.kinematic_analysis.prescribed_drives import bare_range_remark, drive_range, drive_speed
     from mbd_sim.load import load_mechanism

@@ -26,7 +26,7 @@ from mbd_sim.cli.plot_options import (
     plotted_coordinates,
     shown_plots,
 )
-from mbd_sim.errors import counted
+from mbd_sim.errors import DivergedError, InputError, counted
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
@@ -105,7 +105,6 @@ class RunOutputs:
             file, or a package is not installed.
         """
         from mbd_sim.drawing import animation_file
-        from mbd_sim.errors import InputError
         from mbd_sim.playback import panels, plot_files, table_export
 
         self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
@@ -153,7 +152,6 @@ class RunOutputs:
     def of(self, simulation: Simulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
         from mbd_sim.drawing.animation import traced_points
-        from mbd_sim.errors import DivergedError, InputError
 
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run

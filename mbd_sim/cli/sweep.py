@@ -22,6 +22,7 @@ from mbd_sim.cli.common import (
     text_table,
 )
 from mbd_sim.errors import counted
+from mbd_sim.packages import require_packages
 
 if TYPE_CHECKING:
     from mbd_sim.sweep.sweep_runs import Results
@@ -102,7 +103,6 @@ def execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     from mbd_sim.load import load_mechanism
     from mbd_sim.mechanism_file.yaml_writer import mechanism_text
-    from mbd_sim.packages import require_packages
     from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.sweep.execution import sweep
     from mbd_sim.sweep.quantities import named_quantities

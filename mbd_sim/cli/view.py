@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import ProgressBar, add_quiet, positive_in, print_notes
 from mbd_sim.cli.recorded_run import add_run, recorded_run
-from mbd_sim.errors import counted
+from mbd_sim.errors import MechanismError, counted
+from mbd_sim.packages import require_packages
 
 if TYPE_CHECKING:
     from mbd_sim.recording.reader import Recording
@@ -57,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Show the run; with `--rerun serve`, until Ctrl-C."""
-    from mbd_sim.packages import require_packages
     from mbd_sim.viewer.sinks import checked_sink
 
     sink = checked_sink(options.save or options.rerun)
@@ -97,7 +97,6 @@ def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
 
 def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:
     """The simulation of a recorded run, or the reason why there is none."""
-    from mbd_sim.errors import MechanismError
     from mbd_sim.recording.recomputation import Recomputation, RecomputeError
 
     first = next((file for file in recording.files if file.is_run), None)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism, add_method_and_step
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.equilibrium import Equilibrium
@@ -40,7 +41,6 @@ def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
 
     :raises InputError: `--at` is something else, or there is no equilibrium.
     """
-    from mbd_sim.errors import InputError
     from mbd_sim.linear_analysis.working_point import set_to_equilibrium
 
     number = _number(options.at)
@@ -101,7 +101,6 @@ def _rounded(value: float) -> float:
 
 
 def _time(text: str) -> float:
-    from mbd_sim.errors import InputError
     from mbd_sim.mechanism_file.value_parser import parse_value
 
     try:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mbd_sim import disk_cache
 from mbd_sim.compiler.host_module import compile_module, new_module
+from mbd_sim.compiler.lowering import export, lower
 from mbd_sim.compiler.machine_code import load_code
 from mbd_sim.compiler.python_callable import function_of_addresses
 from mbd_sim.interrupts import interruptible_tracing
@@ -48,8 +49,6 @@ class CompiledFunction(NamedTuple):
         """
         if key is not None and (found := cls._stored(key)) is not None:
             return found
-        from mbd_sim.compiler.lowering import export, lower  # with CasADi, which stored functions do not need
-
         function, module = trace(), new_module()
         export(module, "function", lower(module, function, inline=True))
         code, size = compile_module(module), function.nnz_out(0)

@@ -19,6 +19,7 @@ from mbd_sim.drawing.picture import draw
 from mbd_sim.errors import MbdSimError, nearest, quoted
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.simulation.simulation import Simulation
 
 FIRST = ("open_chains", "prescribed", "constraints", "forces")  # folders of config/; others follow in alphabetic order
 WATCH = "Watch:"
@@ -82,8 +83,6 @@ def picture(entry: Entry, folder: Path) -> Path:
 
     :raises DrawingError: the file cannot be written.
     """
-    from mbd_sim.simulation.simulation import Simulation
-
     simulation = Simulation(load_mechanism(entry.name))
     path = folder / f"{entry.name}.svg"
     draw(simulation.mechanism, simulation.poses(), path)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from mbd_sim.drawing.animation import Animation
 from mbd_sim.drawing.animation_file import Frame
@@ -67,8 +68,6 @@ def _description(pace: float) -> str:
 
 def description(path: Path) -> str:
     """How fast an animation of the gallery shows the motion."""
-    from PIL import Image
-
     with Image.open(path) as picture:
         return str(picture.getexif()[DESCRIPTION])
 
@@ -144,8 +143,6 @@ def _range(drawn: NDArray[np.intp], size: int) -> slice:
 
 def encoded(frames: Sequence[Frame], description: str, period: int = PERIOD) -> bytes:
     """An animated WebP without loss, in few colors; each frame is shown for `period` ms."""
-    from PIL import Image
-
     exif = Image.Exif()
     exif[DESCRIPTION] = description
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.drawing.animation import Animation
 from mbd_sim.errors import DivergedError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
@@ -159,8 +160,6 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         if self.render_mode is None:
             return None
         if self._animation is None:
-            from mbd_sim.drawing.animation import Animation
-
             self._animation = Animation(self.simulation.model, *self._render_size)
         return self._animation.frame(self.simulation.poses())
 

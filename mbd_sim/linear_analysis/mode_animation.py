@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from mbd_sim.analysis.mode_shapes import ModeShape, displaced_coordinates
+from mbd_sim.drawing.animation import Animation
+from mbd_sim.drawing.animation_file import require_animation_packages, write_animation
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.simulation.simulation import Simulation
 
@@ -30,9 +32,6 @@ def animate_mode(
     :raises MissingPackageError: Matplotlib or Pillow, or PyAV for MP4, is not installed.
     :raises DrawingError: the file cannot be written.
     """
-    from mbd_sim.drawing.animation import Animation
-    from mbd_sim.drawing.animation_file import require_animation_packages, write_animation
-
     path = Path(path)
     require_animation_packages(path)
     size = _visible_amplitude(simulation, shape) if amplitude is None else amplitude

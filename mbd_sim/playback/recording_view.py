@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.appearance import palette
 from mbd_sim.errors import CommandError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.run_table import Progress, RunTable, iterate_messages
@@ -20,9 +21,14 @@ from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.simulation.joint_state_layout import integrated_energies, recorded_state
 from mbd_sim.simulation.state_records import Energies
+from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.event_filter import EventFilter
+from mbd_sim.viewer.event_log import LoggedEvent
+from mbd_sim.viewer.plot_entities import Series
+from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
+from mbd_sim.viewer.sinks import SinkConnection
 
 if TYPE_CHECKING:
     from mbd_sim.viewer.rerun_stream import RerunStream
@@ -52,8 +58,6 @@ def show_run(
     :raises ViewerError: the sink cannot be opened.
     :raises MbdSimError: a point to trace does not exist.
     """
-    from mbd_sim.viewer.rerun_stream import RerunStream
-
     writer, options = RowWriter(recomputation.simulation.model, options.reactions), replace(options, measurements=True)
     try:
         scene = describe_scene(recomputation.simulation.model, writer.layout, options)
@@ -124,8 +128,6 @@ class _RunSender:
 
     def _apply(self, message: Message, role: TopicRole) -> None:
         """Apply a command, and show it or the event."""
-        from mbd_sim.viewer.event_log import LoggedEvent
-
         is_event = role is TopicRole.EVENTS
         if role is TopicRole.NEW_STATES:
             steps = int(cdr.multi_array(message.payload).values[0])
@@ -186,11 +188,6 @@ def show_joint_plots(table: RunTable, sink: str, on_sent: AddressCallback = _ign
     """
     import rerun as rr
     import rerun.blueprint as rrb
-
-    from mbd_sim.appearance import palette
-    from mbd_sim.viewer import entity_paths
-    from mbd_sim.viewer.plot_entities import Series
-    from mbd_sim.viewer.sinks import SinkConnection
 
     quantities = {"position": table.position, "velocity": table.velocity, "effort": table.effort}
     recorded = {name: values for name, values in quantities.items() if not np.all(np.isnan(values))}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from mbd_sim import report, simulation
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_cache import cached, casadi_version, records_digest
 
@@ -16,6 +15,9 @@ def cached_report(mechanism: Mechanism) -> dict[str, Any]:
     """
 
     def made() -> dict[str, Any]:
-        return report.report(simulation.Simulation(mechanism))
+        from mbd_sim.report.mechanism_report import report
+        from mbd_sim.simulation.simulation import Simulation
+
+        return report(Simulation(mechanism))
 
     return cached(made, "report", records_digest(mechanism), casadi_version())

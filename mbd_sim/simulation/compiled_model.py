@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import compiler, disk_cache, dynamics, integrators, simulation
+from mbd_sim import disk_cache
 from mbd_sim.collection_pause import paused_collection
 from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.dynamics.audit_states import AUDIT_STATES, LOSS_STATES
@@ -21,6 +21,7 @@ from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_cache import cached
 from mbd_sim.simulation.live_values import LiveParameters
 from mbd_sim.simulation.method_name import require_method
+from mbd_sim.simulation.motions import MotionReaders
 from mbd_sim.simulation.prepared_model import PreparedModel, load_prepared, model_key, store_prepared
 from mbd_sim.simulation.state_records import Energies, Losses, Reaction, Violation
 
@@ -95,7 +96,9 @@ class Model:
     @cached_property
     def method(self) -> Method:
         """The method of integration."""
-        return integrators.METHODS[self.method_name]
+        from mbd_sim.integrators.methods import METHODS
+
+        return METHODS[self.method_name]
 
     @property
     def between_steps(self) -> BetweenSteps | None:
@@ -152,16 +155,20 @@ class Model:
     @cached_property
     def sensor_readers(self) -> CompiledReaders:
         """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
-        return compiler.CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
 
     @cached_property
     def on_request(self) -> RequestedFunctions:
         """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
-        return simulation.RequestedFunctions(lambda: self.equations, self.key)
+        from mbd_sim.simulation.requested_functions import RequestedFunctions
+
+        return RequestedFunctions(lambda: self.equations, self.key)
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:
-        return simulation.MotionReaders(self.equations)
+        return MotionReaders(self.equations)
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """u' (nv,), then the accelerations of `driven_names`, under all forces, those of contacts included."""
@@ -196,18 +203,20 @@ class Model:
         :param values: (n,) the live values or ensemble values among the inputs; by default those of the file.
         :raises ValueError: no position near it closes the loops.
         """
+        from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
+
         if not self.row_names:
             return q, u
         constraints = self.equations.constraints
         if values is not None:
             constraints = constraints.with_values(values)
-        closing = dynamics.close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
+        closing = close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
             raise ValueError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
                 "remains. Give coordinates closer to a closed configuration."
             )
-        return closing.q, dynamics.nearest_speeds(constraints, 0.0, closing.q, u)
+        return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
 
     def project(self, y: Array, values: Array | None = None) -> None:
         """Move a state y in place to the nearest one at t = 0 that satisfies the constraints: see `consistent`."""
@@ -284,11 +293,15 @@ class Model:
 
     @cached_property
     def _reaction_reader(self) -> CompiledReaders:
-        return compiler.CompiledReaders({"reactions": self.equations.reactions})
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        return CompiledReaders({"reactions": self.equations.reactions})
 
     @cached_property
     def _multiplier_reader(self) -> CompiledReaders:
-        return compiler.CompiledReaders({"multipliers": self.equations.multipliers})
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        return CompiledReaders({"multipliers": self.equations.multipliers})
 
     @cached_property
     def load_sharing(self) -> LoadSharing:
@@ -300,7 +313,9 @@ class Model:
     @cached_property
     def load_paths(self) -> LoadPathReader:
         """What load sharing reads of the equations."""
-        return simulation.LoadPathReader(self.equations)
+        from mbd_sim.simulation.load_path_reader import LoadPathReader
+
+        return LoadPathReader(self.equations)
 
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""
@@ -344,7 +359,9 @@ class Model:
             self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
         if cushions is None:
             return out
-        return np.concatenate([out, dynamics.evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
+        from mbd_sim.dynamics.evaluation import evaluated
+
+        return np.concatenate([out, evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
 
     def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """Each one-sided element by name, then each compliant contact; see `ContactState`."""
@@ -358,17 +375,20 @@ class Model:
         if (cushions := self._cushions) is None:
             return {}
         own = places[len(places) - len(cushions.directions) :]
-        states = simulation.states_of_compliant_contacts(cushions, time, y, inputs, own)
-        return dict(zip(simulation.compliant_names(self.compliant_contacts), states, strict=True))
+        from mbd_sim.simulation.compliant_states import compliant_names, states_of_compliant_contacts
+
+        states = states_of_compliant_contacts(cushions, time, y, inputs, own)
+        return dict(zip(compliant_names(self.compliant_contacts), states, strict=True))
 
     def contact_entry_names(self) -> list[str]:
         """The names of the `contact_entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
+        from mbd_sim.simulation.compliant_states import compliant_names
+        from mbd_sim.simulation.contact_records import with_friction
+
         names = [] if self.one_sided is None else self.one_sided.entry_names()
         if (cushions := self._cushions) is not None:
-            for name, directions in zip(
-                simulation.compliant_names(self.compliant_contacts), cushions.directions, strict=True
-            ):
-                names += simulation.with_friction(name, directions)
+            for name, directions in zip(compliant_names(self.compliant_contacts), cushions.directions, strict=True):
+                names += with_friction(name, directions)
         return names
 
     def contact_entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
@@ -394,14 +414,16 @@ class Model:
         """Each actuator by name; see `ActuatorState` and `CylinderState`."""
         if not self.mechanism.actuators or (functions := self.equations.actuators) is None:
             return {}
+        from mbd_sim.simulation.actuator_states import states_of_actuators
+
         columns = self._actuator_readings(time, y, inputs)
-        return simulation.states_of_actuators(self.mechanism.actuators, functions.layout, columns, y, inputs)
+        return states_of_actuators(self.mechanism.actuators, functions.layout, columns, y, inputs)
 
     def actuator_efforts(self, time: float, y: Array, inputs: Array) -> Array:
         """The efforts (nv,) of actuators on the coordinates, in N and N·m."""
-        return simulation.efforts_on(
-            self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names
-        )
+        from mbd_sim.simulation.actuator_states import efforts_on
+
+        return efforts_on(self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names)
 
     def keep_accounts(
         self, time: float, before: Array, y: Array, inputs: Array, new_inputs: Array | None = None
@@ -441,8 +463,10 @@ def build_model(
     name, given_step = require_method(mechanism, method), step or mechanism.step
 
     def trace() -> Equations:
+        from mbd_sim.dynamics.equations import derive
+
         symbols = values.symbolic if isinstance(values, LiveParameters) else values
-        return dynamics.derive(mechanism, loaded, symbols, given_step)
+        return derive(mechanism, loaded, symbols, given_step)
 
     live = values.digest if isinstance(values, LiveParameters) else ""
     key = None
@@ -452,9 +476,12 @@ def build_model(
         key = model_key(mechanism, name, loaded, given_step, live)
         if (found := load_prepared(key)) is not None:
             return Model(mechanism, *found, trace, key=key)
+    # All that traces and compiles: a start with a stored model needs none of it.
+    from mbd_sim.simulation.model_builder import build, can_be_stored, one_sided_model
+
     with paused_collection(), interruptible_tracing():
-        built = simulation.build(mechanism, name, trace, given_step)
-    if key is not None and simulation.can_be_stored(built.equations):
+        built = build(mechanism, name, trace, given_step)
+    if key is not None and can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)
-    one_sided = simulation.one_sided_model(built.equations, built.kernel)
+    one_sided = one_sided_model(built.equations, built.kernel)
     return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, one_sided, key)

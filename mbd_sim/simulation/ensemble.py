@@ -11,7 +11,6 @@ from typing import ClassVar, NoReturn, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import simulation
 from mbd_sim.compiler.ensemble_kernel import (
     MemberGroups,
     advance_lanes,
@@ -464,13 +463,15 @@ class Ensemble(ReadOnlyAttributes):
 
 
 def _member_groups(model: Model, count: int, contacts: Sequence[OneSidedStepper]) -> MemberGroups:
+    from mbd_sim.simulation.model_builder import partial_system
+
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))
     if isinstance(model.method, Taylor):  # each member needs its own expansions
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
-    partial = simulation.partial_system(equations, model.method)
+    partial = partial_system(equations, model.method)
     kernel = compile_members(
         equations.rates,
         equations.project,

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import compiler, simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 
 if TYPE_CHECKING:
-    from mbd_sim.compiler import CompiledFunction
+    from mbd_sim.compiler.bound_call import CompiledFunction
+    from mbd_sim.simulation.contact_events import OneSidedStepper
 
 Result = TypeVar("Result")
 
@@ -33,9 +33,11 @@ class KernelMemory:
         :param mechanism: a variant of that of the model with the same equations, see `one_sided_stepper`.
         """
         self._kernel, self._model = model.kernel, model
-        self.contacts = (
-            None if model.one_sided is None else simulation.one_sided_stepper(model, mechanism or model.mechanism)
-        )
+        self.contacts: OneSidedStepper | None = None
+        if model.one_sided is not None:
+            from mbd_sim.simulation.contact_stepping import one_sided_stepper
+
+            self.contacts = one_sided_stepper(model, mechanism or model.mechanism)
         self.y, size = model.start.copy(), len(model.inputs)
         memory = model.kernel_inputs()
         self.inputs, self.history = memory[:size], memory[size:]
@@ -55,7 +57,9 @@ class KernelMemory:
 
     def reader(self, name: str, size: int) -> CompiledFunction:
         """A reader of the kernel, of which the output has some size."""
-        return compiler.CompiledFunction(self._kernel.reader_address(name), self._kernel, size)
+        from mbd_sim.compiler.bound_call import CompiledFunction
+
+        return CompiledFunction(self._kernel.reader_address(name), self._kernel, size)
 
     def arguments(self, name: str) -> tuple[Array, ...]:
         """The arguments of a reader besides the time."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import dynamics
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
@@ -42,7 +41,9 @@ def live_numbers(mechanism: Mechanism, names: Sequence[str]) -> LiveNumbers:
 
 
 def _searched(mechanism: Mechanism, names: Sequence[str]) -> LiveNumbers:
-    base, file = dynamics.equation_data(mechanism), mechanism.source.file
+    from mbd_sim.dynamics.symbolic_parameters import StructureError, equation_data, varying_parameters
+
+    base, file = equation_data(mechanism), mechanism.source.file
     matches = {name: _matches(mechanism, name) for name in names}
     problems = [
         Problem("no number of the file has such a key", nearest(name, matching(mechanism, ["*"])), name, file=file)
@@ -56,13 +57,13 @@ def _searched(mechanism: Mechanism, names: Sequence[str]) -> LiveNumbers:
     for key in keys:
         try:
             numbers[key] = _probed(mechanism, key, values[key], base)
-        except dynamics.StructureError as error:
+        except StructureError as error:
             if _location(mechanism, key) in given:
                 remedy = _remedy_of_list(mechanism, key) or "Change the file and start again."
                 problems.append(Problem(f"cannot change during a run: {error}", remedy, key, file=file))
     if problems:
         raise MechanismError(problems)
-    parameters = dynamics.varying_parameters(base, list(numbers.values()))
+    parameters = varying_parameters(base, list(numbers.values()))
     current = {key: values[key] or 0.0 for key in numbers}
     return LiveNumbers(current, parameters.indices, parameters.columns, parameters.base)
 
@@ -110,18 +111,20 @@ def _probed(mechanism: Mechanism, key: str, value: float | None, base: EquationD
 
     :raises StructureError: the value is not a number, is built into the equations, or is not used by them.
     """
+    from mbd_sim.dynamics.symbolic_parameters import StructureError, equation_data, varying_parameters
+
     if value is None:
-        raise dynamics.StructureError("it is not a number")
+        raise StructureError("it is not a number")
     probes = [factor * value for factor in _PROBE_FACTORS] if value else list(_PROBES_OF_ZERO)
     refusal = None
     for probe in probes:
         try:
-            numbers = dynamics.equation_data(with_values(mechanism, {key: probe}))
+            numbers = equation_data(with_values(mechanism, {key: probe}))
         except MechanismError as error:
             refusal = error
             continue
-        if not len(dynamics.varying_parameters(base, [numbers]).base):
-            raise dynamics.StructureError("the equations of motion do not depend on it")
+        if not len(varying_parameters(base, [numbers]).base):
+            raise StructureError("the equations of motion do not depend on it")
         return numbers
     assert refusal is not None
-    raise dynamics.StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal
+    raise StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal

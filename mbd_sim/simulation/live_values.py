@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import dynamics
 from mbd_sim.errors import CommandError, InputError, MechanismError, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
@@ -61,7 +60,9 @@ class LiveParameters:
     @cached_property
     def symbolic(self) -> SymbolicParameters:
         """The symbols, which need CasADi."""
-        return dynamics.SymbolicParameters(dynamics.equation_data(self._mechanism), *self._numbers)
+        from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters, equation_data
+
+        return SymbolicParameters(equation_data(self._mechanism), *self._numbers)
 
 
 class LiveValues:
@@ -128,6 +129,9 @@ class LiveValues:
         :raises CommandError: an unknown key, a value that does not fit, or one on which other numbers depend than
             when it was probed.
         """
+        from mbd_sim.dynamics.cam_check import require_followable_cams
+        from mbd_sim.dynamics.symbolic_parameters import StructureError, equation_data
+
         wanted: dict[str, float] = {}
         for name, value in changes.items():
             key = self._key(name)
@@ -136,11 +140,11 @@ class LiveValues:
             wanted[key] = self._number(key, value)
         try:
             given, current, changed = self._with(wanted)
-            dynamics.require_followable_cams(changed)
-            inputs = self._symbolic().checked_values_in(dynamics.equation_data(changed))
+            require_followable_cams(changed)
+            inputs = self._symbolic().checked_values_in(equation_data(changed))
         except MechanismError as error:
             raise CommandError(" ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)) from error
-        except dynamics.StructureError as error:
+        except StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
         following = {key: value for key, value in current.items() if value != self.current[key]}
         return PreparedValues({**wanted, **following}, given, current, inputs, changed)
@@ -217,9 +221,11 @@ class LiveValues:
         return {key: given[key] if key in given else values[key] or 0.0 for key in self.current}
 
     def _symbolic(self) -> SymbolicParameters:
+        from mbd_sim.dynamics.symbolic_parameters import equation_data, varying_parameters
+
         if self.parameters is not None:
             return self.parameters.symbolic
-        return dynamics.varying_parameters(dynamics.equation_data(self._mechanism), ())
+        return varying_parameters(equation_data(self._mechanism), ())
 
     def _key(self, name: str) -> str:
         """The key of a live value by any of its names: that of a parameter may also be `parameters.` and this name.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from mbd_sim import integrators
 from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 
@@ -15,9 +14,13 @@ def require_method(mechanism: Mechanism, method: str | None) -> str:
     :raises MechanismError: there is no such method.
     """
     name = method or mechanism.method
-    if name == AUTO or name in integrators.METHODS:
+    if name == AUTO:
         return name
-    message, remedy = f"there is no method '{name}'", nearest(name, (AUTO, *integrators.METHODS))
+    from mbd_sim.integrators.methods import METHODS
+
+    if name in METHODS:
+        return name
+    message, remedy = f"there is no method '{name}'", nearest(name, (AUTO, *METHODS))
     if method:
         raise MechanismError([Problem(message, remedy, key="method")])
     raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim import compiler
 from mbd_sim.geometry.pose import Array, Pose
 
 if TYPE_CHECKING:
@@ -45,8 +44,10 @@ class MotionReaders:
 
     def __init__(self, equations: Equations) -> None:
         """Compile the functions; this takes as long as for the kernel of the mechanism."""
+        from mbd_sim.compiler.readers import CompiledReaders
+
         functions = {name: getattr(equations.measurements, name) for name in ("accelerations", "part_motions")}
-        self._readers, self._part_names = compiler.CompiledReaders(functions), equations.part_names
+        self._readers, self._part_names = CompiledReaders(functions), equations.part_names
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """The accelerations of the coordinates, then of the driven ones."""

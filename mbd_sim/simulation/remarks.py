@@ -8,6 +8,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_angle_remarks
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.drive_jumps import jump_remarks
 from mbd_sim.simulation.pulses import pulse_remarks
 
 LOOK_AHEAD = 10.0  # s after the start in which jumps of drives are sought
@@ -40,8 +41,6 @@ def remarks(
 def _jump_remarks(mechanism: Mechanism, end: float) -> list[str]:
     if not mechanism.driven_names and not mechanism.constraints:
         return []
-    from mbd_sim.simulation.drive_jumps import jump_remarks  # which needs CasADi
-
     return [*jump_remarks(mechanism, end)]
 
 

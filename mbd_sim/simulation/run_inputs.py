@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import compiler
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuator_commands import CommandMap
@@ -63,4 +62,6 @@ def effort_writer(
     :param unobserved: (1,) where this is 0, it always calls `fallback`.
     :param signature: for error messages.
     """
-    return compiler.bounded_writer(target, efforts.limits, unobserved, fallback, signature, ReadOnlyView)
+    from mbd_sim.compiler.bounded_write import bounded_writer
+
+    return bounded_writer(target, efforts.limits, unobserved, fallback, signature, ReadOnlyView)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn, Self, TypeVar, Unpack
 
 import numpy as np
 
-from mbd_sim import simulation
 from mbd_sim.collection_pause import paused_collection
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array, Pose
@@ -21,11 +20,15 @@ from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.actuator_commands import Command
 from mbd_sim.simulation.argument_checks import step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
+from mbd_sim.simulation.contact_pairs import require_computable_pairs
+from mbd_sim.simulation.contact_start import require_free_start
 from mbd_sim.simulation.dynamics_readings import DynamicsReadings, Momentum
 from mbd_sim.simulation.events import ChangedValues, EventKind
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues, PreparedValues, require_closed
+from mbd_sim.simulation.moving_points import MovingFrame, MovingPoint
 from mbd_sim.simulation.options import SimulationOptions, Value, changed_values
+from mbd_sim.simulation.part_motion import motion_of
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.readings import CompiledReadings
 from mbd_sim.simulation.run_inputs import Efforts, EffortWriter, RunInputs
@@ -111,9 +114,9 @@ class Simulation(ReadOnlyAttributes):
         values = LiveValues(mechanism, live)
         model = build_model(mechanism, method, wrenches, values.parameters, step)
         if mechanism.contacts:
-            simulation.require_computable_pairs(model)
+            require_computable_pairs(model)
         if model.one_sided is not None:
-            simulation.require_free_start(model)
+            require_free_start(model)
         self._begin(mechanism, model, values, step)
 
     def _begin(self, mechanism: Mechanism, model: Model, live: LiveValues, step: float) -> None:
@@ -209,10 +212,11 @@ class Simulation(ReadOnlyAttributes):
         n = step_count(n)
         for part in self._sensors.divided(self._reports.parts_of(n)):
             if not self._memory.advance(part):
+                from mbd_sim.simulation.step_advice import divergence
                 from mbd_sim.simulation.undefined_expressions import undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
-                raise simulation.divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
+                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
             self._reports.contacts()
 
     def advance(self, n: int) -> None:
@@ -509,7 +513,7 @@ class Simulation(ReadOnlyAttributes):
         :param frame: `part` or `part.point`; the place of a point in its part follows live values.
         :raises InputError: there is no such part or point.
         """
-        return simulation.motion_of(self.model, self._live.mechanism, frame, *self._memory.now)
+        return motion_of(self.model, self._live.mechanism, frame, *self._memory.now)
 
     @property
     def violation(self) -> Violation:
@@ -527,9 +531,11 @@ class Simulation(ReadOnlyAttributes):
 
         Too large are steps with large errors, and such as leave the energy account open.
         """
-        return simulation.advice_on_step(
-            self.model, *self._memory.now, self.step_size, self.error_estimate
-        ) or simulation.advice_on_energy(self.model, self.energies, self.start_energy, self.step_size)
+        from mbd_sim.simulation.step_advice import advice_on_energy, advice_on_step
+
+        return advice_on_step(self.model, *self._memory.now, self.step_size, self.error_estimate) or advice_on_energy(
+            self.model, self.energies, self.start_energy, self.step_size
+        )
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -630,19 +636,19 @@ class Simulation(ReadOnlyAttributes):
 
         :raises InputError: there is no such part or point.
         """
-        return simulation.MovingPoint(self.model, self._memory, self._live, name)
+        return MovingPoint(self.model, self._memory, self._live, name)
 
     def frame(self, name: str) -> MovingFrame:
         """A part, or a point of it with its axes: a `point` with rotation, angular motion and a Jacobian (6, nv).
 
         :raises InputError: there is no such part or point.
         """
-        return simulation.MovingFrame(self.model, self._memory, self._live, name)
+        return MovingFrame(self.model, self._memory, self._live, name)
 
     @cached_property
     def center_of_mass(self) -> MovingPoint:
         """The center of mass of all parts; numbers are nan if they have no mass."""
-        return simulation.MovingPoint(self.model, self._memory, self._live, None)
+        return MovingPoint(self.model, self._memory, self._live, None)
 
     def mass_matrix(self) -> Array:
         """M (nv, nv) of the spanning tree, with the reflected inertia of rotors; kg, kg·m and kg·m²."""

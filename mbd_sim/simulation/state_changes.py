@@ -7,11 +7,12 @@ from operator import index
 
 import numpy as np
 
-from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.shaped_arrays import finite_vector
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.contact_start import require_outside
 from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.state_values import checked_values, require_allowed_speeds, state_with
 
 Coordinates = Sequence[float] | Array | Mapping[str, float]  # in order, or some by name
 
@@ -31,23 +32,23 @@ def started(
     if q is None and u is None and np.array_equal(inputs, model.inputs):
         return y, inputs
     if positions or speeds:
-        y = simulation.state_with(model, 0.0, y, values, simulation.checked_values(model, positions, speeds))
+        y = state_with(model, 0.0, y, values, checked_values(model, positions, speeds))
     else:
         given = y[model.u_range].copy()
         model.project(y, values)
         if u is not None and not nearest_speeds:
-            simulation.require_allowed_speeds(model, y, given, values)
+            require_allowed_speeds(model, y, given, values)
     model.hold_start(y, inputs)
-    simulation.require_outside(model, 0.0, y, inputs)
+    require_outside(model, 0.0, y, inputs)
     return y, inputs
 
 
 def moved(model: Model, memory: KernelMemory, positions: Mapping[str, float], speeds: Mapping[str, float]) -> Array:
     """The present state with positions and speeds by name: see `Simulation.set_state`."""
-    given = simulation.checked_values(model, positions, speeds)
+    given = checked_values(model, positions, speeds)
     time, before, inputs = memory.now
-    y = simulation.state_with(model, time, before, inputs[model.input_layout.values], given)
-    simulation.require_outside(model, time, y, inputs)
+    y = state_with(model, time, before, inputs[model.input_layout.values], given)
+    require_outside(model, time, y, inputs)
     model.keep_accounts(time, before, y, inputs)
     return y
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim import dynamics
 from mbd_sim.errors import CommandError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.compiled_model import Model
@@ -64,12 +63,15 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     moved[model.u_range] = [given.speeds.get(name, old) for name, old in zip(names, y[model.u_range], strict=True)]
     if not model.row_names:
         return moved
+    from mbd_sim.dynamics.assembly import close_loops, nearest_speeds, tolerated_errors
+    from mbd_sim.dynamics.singular_start import speeds_of_a_branch
+
     constraints = model.equations.constraints.with_values(values)
     fixed = np.array([name in given.positions for name in names])
     q = moved[model.q_range]
-    closure = dynamics.close_loops(constraints, time, q, ~fixed)
+    closure = close_loops(constraints, time, q, ~fixed)
     if not closure.closed:
-        free = dynamics.close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
+        free = close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
         closed = moved.copy()
         closed[model.q_range] = free.q
         found = dict(zip(names, model.coordinates(closed), strict=True))
@@ -82,16 +84,16 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         closure = free
     moved[model.q_range] = closure.q
     fixed = np.array([name in given.speeds for name in names])
-    u = dynamics.nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
+    u = nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
     errors = constraints.gradient(time, closure.q) @ u + constraints.drift(time, closure.q)
-    if np.any(np.abs(errors) > dynamics.tolerated_errors(constraints, time, closure.q, u)):
-        u = dynamics.nearest_speeds(constraints, time, closure.q, moved[model.u_range])
+    if np.any(np.abs(errors) > tolerated_errors(constraints, time, closure.q, u)):
+        u = nearest_speeds(constraints, time, closure.q, moved[model.u_range])
         found = dict(zip(names, u, strict=True))
         if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
             raise CommandError(f"the constraints do not allow these speeds. Name fewer joints, or give {nearby}.")
     if u.any() and constraints.rank(time, closure.q) < model.equations.start.rank:
-        u = dynamics.speeds_of_a_branch(constraints, time, closure.q, u, fixed)
+        u = speeds_of_a_branch(constraints, time, closure.q, u, fixed)
     moved[model.u_range] = u
     return moved
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
@@ -70,8 +71,6 @@ def symbolic_coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) 
 
 def define_unit_quaternion(algebra: Algebra, coordinate: Coordinate) -> None:
     """Define w² = 1 - x² - y² - z² in the algebra, for the quaternion of a joint."""
-    from fractions import Fraction
-
     start = JOINT_KINDS[coordinate.type].quaternion
     if start is None or not coordinate.q:
         return

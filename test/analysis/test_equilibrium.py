@@ -9,9 +9,9 @@ from hypothesis import assume, given, reject, settings
 from mbd_sim import InputError, MechanismError, Simulation, parse_mechanism
 from mbd_sim.analysis.equilibrium import equilibria, is_autonomous, nearest_equilibrium
 from mbd_sim.analysis.rest_balance import displacement_between
-from mbd_sim.dynamics import derive
 from mbd_sim.dynamics.assembly import close_loops
 from mbd_sim.dynamics.constraint_rank import null_space
+from mbd_sim.dynamics.equations import derive
 from mbd_sim.linear_analysis import equilibria_of, set_to_equilibrium, to_equilibrium
 from test.generators.loops import random_mechanisms
 from test.oracles import kane

@@ -1,6 +1,6 @@
 """An angle is a dimension of its own: no quantity of the file takes one for nothing, or nothing for one.
 
-The expected factors come from the exponents of the base units alone, without pint.
+The expected factors come from the exponents of the base units alone.
 """
 
 import math
@@ -18,7 +18,7 @@ from mbd_sim.mechanism_file.json_schema import json_schema
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.mechanism_file.quantity import Quantity
 from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.simulation import Simulation
+from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.sweep.sweep_plan import variation
 
 TURN = 2.0 * math.pi

@@ -2,8 +2,9 @@
 
 import pytest
 
-from mbd_sim import load_mechanism, report
+from mbd_sim import load_mechanism
 from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.report import mechanism_report
 from mbd_sim.report.cached_report import cached_report
 
 
@@ -13,5 +14,5 @@ def test_a_report_is_made_once_for_each_mechanism(tmp_path, monkeypatch):
     changed = with_values(mechanism, {"gravity": [0, 0, -1]})
     first, other = cached_report(mechanism), cached_report(changed)
     assert first != other
-    monkeypatch.setattr(report, "report", lambda _: pytest.fail("made again"))
+    monkeypatch.setattr(mechanism_report, "report", lambda _: pytest.fail("made again"))
     assert (cached_report(mechanism), cached_report(changed)) == (first, other)

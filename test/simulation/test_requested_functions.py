@@ -25,7 +25,7 @@ def test_those_that_were_compiled_before_are_read_without_the_equations(own_buil
     def derived(*_):
         raise AssertionError("the equations are traced")
 
-    monkeypatch.setattr("mbd_sim.dynamics.derive", derived)
+    monkeypatch.setattr("mbd_sim.dynamics.equations.derive", derived)
     cached = readings(Simulation.from_file(name), point)
     assert [array.tobytes() for array in cached] == [array.tobytes() for array in traced]
 

@@ -9,6 +9,7 @@ the linker reads. Ctrl-C while importing is tested with programs that are starte
 from __future__ import annotations
 
 import atexit
+import ctypes
 import gc
 import importlib
 import json
@@ -24,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
+PR_SET_PDEATHSIG = 1
 PROGRAMS = ("mbd_sim.ros.sim_node", "mbd_sim.ros.replay_node")
 
 
@@ -122,6 +124,7 @@ def _reap(*_: object) -> None:
 
 def _become(program: str, arguments: Sequence[str], folder: str, environment: Mapping[str, str], log: str) -> int:
     """Run a program in this process, which has just been forked; returns its exit code."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # no node outlives tests that were killed
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a script runs the tests in the background
     os.setsid()
     os.chdir(folder)

@@ -8,6 +8,7 @@ import fcntl
 import functools
 import itertools
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -50,9 +51,18 @@ def _own_block() -> tuple[int, IO[str] | None]:
         with contextlib.suppress(BlockingIOError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             atexit.register(file.close)
+            _remove_shared_memory(range(1 + block * BLOCK, 1 + (block + 1) * BLOCK))
             return block, file
         file.close()
     return os.getpid() % BLOCKS, None  # more processes than blocks
+
+
+def _remove_shared_memory(domains: range) -> None:
+    """Remove what killed processes left behind: Fast DDS waits forever for a half-initialized segment of its port."""
+    ports = range(7400 + 250 * domains.start, 7400 + 250 * domains.stop)
+    for path in sorted(Path("/dev/shm").glob("*fastrtps_port*")):
+        if int(re.sub(r"\D", "", path.name)) in ports:
+            path.unlink(missing_ok=True)
 
 
 def new_domain() -> int:

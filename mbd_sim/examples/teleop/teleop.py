@@ -6,7 +6,9 @@ import contextlib
 import os
 import select
 import sys
+import termios
 import threading
+import tty
 from collections.abc import Iterator, Sequence
 
 import rclpy
@@ -160,9 +162,6 @@ def _unbuffered_terminal(source: int) -> Iterator[None]:
     if not os.isatty(source):
         yield
         return
-    import termios
-    import tty
-
     before = termios.tcgetattr(source)
     tty.setcbreak(source)
     try:
