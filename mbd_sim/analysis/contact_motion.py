@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.contact_equations import SLIDING, FrictionElement
-from mbd_sim.dynamics.contact_functions import ContactFunctions
+from mbd_sim.dynamics.contact_functions import OneSidedFunctions
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
@@ -24,7 +24,7 @@ BLOCKED = 1e-11  # of the mobility, below which an acceleration by efforts is ro
 
 
 @dataclass(frozen=True, eq=False)
-class ContactDerivatives:
+class OneSidedDerivatives:
     """The motion in a state, in the modes among its inputs.
 
     `u_rates` (nv,) are u'. (u', s'), with the states s of actuators, has the derivatives `by_state` with respect to
@@ -44,15 +44,15 @@ class ContactDerivatives:
     slopes: Array
 
 
-class ContactMotion:
+class OneSidedMotion:
     """The motion of a mechanism with one-sided elements in given modes."""
 
     def __init__(self, equations: Equations) -> None:
-        assert equations.contact is not None
-        self._equations, self._contact = equations, equations.contact
+        assert equations.one_sided is not None
+        self._equations, self._contact = equations, equations.one_sided
         self._system, self._derivatives = _functions(equations, self._contact)
 
-    def at(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> ContactDerivatives:
+    def at(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> OneSidedDerivatives:
         """The derivatives at a state.
 
         :param s: the states of actuators on which rates depend.
@@ -90,8 +90,8 @@ class ContactMotion:
         self._require_admissible(inputs, readings)
         return efforts, found.u_rates
 
-    def _evaluated(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> tuple[ContactDerivatives, Array]:
-        """The derivatives, and the readings of `ContactFunctions`."""
+    def _evaluated(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> tuple[OneSidedDerivatives, Array]:
+        """The derivatives, and the readings of `OneSidedFunctions`."""
         nq, nv, size = len(q), len(u), len(q) + len(u) + len(s)
         forces = self._forces(t, q, u, s, inputs)
         found = [np.array(value, dtype=float) for value in self._derivatives(t, q, u, s, inputs, forces)]
@@ -99,7 +99,7 @@ class ContactMotion:
         mobility = float(np.max(np.abs(by_all[:nv, size : size + nv]), initial=0.0))
         by_all = by_all - by_forces @ self._solved(residual_by_forces, residual_by_all, inputs)
         rows, holonomic = self._rows(inputs)
-        derivatives = ContactDerivatives(
+        derivatives = OneSidedDerivatives(
             u_rates=u_rates.ravel(),
             by_state=by_all[:, :size],
             by_inputs=by_all[:, size:],
@@ -130,7 +130,7 @@ class ContactMotion:
 
         :raises np.linalg.LinAlgError: there is none.
         """
-        active = inputs[self._equations.inputs.contact][self._contact.contacts.layout.active]
+        active = inputs[self._equations.inputs.one_sided][self._contact.contacts.layout.active]
         if not np.any(active < 0.0):
             return np.asarray(np.linalg.solve(slope, right))
         scale = 1.0 / np.sqrt(np.where(active < 0.0, -active, 1.0))
@@ -139,7 +139,7 @@ class ContactMotion:
 
     def _rows(self, inputs: Array) -> tuple[list[int], list[bool]]:
         """The rows of closed gaps and of sticking friction, and which of them are holonomic."""
-        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.contact]
+        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.one_sided]
         layout = contacts.layout
         closed, active = modes[layout.closed], modes[layout.active]
         rows = [index for index in range(layout.gaps) if closed[index]]
@@ -152,7 +152,7 @@ class ContactMotion:
 
     def _slides(self, inputs: Array) -> list[bool]:
         """Which friction elements slide."""
-        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.contact]
+        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.one_sided]
         layout, found = contacts.layout, []
         active, directions = modes[layout.active], modes[layout.direction]
         for element in contacts.frictions:
@@ -162,10 +162,10 @@ class ContactMotion:
         return found
 
     def _require_smooth(self, t: float, inputs: Array, readings: Array) -> None:
-        """Refuse a state at which a contact is about to change; `readings` are those of `ContactFunctions`."""
+        """Refuse a state at which a contact is about to change; `readings` are those of `OneSidedFunctions`."""
         contacts = self._contact.contacts
         layout, rows = contacts.layout, contacts.equations.rows
-        closed = inputs[self._equations.inputs.contact][layout.closed]
+        closed = inputs[self._equations.inputs.one_sided][layout.closed]
         rates = readings[layout.gaps : layout.gaps + layout.rows]
         guards = readings[layout.gaps + 2 * layout.rows :]
         for gap in range(layout.gaps):
@@ -186,7 +186,7 @@ class ContactMotion:
         contacts = self._contact.contacts
         layout, rows = contacts.layout, contacts.equations.rows
         guards = readings[layout.gaps + 2 * layout.rows :]
-        closed = inputs[self._equations.inputs.contact][layout.closed]
+        closed = inputs[self._equations.inputs.one_sided][layout.closed]
         for gap in range(layout.gaps):
             if closed[gap] and not guards[gap] >= -BARELY:
                 raise ValueError(
@@ -209,7 +209,7 @@ class ContactMotion:
         )
 
 
-def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Function, ca.Function]:
+def _functions(equations: Equations, contact: OneSidedFunctions) -> tuple[ca.Function, ca.Function]:
     """(t, q, u, s, inputs, λ) -> F and ∂F/∂λ; and u', N, and the derivatives of (u', s'), F and of the rows' rates."""
     nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
     t, q, u, inputs = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("i", equations.inputs.size)
@@ -218,7 +218,7 @@ def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Func
     y = ca.vertcat(q, u, s, ca.SX.zeros(equations.start_state.size - core.stop))
     memory, matrix, right, *further = contact.rates.system.call([t, y, inputs])
     n = forces.shape[0]
-    active = inputs[equations.inputs.contact][contact.contacts.layout.active]
+    active = inputs[equations.inputs.one_sided][contact.contacts.layout.active]
     residual = ca.reshape(matrix, n, n) @ forces - right
     position = 0
     for load, element in zip(contact.loads, _loaded(contact), strict=True):
@@ -244,7 +244,7 @@ def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Func
     return system, ca.Function("contact_derivatives", given, [ca.densify(output) for output in outputs])
 
 
-def _loaded(contact: ContactFunctions) -> list[FrictionElement]:
+def _loaded(contact: OneSidedFunctions) -> list[FrictionElement]:
     return [element for element in contact.contacts.frictions if element.joint is not None]
 
 

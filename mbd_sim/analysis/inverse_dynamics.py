@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.analysis.contact_motion import ContactMotion
+from mbd_sim.analysis.contact_motion import OneSidedMotion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
 from mbd_sim.dynamics.dynamics_terms import tree_efforts
 from mbd_sim.dynamics.equations import Equations, derive
@@ -72,7 +72,7 @@ class InverseDynamics:
         self._tree, self._input_size = _tree_function(traced), traced.input_layout.size
         self._tree_layout = traced.layout
         self._equations = equations
-        self._contact: ContactMotion | None = None
+        self._contact: OneSidedMotion | None = None
 
     def __call__(
         self, q: _Numbers, u: _Numbers, u_rates: _Numbers, t: float = 0.0, inputs: Array | None = None
@@ -110,7 +110,7 @@ class InverseDynamics:
     def _in_contact(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> Array:
         assert self._equations is not None
         if self._contact is None:
-            self._contact = ContactMotion(self._equations)
+            self._contact = OneSidedMotion(self._equations)
         given = inputs.copy()
         given[self._equations.inputs.efforts] = -self.efforts_of_actuators(q, u, t, inputs)
         efforts, accelerations = self._contact.efforts(t, q, u, u_rates, given, self._indices)

@@ -130,7 +130,7 @@ def variation_remark(equations: Equations, t: float, y: Array, inputs: Array, a:
     """
     nq, nv = equations.layout.nq, equations.layout.nv
     moving = slice(nq + nv)
-    if np.any(inputs[equations.inputs.contact]):
+    if np.any(inputs[equations.inputs.one_sided]):
         return ""
     rates = np.array(equations.rates.call([t, y, inputs])[0], dtype=float).ravel()[moving]
     depends_on_time = bool(equations.rates.jac_sparsity(0, 0).nnz())

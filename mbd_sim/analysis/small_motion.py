@@ -18,7 +18,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from mbd_sim.analysis.contact_motion import ContactMotion
+from mbd_sim.analysis.contact_motion import OneSidedMotion
 from mbd_sim.analysis.turning_axes import steadier_before_joints, turning_of_parts
 from mbd_sim.dynamics.actuator_layout import require_continuous
 from mbd_sim.dynamics.constraint_functions import scaled
@@ -69,7 +69,7 @@ def small_motion(
     holonomic, constraints = equations.constraints.holonomic, equations.constraints
     row_sizes = constraints.with_values(inputs[equations.inputs.values]).row_sizes(t, y[:nq])
     if equations.has_contact(inputs):
-        motion = ContactMotion(equations).at(t, y[:nq], y[nq : nq + nv], y[nq + nv : core.stop], inputs)
+        motion = OneSidedMotion(equations).at(t, y[:nq], y[nq : nq + nv], y[nq + nv : core.stop], inputs)
         rates = rates.copy()
         rates[:, columns.displacements] = motion.by_state[:, :nq] @ motion.n
         rates[:, nv : nv + states] = motion.by_state[:, nq:]

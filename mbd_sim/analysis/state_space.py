@@ -153,7 +153,7 @@ def _with_disturbances(equations: Equations, full: Equations, mechanism: Mechani
     values = full.inputs.without_commands(centers, np.zeros(full.inputs.value_count))
     for part, span in equations.inputs.wrenches.items():
         values[full.inputs.wrenches[part]] = given[span]
-    for name in ("efforts", "commands", "contact"):
+    for name in ("efforts", "commands", "one_sided"):
         values[getattr(full.inputs, name)] = given[getattr(equations.inputs, name)]
     values[full.inputs.values.start : full.inputs.disturbances.start] = given[equations.inputs.values]
     values[full.inputs.disturbances.stop - UNDRIVEN] = t
@@ -207,7 +207,7 @@ def _evaluated(full: Equations, values: ca.SX, state: StateSymbols) -> Array:
 def _require_no_contact_forces(full: Equations, wanted: Sequence[Output], values: ca.SX, state: StateSymbols) -> None:
     if not full.has_contact(state.values[2]):
         return
-    depends = ca.jacobian(values, state.symbols[2][full.inputs.contact]).sparsity()
+    depends = ca.jacobian(values, state.symbols[2][full.inputs.one_sided]).sparsity()
     rows = set(depends.get_triplet()[0])
     if names := [one.name for row, one in enumerate(wanted) if row in rows]:
         raise CommandError(

@@ -22,19 +22,19 @@ _WITH_INPUTS = 3  # arguments of a reader that takes t, y and the inputs
 class KernelSignature:
     """What is known of a kernel besides its machine code: the number of arguments of each of its `readers`.
 
-    `instructions` is the number of scalar instructions of one evaluation of the rates; `guarded` says whether the
+    `instructions` is the number of scalar instructions of one evaluation of the rates; `one_sided` says whether the
     system has one-sided rows.
     """
 
     readers: Mapping[str, int]
     instructions: int
-    guarded: bool = False
+    one_sided: bool = False
 
 
-class GuardedKernel:
-    """`advance_to_event` and `part_step` as in `emit_guarded_advance`, and `readings(t, y, inputs, out)`.
+class OneSidedKernel:
+    """`advance_to_event` and `part_step` as in `emit_one_sided_advance`, and `readings(t, y, inputs, out)`.
 
-    See `mbd_sim.dynamics.contact_functions.ContactFunctions`.
+    See `mbd_sim.dynamics.contact_functions.OneSidedFunctions`.
     """
 
     def __init__(self, code: MachineCode) -> None:
@@ -52,8 +52,8 @@ class Kernel:
     has a sixth argument, see `emit_advance`. Methods that use earlier steps keep a history behind the inputs, see
     `history_size`. `readers` take addresses of doubles: those of their inputs, then that of their output;
     `reads_inputs` says which of them take the inputs of the system. All of them release the interpreter's lock.
-    `instructions` is the number of scalar instructions of one evaluation of the rates. `guarded` are the functions of a
-    system with one-sided rows.
+    `instructions` is the number of scalar instructions of one evaluation of the rates. `one_sided` are the functions of
+    a system with one-sided rows.
     """
 
     __repr__ = short_repr
@@ -68,7 +68,7 @@ class Kernel:
             for name, count in signature.readers.items()
         }
         self.reads_inputs = {name: count >= _WITH_INPUTS for name, count in signature.readers.items()}
-        self.guarded = GuardedKernel(code) if signature.guarded else None
+        self.one_sided = OneSidedKernel(code) if signature.one_sided else None
 
     def reader_address(self, name: str) -> int:
         """The address of the code of a reader."""

@@ -47,7 +47,7 @@ class Guards:
     slips: tuple[tuple[int, int], ...] = ()
 
 
-def emit_guarded_advance(
+def emit_one_sided_advance(
     module: Module, open_system: System, closed_system: System, prepare: Prepare, guards: Guards
 ) -> Function:
     """Emit the functions below and return `estimating_advance`, see `mbd_sim.compiler.stepping.emit_advance`.
@@ -112,7 +112,7 @@ def _emit_loop(
     emitter, size = StepEmitter(b, system, inputs, h), system.size
     emit_step, y, before = prepare(emitter), emitter.y, emitter.vector()
     check, sum_of_zeros = _Check(b, guards, closed, system.in_registers), emitter.scalar()
-    guarded = b.icmp_signed("!=", mode, integer(PART))
+    is_whole = b.icmp_signed("!=", mode, integer(PART))
 
     def time_of(step: Value) -> Value:
         return b.fadd(start, b.fmul(b.sitofp(step, DOUBLE), h))
@@ -133,15 +133,15 @@ def _emit_loop(
     step, next_index = b.add(first, index), b.add(index, integer(1))
     following = time_of(b.add(step, integer(1)))
     is_eighth = b.icmp_unsigned("==", b.and_(step, integer(ESTIMATED_EVERY - 1)), integer(0))
-    emitter.is_estimated = b.and_(guarded, is_eighth)
+    emitter.is_estimated = b.and_(is_whole, is_eighth)
     if system.samples is not None:  # once in each step, also where an event is left to the caller
-        emitter.sample(step, time_of(step), guarded)
+        emitter.sample(step, time_of(step), is_whole)
     copy(b, size, y, before)
     emit_step(time_of(step))
     emitter.project(following, y)
     check.keep()
     check.read(following, y, inputs, emitter.time)
-    is_event = b.and_(guarded, check.ended(inputs, h))
+    is_event = b.and_(is_whole, check.ended(inputs, h))
     index.add_incoming(next_index, b.block)
     b.cbranch(is_event, event, head)
 

@@ -8,7 +8,7 @@ import casadi as ca
 
 from mbd_sim.compiler.active_rows import ActiveRows, Load, emit_solved
 from mbd_sim.compiler.dense_solver import emit_dense_solver
-from mbd_sim.compiler.guarded_stepping import Guards, emit_guarded_advance
+from mbd_sim.compiler.guarded_stepping import Guards, emit_one_sided_advance
 from mbd_sim.compiler.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
 from mbd_sim.compiler.ir_builder import IRBuilder
@@ -45,7 +45,7 @@ class OneSidedSystem:
     slips: tuple[tuple[int, int], ...] = ()
 
 
-def emit_guarded(
+def emit_one_sided(
     module: Module, system: System, program: Instructions, prepare: Prepare, one_sided: OneSidedSystem
 ) -> Function:
     """Emit all functions and return `estimating_advance`.
@@ -84,7 +84,7 @@ def emit_guarded(
     builder.call(readings, exported.args)
     builder.ret_void()
     still = frozenset(component for component in zero_components(program) if component >= system.error_size)
-    return emit_guarded_advance(module, replace(system, still=still), closed, prepare, guards)
+    return emit_one_sided_advance(module, replace(system, still=still), closed, prepare, guards)
 
 
 def _both(module: Module, system: System, contact_project: Function) -> Function:

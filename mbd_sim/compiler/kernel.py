@@ -93,7 +93,7 @@ def compile_kernel(
     signature = KernelSignature(
         readers={name: function.n_in() for name, function in readers.items()},
         instructions=instruction_count(program),
-        guarded=one_sided is not None,
+        one_sided=one_sided is not None,
     )
     return Kernel(compile_module(module), signature)
 
@@ -118,9 +118,9 @@ def _emit_advance(
     step = step_of(method, rates, core, partial)
     if one_sided is None:
         return emit_advance(module, system, step)
-    from mbd_sim.compiler.guarded_system import emit_guarded
+    from mbd_sim.compiler.guarded_system import emit_one_sided
 
-    return emit_guarded(module, system, program, step, one_sided)
+    return emit_one_sided(module, system, program, step, one_sided)
 
 
 def _emit_partial_system(

@@ -54,7 +54,7 @@ class ConstraintRow:
 def constraint_rows(
     mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, own_axes: Collection[str] = ()
 ) -> list[ConstraintRow]:
-    """The rows of all closing joints, welds of split parts and constraints, except one-sided ones: see `contact_rows`.
+    """The rows of all closing joints, welds of split parts and constraints; for one-sided ones see `one_sided_rows`.
 
     The gap of a loop is measured along the axes of the part from which both branches of the loop start: there a plane
     loop stays in its plane, however that plane moves. For the joints in `own_axes` it is measured along the axes of

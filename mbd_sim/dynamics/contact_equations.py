@@ -15,7 +15,7 @@ from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations
 from mbd_sim.dynamics.constraint_functions import constraint_functions
 from mbd_sim.dynamics.constraint_rank import row_is_zero
 from mbd_sim.dynamics.contact_places import placed_forces
-from mbd_sim.dynamics.contact_rows import Gap, contact_rows
+from mbd_sim.dynamics.contact_rows import Gap, one_sided_rows
 from mbd_sim.dynamics.initial_conditions import given_start, rheonomic
 from mbd_sim.dynamics.kinematics import SymbolicPose
 from mbd_sim.dynamics.spatial_algebra import constant
@@ -30,7 +30,7 @@ SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
 
 
 @dataclass(frozen=True)
-class ContactLayout:
+class OneSidedLayout:
     """The contact numbers at the end of the inputs, for some gaps and rows: the gaps come first among the rows.
 
     `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: closed gaps and
@@ -98,17 +98,17 @@ class FrictionElement:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactEquations:
+class OneSidedEquations:
     """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
 
-    `numbers` are the symbols of the contact inputs, see `ContactLayout`. `places` (6, placed gaps) are the points and
+    `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
     the forces of those gaps that have a place.
     """
 
     gaps: tuple[Gap, ...]
     frictions: tuple[FrictionElement, ...]
     equations: ConstraintEquations
-    layout: ContactLayout
+    layout: OneSidedLayout
     numbers: ca.SX
     places: ca.SX
 
@@ -172,10 +172,10 @@ class ContactEquations:
         return -ca.dot(forces[rows], self.equations.velocity[rows]) if rows else ca.SX(1, 1)
 
 
-def contact_equations(traced: TracedMechanism) -> ContactEquations:
+def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
-    gaps, sticking = contact_rows(traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses))
+    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses))
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
@@ -194,12 +194,12 @@ def contact_equations(traced: TracedMechanism) -> ContactEquations:
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
-    layout = ContactLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
+    layout = OneSidedLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
     numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
     places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
-    return ContactEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places)
+    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places)
 
 
 def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> set[int]:
@@ -236,10 +236,10 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
     return None
 
 
-def with_contact_inputs(traced: TracedMechanism, contacts: ContactEquations) -> TracedMechanism:
+def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
     """The same mechanism with the contact numbers as further inputs."""
     return replace(
         traced,
         inputs=ca.vertcat(traced.inputs, contacts.numbers),
-        input_layout=replace(traced.input_layout, contact_count=contacts.layout.size),
+        input_layout=replace(traced.input_layout, one_sided_count=contacts.layout.size),
     )

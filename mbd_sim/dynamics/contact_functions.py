@@ -23,8 +23,8 @@ from mbd_sim.dynamics.accelerations import (
 )
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, joined
-from mbd_sim.dynamics.contact_equations import ContactEquations
-from mbd_sim.dynamics.contact_readings import contact_readings, gap_values
+from mbd_sim.dynamics.contact_equations import OneSidedEquations
+from mbd_sim.dynamics.contact_readings import gap_values, one_sided_readings
 from mbd_sim.dynamics.joint_loads import JointLoad, transmitted_force
 from mbd_sim.dynamics.kinematics import normalized_quaternions
 from mbd_sim.dynamics.multipliers import ConstraintSolver
@@ -48,7 +48,7 @@ class SolvedPair:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactFunctions:
+class OneSidedFunctions:
     """The functions of a mechanism with `contacts`.
 
     - `rates`: y' as of `Equations.rates`.
@@ -67,7 +67,7 @@ class ContactFunctions:
       inputs.
     """
 
-    contacts: ContactEquations
+    contacts: OneSidedEquations
     rates: SolvedPair
     project: SolvedPair
     readings: ca.Function
@@ -79,7 +79,7 @@ class ContactFunctions:
     places: ca.Function
 
 
-class ContactDynamics:
+class OneSidedDynamics:
     """The expressions of a mechanism with one-sided rows.
 
     :param constraints: the active two-sided rows, and their solver, or None.
@@ -93,7 +93,7 @@ class ContactDynamics:
         constraints: ConstraintEquations,
         solver: ConstraintSolver | None,
         forces: AppliedForces,
-        contacts: ContactEquations,
+        contacts: OneSidedEquations,
         size: float,
     ) -> None:
         self._traced, self._mass_matrix, self._solver, self._size = traced, mass_matrix, solver, max(1.0, size)
@@ -184,7 +184,7 @@ class ContactDynamics:
             found.append(JointLoad(row, ca.densify(unloaded), by_force, factor, signs[number]))
         return found
 
-    def functions(self) -> ContactFunctions:
+    def functions(self) -> OneSidedFunctions:
         """All functions."""
         contacts, state = self.contacts, self._traced.state
         inputs = [state.t, self._traced.y, self._traced.inputs]
@@ -196,12 +196,12 @@ class ContactDynamics:
         ]
         gaps = contacts.layout.gaps
         rates = gap_values(contacts, contacts.equations.velocity[:gaps, :])
-        readings = contact_readings(contacts, self.loads, self._matrix, self._weight, solution)
-        return ContactFunctions(
+        readings = one_sided_readings(contacts, self.loads, self._matrix, self._weight, solution)
+        return OneSidedFunctions(
             contacts=contacts,
             rates=self._rates(solution),
             project=self._project(solution),
-            readings=_function("contact_readings", [*inputs, solution], readings),
+            readings=_function("one_sided_readings", [*inputs, solution], readings),
             open_guards=_function("open_guards", inputs, ca.vertcat(gap_values(contacts), rates)),
             terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],

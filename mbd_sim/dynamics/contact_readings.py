@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.dynamics.contact_equations import RELEASED, SLIDING, SLOW, ContactEquations, FrictionElement
+from mbd_sim.dynamics.contact_equations import RELEASED, SLIDING, SLOW, FrictionElement, OneSidedEquations
 from mbd_sim.dynamics.joint_loads import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
@@ -17,7 +17,7 @@ RELOADED = 1e-8  # of the weight: the force at which a closed gap is loaded agai
 UNSLIPPED = 1e-9, 2e-8
 
 
-def gap_values(contacts: ContactEquations, positions: ca.SX | None = None) -> ca.SX:
+def gap_values(contacts: OneSidedEquations, positions: ca.SX | None = None) -> ca.SX:
     """The gaps (gaps,), or other `positions`; for clutches their speeds."""
     equations, found = contacts.equations, []
     for index, gap in enumerate(contacts.gaps):
@@ -26,8 +26,8 @@ def gap_values(contacts: ContactEquations, positions: ca.SX | None = None) -> ca
     return ca.vertcat(ca.SX(0, 1), *found)
 
 
-def contact_readings(
-    contacts: ContactEquations, loads: Sequence[JointLoad], matrix: ca.SX, weight: float, solution: ca.SX
+def one_sided_readings(
+    contacts: OneSidedEquations, loads: Sequence[JointLoad], matrix: ca.SX, weight: float, solution: ca.SX
 ) -> ca.SX:
     """The gaps, the rates and forces of all rows, the guards, and the rates at which friction can turn slips.
 
@@ -54,7 +54,7 @@ def contact_readings(
     return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards, *turning)
 
 
-def _turning(contacts: ContactEquations, element: FrictionElement, forces: ca.SX, matrix: ca.SX) -> ca.SX:
+def _turning(contacts: OneSidedEquations, element: FrictionElement, forces: ca.SX, matrix: ca.SX) -> ca.SX:
     """The rate in 1/s at which friction along two directions can turn its slip velocity."""
     assert element.gap is not None
     slip = contacts.equations.velocity[list(element.rows), :]
@@ -66,7 +66,7 @@ def _turning(contacts: ContactEquations, element: FrictionElement, forces: ca.SX
     return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
 
 
-def _gap_guard(contacts: ContactEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
+def _gap_guard(contacts: OneSidedEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
     """Open: the gap. Closed: the force, and where that depends on other closed gaps also that it does not move.
 
     A gap that others hold without a force must not get one: it is `unloaded` by so much.
@@ -79,7 +79,7 @@ def _gap_guard(contacts: ContactEquations, index: int, gap: ca.SX, force: ca.SX,
 
 
 def _friction_guard(
-    contacts: ContactEquations, element: FrictionElement, forces: ca.SX, load: ca.SX, weight: float
+    contacts: OneSidedEquations, element: FrictionElement, forces: ca.SX, load: ca.SX, weight: float
 ) -> ca.SX:
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 

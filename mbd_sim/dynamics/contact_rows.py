@@ -57,7 +57,7 @@ class StickingFriction:
     joint: Joint | None = None
 
 
-def contact_rows(
+def one_sided_rows(
     mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX, still: int | None = None
 ) -> tuple[list[Gap], list[StickingFriction]]:
     """All gaps and all sticking friction: joints, constraints, then contacts.

@@ -55,7 +55,7 @@ from mbd_sim.short_repr import short_repr
 if TYPE_CHECKING:
     from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
     from mbd_sim.dynamics.compliant_contacts import CushionFunctions
-    from mbd_sim.dynamics.contact_functions import ContactFunctions
+    from mbd_sim.dynamics.contact_functions import OneSidedFunctions
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Equations:
     - `reactions(t, y, inputs)`: (6, joints), see `joint_reactions`.
     - `measurements`: accelerations, and what else is evaluated only on request.
 
-    With one-sided elements `rates` are those with everything open, and `contact` are their other functions; the forces
+    With one-sided elements `rates` are those with everything open, and `one_sided` are their other functions; forces
     in all other functions include the contact forces among the inputs. With actuators, `actuators` are their functions.
     `core` are the components of y that rates depend on, after the coordinates. `step` is in s. `like_branches` have
     joints of the same types, see the function of that name.
@@ -112,7 +112,7 @@ class Equations:
     core: slice
     like_branches: Sequence[Sequence[Sequence[tuple[int, int]]]]
     step: float
-    contact: ContactFunctions | None = None
+    one_sided: OneSidedFunctions | None = None
     cushions: CushionFunctions | None = None
     actuators: ActuatorFunctions | None = None
 
@@ -145,10 +145,10 @@ class Equations:
 
     def has_contact(self, inputs: Array) -> bool:
         """Whether something is closed, sticks or slides."""
-        if self.contact is None:
+        if self.one_sided is None:
             return False
-        layout = self.contact.contacts.layout
-        modes = inputs[self.inputs.contact][layout.modes]
+        layout = self.one_sided.contacts.layout
+        modes = inputs[self.inputs.one_sided][layout.modes]
         return bool(np.any(modes[: layout.signs.start] != 0.0))
 
     def hold(self, mechanism: Mechanism, y: Array | ca.SX, inputs: Array | ca.SX) -> None:
@@ -233,9 +233,9 @@ def derive(
     contacts = None
     if has_one_sided(mechanism):
         # Contacts are imported only where they are needed: their modules take a fifth of the time of a start.
-        from mbd_sim.dynamics.contact_equations import contact_equations, with_contact_inputs
+        from mbd_sim.dynamics.contact_equations import one_sided_equations, with_contact_inputs
 
-        contacts = contact_equations(traced)
+        contacts = one_sided_equations(traced)
         traced = with_contact_inputs(traced, contacts)
     assembly = assemble(traced)
     forces = applied_forces(traced)
@@ -250,15 +250,15 @@ def derive(
     open_losses = ca.SX(traced.audit.shape[0] - len(AUDIT_STATES), 1)
     audit = ca.vertcat(open_losses, audit_rates(constraints, forces, motion))
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuator_rates, audit)
-    contact = None
+    one_sided = None
     if contacts is not None:
-        from mbd_sim.dynamics.contact_functions import ContactDynamics
+        from mbd_sim.dynamics.contact_functions import OneSidedDynamics
 
-        dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
-        contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
+        dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
+        one_sided, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
     linearized = JointLinearization(traced, mass_matrix, constraints, typical, assembly.dependent, forces)
     functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
-    return _packaged(traced, assembly, forces, motion, functions, linearized, contact)
+    return _packaged(traced, assembly, forces, motion, functions, linearized, one_sided)
 
 
 def _packaged(
@@ -268,7 +268,7 @@ def _packaged(
     motion: ConstrainedMotion,
     functions: KernelFunctions,
     linearized: JointLinearization,
-    contact: ContactFunctions | None,
+    one_sided: OneSidedFunctions | None,
 ) -> Equations:
     """The functions, with what describes them."""
     start, actuators = start_with_actuators(traced, assembly.start, forces)
@@ -298,7 +298,7 @@ def _packaged(
         core=traced.core,
         like_branches=like_branches(traced.links, traced.layout.nq),
         step=traced.step,
-        contact=contact,
+        one_sided=one_sided,
         cushions=functions.cushions,
         actuators=actuators,
     )

@@ -20,14 +20,14 @@ class InputLayout:
     """The slices of the inputs: the efforts (nv,), `WRENCH_SIZE` numbers for each loaded part, then the values.
 
     Mechanisms with actuators have their commands before the values. Those with one-sided elements also have the
-    `contact` numbers, see `ContactLayout`. The last of the values are the `disturbances`, if there are any, see
+    `one_sided` numbers, see `OneSidedLayout`. The last of the values are the `disturbances`, if there are any, see
     `mbd_sim.dynamics.disturbances`.
     """
 
     nv: int
     loaded: tuple[str, ...] = ()
     value_count: int = 0
-    contact_count: int = 0
+    one_sided_count: int = 0
     command_count: int = 0
     disturbance_count: int = 0
 
@@ -79,14 +79,14 @@ class InputLayout:
         return slice(self._first_value, self._first_value + self.value_count)
 
     @property
-    def contact(self) -> slice:
+    def one_sided(self) -> slice:
         """The modes of the one-sided elements, and their multipliers."""
         return slice(self._first_value + self.value_count, self.size)
 
     @property
     def size(self) -> int:
         """The number of inputs."""
-        return self._first_value + self.value_count + self.contact_count
+        return self._first_value + self.value_count + self.one_sided_count
 
     @property
     def _first_value(self) -> int:

@@ -70,7 +70,7 @@ def _found(simulation: Simulation, q: Array, number: int) -> Equilibrium:
             )
         return found[number - 1]
     _require_autonomous(simulation)
-    contact = simulation.model.equations.contact is not None
+    contact = simulation.model.equations.one_sided is not None
     if contact and (held := _held(simulation, q)) is not None:
         return held
     nearest = nearest_equilibrium(simulation.model.equations, _inputs(simulation), q, _states(simulation))
@@ -86,7 +86,7 @@ def _all(simulation: Simulation, q: Array) -> list[Equilibrium]:
     _require_autonomous(simulation)
     equations = simulation.model.equations
     found = equilibria(equations, _inputs(simulation), q, _states(simulation))
-    if equations.contact is None:
+    if equations.one_sided is None:
         return found
     held = _held(simulation, q)
     free = [one for one in found if one.distance > 0.0 and _stays(simulation, one.q, one.states)]
@@ -143,5 +143,5 @@ def _places_of_states(simulation: Simulation) -> slice:
 def _inputs(simulation: Simulation) -> Array:
     """The inputs, with open contacts."""
     inputs = simulation.inputs.copy()
-    inputs[simulation.model.input_layout.contact] = 0.0
+    inputs[simulation.model.input_layout.one_sided] = 0.0
     return inputs

@@ -70,7 +70,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
 
 def _one_sided(simulation: Simulation) -> dict[str, Any]:
     """The one-sided elements at the start, and the degrees of freedom that the closed ones leave."""
-    contact = simulation.model.contact
+    contact = simulation.model.one_sided
     if contact is None:
         return {"elements": {}}
     modes = contact.modes(simulation.inputs)
@@ -222,7 +222,7 @@ def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
 def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
     """The equilibrium nearest to the start and its natural modes, or the reason why they were not computed."""
     nv = equations.layout.nv
-    if equations.contact is not None:
+    if equations.one_sided is not None:
         return {"equilibrium": None, "reason": "there are one-sided elements", "modes": []}
     if has_actuator_states(equations.mechanism):
         return {"equilibrium": None, "reason": "there are actuators with states of their own", "modes": []}

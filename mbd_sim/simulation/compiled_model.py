@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.contacts import Contact
     from mbd_sim.simulation.actuator_states import AnyActuatorState
     from mbd_sim.simulation.contact_records import ContactState
-    from mbd_sim.simulation.contact_terms import ContactModel
+    from mbd_sim.simulation.contact_terms import OneSidedModel
     from mbd_sim.simulation.load_path_reader import LoadPathReader
     from mbd_sim.simulation.motions import MotionReaders, PartMotion
     from mbd_sim.simulation.requested_functions import RequestedFunctions
@@ -54,8 +54,8 @@ class Model:
 
     The integrated state y consists of q (nq,), u (nv,), the states of actuators and the energies of the audit. `inputs`
     are the external inputs at the start, see `InputLayout`; they are used where a method is called without inputs.
-    `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases. `contact` is
-    None without one-sided elements, and `loss_range` is that of `Losses` in a state with them. `key` is that of the
+    `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases. Without
+    one-sided elements `one_sided` is None; `loss_range` is that of `Losses` in a state with them. `key` is that of the
     model in the cache.
     """
 
@@ -65,11 +65,11 @@ class Model:
         prepared: PreparedModel,
         kernel: Kernel,
         trace: Callable[[], Equations],
-        contact: ContactModel | None = None,
+        one_sided: OneSidedModel | None = None,
         key: str | None = None,
     ) -> None:
         """`trace` derives the equations, or returns those that are known; `key` is that of the model in the cache."""
-        self.mechanism, self.kernel, self.contact, self._trace, self.key = mechanism, kernel, contact, trace, key
+        self.mechanism, self.kernel, self.one_sided, self._trace, self.key = mechanism, kernel, one_sided, trace, key
         self.method_name, self.method_remark = prepared.method, prepared.method_remark
         self.layout, self.input_layout = prepared.layout, prepared.input_layout
         self.start, self.inputs, self.history_size = prepared.start, prepared.inputs, prepared.history_size
@@ -319,13 +319,13 @@ class Model:
 
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""
-        if self.contact is None:
+        if self.one_sided is None:
             return inputs
-        return self.contact.with_forces(time, y, inputs)
+        return self.one_sided.with_forces(time, y, inputs)
 
     def losses(self, y: Array) -> Losses:
         """The energies that one-sided elements have dissipated."""
-        if self.contact is None:
+        if self.one_sided is None:
             return Losses(0.0, 0.0)
         return Losses(*y[self.loss_range].tolist())
 
@@ -340,43 +340,43 @@ class Model:
 
     @property
     def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
-        """The elements of the contacts that have a place: those of `contact.placed`, then the compliant ones.
+        """The elements of the contacts that have a place: those of `one_sided.placed`, then the compliant ones.
 
         With each is the index of the input that is 1 while it is closed; None for compliant contacts.
         """
         found = list[tuple[Location, int | None]]()
-        if self.contact is not None:
-            owners = [self.contact.owners[gap] for gap in self.contact.placed]
-            found += zip(owners, self.contact.placed_inputs, strict=True)
+        if self.one_sided is not None:
+            owners = [self.one_sided.owners[gap] for gap in self.one_sided.placed]
+            found += zip(owners, self.one_sided.placed_inputs, strict=True)
         found += [(("contacts", contact.name), None) for contact in self.compliant_contacts]
         return tuple(found)
 
     def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
         """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
-        from mbd_sim.dynamics.evaluation import evaluated
-
-        placed, cushions = 0 if self.contact is None else len(self.contact.placed), self._cushions
+        placed, cushions = 0 if self.one_sided is None else len(self.one_sided.placed), self._cushions
         out = np.empty((placed, 2, 3))
         if placed:
             self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
         if cushions is None:
             return out
+        from mbd_sim.dynamics.evaluation import evaluated
+
         return np.concatenate([out, evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
 
     def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """Each one-sided element by name, then each compliant contact; see `ContactState`."""
         places = self.contact_places(time, y, inputs)
         found: dict[str, ContactState] = {}
-        if self.contact is not None:
-            found = self.contact.states(time, y, inputs, places[: len(self.contact.placed)])
+        if self.one_sided is not None:
+            found = self.one_sided.states(time, y, inputs, places[: len(self.one_sided.placed)])
         return found | self._compliant(time, y, inputs, places)
 
     def _compliant(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
-        from mbd_sim.simulation.compliant_states import compliant_names, states_of_compliant_contacts
-
         if (cushions := self._cushions) is None:
             return {}
         own = places[len(places) - len(cushions.directions) :]
+        from mbd_sim.simulation.compliant_states import compliant_names, states_of_compliant_contacts
+
         states = states_of_compliant_contacts(cushions, time, y, inputs, own)
         return dict(zip(compliant_names(self.compliant_contacts), states, strict=True))
 
@@ -385,7 +385,7 @@ class Model:
         from mbd_sim.simulation.compliant_states import compliant_names
         from mbd_sim.simulation.contact_records import with_friction
 
-        names = [] if self.contact is None else self.contact.entry_names()
+        names = [] if self.one_sided is None else self.one_sided.entry_names()
         if (cushions := self._cushions) is not None:
             for name, directions in zip(compliant_names(self.compliant_contacts), cushions.directions, strict=True):
                 names += with_friction(name, directions)
@@ -396,7 +396,7 @@ class Model:
 
         One-sided elements come first; friction in joints has no entry of its own besides those of its directions.
         """
-        found = [] if self.contact is None else self.contact.entries(time, y, inputs)
+        found = [] if self.one_sided is None else self.one_sided.entries(time, y, inputs)
         if self._cushions is not None:
             for state in self._compliant(time, y, inputs, self.contact_places(time, y, inputs)).values():
                 found += [(state.gap, state.rate, state.normal), *state.friction_entries]
@@ -412,10 +412,10 @@ class Model:
 
     def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, AnyActuatorState]:
         """Each actuator by name; see `ActuatorState` and `CylinderState`."""
-        from mbd_sim.simulation.actuator_states import states_of_actuators
-
         if not self.mechanism.actuators or (functions := self.equations.actuators) is None:
             return {}
+        from mbd_sim.simulation.actuator_states import states_of_actuators
+
         columns = self._actuator_readings(time, y, inputs)
         return states_of_actuators(self.mechanism.actuators, functions.layout, columns, y, inputs)
 
@@ -477,11 +477,11 @@ def build_model(
         if (found := load_prepared(key)) is not None:
             return Model(mechanism, *found, trace, key=key)
     # All that traces and compiles: a start with a stored model needs none of it.
-    from mbd_sim.simulation.model_builder import build, can_be_stored, contact_model
+    from mbd_sim.simulation.model_builder import build, can_be_stored, one_sided_model
 
     with paused_collection(), interruptible_tracing():
         built = build(mechanism, name, trace, given_step)
     if key is not None and can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)
-    contact = contact_model(built.equations, built.kernel)
-    return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, contact, key)
+    one_sided = one_sided_model(built.equations, built.kernel)
+    return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, one_sided, key)

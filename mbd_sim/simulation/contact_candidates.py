@@ -16,7 +16,7 @@ from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionErr
 from mbd_sim.dynamics.contact_equations import RELEASED
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_search import STOPPED
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
+from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 
 RESTING = 1e-10  # m/s, up to which a speed counts as zero
 YIELDING = 1.0 - 1e-7  # of its limit, that friction bears which has just reached it
@@ -49,7 +49,7 @@ class Candidates:
     """The contacts that can be closed, and the problem for their forces."""
 
     def __init__(
-        self, model: ContactModel, readings: ContactReadings, terms: ContactTerms, touching: Mask, forced: Forced
+        self, model: OneSidedModel, readings: OneSidedReadings, terms: OneSidedTerms, touching: Mask, forced: Forced
     ) -> None:
         self._model, self._readings, self._terms, self._forced = model, readings, terms, forced
         gaps = model.layout.gaps

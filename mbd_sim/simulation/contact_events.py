@@ -21,7 +21,7 @@ from mbd_sim.simulation.contact_impact import Impact, impact, tangential_impact
 from mbd_sim.simulation.contact_modes import ModeFinder
 from mbd_sim.simulation.contact_records import ContactChange, ContactEvent, ContactObserver
 from mbd_sim.simulation.contact_search import EventSearch
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
+from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadings
 
 EVENTS_KEPT = 10_000
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
@@ -45,7 +45,7 @@ class _Decided:
     count: int = 0
 
 
-class ContactStepper:
+class OneSidedStepper:
     """Advances a state `y` and the modes among its `inputs`, both in place.
 
     `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all. An `observer`
@@ -54,7 +54,7 @@ class ContactStepper:
 
     def __init__(
         self,
-        model: ContactModel,
+        model: OneSidedModel,
         energy: Callable[[float, Array, Array], float],
         speeds: slice,
         losses: slice,
@@ -198,7 +198,7 @@ class ContactStepper:
         time: float,
         y: Array,
         inputs: Array,
-        readings: ContactReadings,
+        readings: OneSidedReadings,
         touching: Mask,
         returning: Mask,
         elastic: bool,

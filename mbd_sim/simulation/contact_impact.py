@@ -17,7 +17,7 @@ import numpy as np
 from mbd_sim.contact.elimination import least_solution
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
+from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadings
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 HALVINGS = 50
@@ -38,11 +38,11 @@ class Impact:
 
 
 def impact(
-    model: ContactModel,
+    model: OneSidedModel,
     time: float,
     y: Array,
     inputs: Array,
-    readings: ContactReadings,
+    readings: OneSidedReadings,
     touching: Mask,
     returning: Mask,
     rest_speed: float,
@@ -99,7 +99,7 @@ def impact(
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
 
 
-def tangential_impact(model: ContactModel, time: float, y: Array, inputs: Array, touching: Mask) -> Impact | None:
+def tangential_impact(model: OneSidedModel, time: float, y: Array, inputs: Array, touching: Mask) -> Impact | None:
     """The impulses that stop the slip of touching contacts which do not approach; None if there are none.
 
     A body may slide with so much friction that no finite force keeps it from penetrating. Its tip then sticks at once
@@ -144,11 +144,11 @@ def _largest(loss: Callable[[float], float], last: float, enough: float) -> floa
 
 
 def _rest(
-    model: ContactModel,
+    model: OneSidedModel,
     time: float,
     y: Array,
     inputs: Array,
-    readings: ContactReadings,
+    readings: OneSidedReadings,
     matrix: Array,
     rows: list[int],
 ) -> Impact:

@@ -10,23 +10,23 @@ import numpy as np
 from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_candidates import ATTEMPTS, NOTHING_FORCED, RESTING, Candidates, Forced, euclidean_norm
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
+from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 
 
 class ModeFinder:
     """Finds the modes of a contact model; `touching` is the gap in m that counts as zero."""
 
-    def __init__(self, model: ContactModel, touching: float) -> None:
+    def __init__(self, model: OneSidedModel, touching: float) -> None:
         self._model, self._touching = model, touching
 
-    def is_touching(self, readings: ContactReadings) -> Mask:
+    def is_touching(self, readings: OneSidedReadings) -> Mask:
         """Which gaps (gaps,) are zero; for clutches, whether they do not slip."""
         clutches = self._model.clutches
         limit = np.where(clutches, RESTING, self._touching)
         return np.asarray(readings.gaps <= limit, dtype=bool)
 
     def find(self, time: float, y: Array, inputs: Array, forced: Forced = NOTHING_FORCED) -> Array:
-        """The modes (see `ContactLayout.modes`) at a state without approaching contacts.
+        """The modes (see `OneSidedLayout.modes`) at a state without approaching contacts.
 
         :raises NoSolutionError: no forces are admissible.
         """
@@ -47,7 +47,7 @@ class ModeFinder:
         raise NoSolutionError("the contacts keep changing their states")
 
     def _at_limits(
-        self, time: float, y: Array, inputs: Array, state: Candidates, terms: ContactTerms, modes: Array
+        self, time: float, y: Array, inputs: Array, state: Candidates, terms: OneSidedTerms, modes: Array
     ) -> Array:
         """The modes with all dependent friction at its limits, if the other friction at rest is then within its own.
 
@@ -61,7 +61,7 @@ class ModeFinder:
             return modes
         return loaded
 
-    def _overloaded(self, found: ContactReadings, terms: ContactTerms, modes: Array) -> dict[int, tuple[float, ...]]:
+    def _overloaded(self, found: OneSidedReadings, terms: OneSidedTerms, modes: Array) -> dict[int, tuple[float, ...]]:
         """Sticking elements that carry more than they can, with the direction in which each is loaded.
 
         That happens where several share a load that is indeterminate. Each then bears as much as it can.

@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.compiler.guarded_stepping import AT_REST, STIFF, TURNING
 from mbd_sim.contact.elimination import solve
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
+from mbd_sim.simulation.contact_terms import OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.event_location import first_zero
 from mbd_sim.simulation.trial_motion import TrialMotion
 
@@ -54,7 +54,7 @@ class EventSearch:
     A guard counts as negative below -`tolerance`.
     """
 
-    def __init__(self, model: ContactModel, tolerance: float) -> None:
+    def __init__(self, model: OneSidedModel, tolerance: float) -> None:
         self._model, self._tolerance = model, tolerance
         self._place = {index: place for place, index in enumerate(model.pairs)}
 
@@ -104,7 +104,7 @@ class EventSearch:
         return Stage(first, motion.state(first), True, stopped if first == length else frozenset())
 
     def _earlier(
-        self, motion: TrialMotion, value: Callable[[ContactReadings], float], first: float | None, length: float
+        self, motion: TrialMotion, value: Callable[[OneSidedReadings], float], first: float | None, length: float
     ) -> float | None:
         """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
         end = length if first is None else first
@@ -113,7 +113,7 @@ class EventSearch:
         start, last = value(motion.readings(0.0)), value(motion.readings(end))
         return first_zero(lambda s: value(motion.readings(s)), end, start, last, self._tolerance)
 
-    def _may_graze(self, before: ContactReadings, after: ContactReadings, inputs: Array, length: float) -> list[int]:
+    def _may_graze(self, before: OneSidedReadings, after: OneSidedReadings, inputs: Array, length: float) -> list[int]:
         gaps = self._model.layout.gaps
         closed = inputs[self._model.span][self._model.layout.closed] != 0.0
         down, up = before.rates[:gaps], after.rates[:gaps]
@@ -134,7 +134,7 @@ class EventSearch:
         found = self._earlier(motion, lambda at: float(at.gaps[index]), lowest, length)
         return found if found != lowest else first
 
-    def _turning(self, motion: TrialMotion, before: ContactReadings, sliding: list[int], length: float) -> list[int]:
+    def _turning(self, motion: TrialMotion, before: OneSidedReadings, sliding: list[int], length: float) -> list[int]:
         """The elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
         found, after = [], motion.readings(length)
         for index in sliding:
@@ -158,7 +158,7 @@ class EventSearch:
         return motion
 
     def _resolved_length(
-        self, motion: TrialMotion, before: ContactReadings, inputs: Array, sliding: list[int], length: float, t: float
+        self, motion: TrialMotion, before: OneSidedReadings, inputs: Array, sliding: list[int], length: float, t: float
     ) -> float:
         """The length of a part of a step in which no slip turns much."""
         shortest = SHORTEST * max(1.0, abs(t))
@@ -170,7 +170,7 @@ class EventSearch:
         return length
 
     def _steady(
-        self, motion: TrialMotion, before: ContactReadings, turning: list[int], length: float
+        self, motion: TrialMotion, before: OneSidedReadings, turning: list[int], length: float
     ) -> tuple[list[int], float]:
         """The elements whose friction turns their slip much faster than it changes, and how long it does."""
         moving = [index for index in turning if _speed(self._slip(before, index)) > AT_REST]
@@ -226,14 +226,14 @@ class EventSearch:
                 break
         return motion
 
-    def _slip(self, readings: ContactReadings, index: int) -> list[float]:
+    def _slip(self, readings: OneSidedReadings, index: int) -> list[float]:
         rows = self._model.frictions[index][0]
         return [float(readings.rates[row]) for row in rows]
 
-    def _creeps(self, readings: ContactReadings, sliding: list[int]) -> bool:
+    def _creeps(self, readings: OneSidedReadings, sliding: list[int]) -> bool:
         return any(AT_REST < _speed(self._slip(readings, index)) <= STOPPED for index in sliding)
 
-    def _turn(self, readings: ContactReadings, inputs: Array, sliding: list[int]) -> None:
+    def _turn(self, readings: OneSidedReadings, inputs: Array, sliding: list[int]) -> None:
         """Store the present directions of sliding."""
         layout, modes = self._model.layout, self._model.modes(inputs)
         first = layout.direction.start - layout.gaps
@@ -251,7 +251,7 @@ class EventSearch:
         first = layout.direction.start - layout.gaps
         return [float(modes[first + row]) for row in self._model.frictions[index][0]]
 
-    def _resolved(self, before: ContactReadings, after: ContactReadings, sliding: list[int], length: float) -> float:
+    def _resolved(self, before: OneSidedReadings, after: OneSidedReadings, sliding: list[int], length: float) -> float:
         """A length within which no slip turns much."""
         share = 1.0
         for index in sliding:
@@ -267,7 +267,7 @@ class EventSearch:
                 share = min(share, max(SHORTER / excess, SHORTENING))
         return share * length
 
-    def _stop(self, motion: TrialMotion, index: int, before: ContactReadings, length: float) -> float | None:
+    def _stop(self, motion: TrialMotion, index: int, before: OneSidedReadings, length: float) -> float | None:
         """Where a slip along two directions stops, or None."""
         rows = list(self._model.frictions[index][0])
         was = before.rates[rows].tolist()
@@ -276,7 +276,7 @@ class EventSearch:
             return None
         along = [part / speed for part in was]
 
-        def forward(at: ContactReadings) -> float:
+        def forward(at: OneSidedReadings) -> float:
             slip = at.rates[rows].tolist()
             return float(along[0] * slip[0] + along[1] * slip[1])
 
@@ -285,7 +285,7 @@ class EventSearch:
         return first_zero(lambda s: forward(motion.readings(s)), length, speed, last, 0.0)
 
 
-def _guard(index: int) -> Callable[[ContactReadings], float]:
+def _guard(index: int) -> Callable[[OneSidedReadings], float]:
     return lambda at: float(at.guards[index])
 
 

@@ -23,11 +23,11 @@ class Penetration:
 
 def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Penetration]:
     """The gaps of a state that are negative by more than round-off."""
-    if model.contact is None:
+    if model.one_sided is None:
         return []
-    functions = model.equations.contact
+    functions = model.equations.one_sided
     assert functions is not None
-    readings = model.contact.readings(time, y, inputs)
+    readings = model.one_sided.readings(time, y, inputs)
     limit = DEPTH * max(1.0, model.equations.constraints.size)
     found = []
     for gap, distance in zip(functions.contacts.gaps, readings.gaps.tolist(), strict=True):

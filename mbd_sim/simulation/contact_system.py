@@ -6,7 +6,7 @@ import casadi as ca
 
 from mbd_sim.compiler.active_rows import Load
 from mbd_sim.compiler.guarded_system import OneSidedSystem
-from mbd_sim.dynamics.contact_functions import ContactFunctions, SolvedPair
+from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.dynamics.equations import Equations
 
 TOLERANCE = 1e-13  # of guards, for a mechanism of up to 1 m; m, m/s, and fractions of the weight
@@ -17,7 +17,7 @@ def guard_tolerance(equations: Equations) -> float:
     return TOLERANCE * max(1.0, equations.constraints.size)
 
 
-def one_sided_system(equations: Equations, contact: ContactFunctions) -> OneSidedSystem:
+def one_sided_system(equations: Equations, contact: OneSidedFunctions) -> OneSidedSystem:
     """The system for `compile_kernel`, from the functions of the `contact` among the equations."""
     layout = contact.contacts.layout
     rows = [element.rows[0] for element in contact.contacts.frictions if element.joint is not None]
@@ -36,7 +36,7 @@ def one_sided_system(equations: Equations, contact: ContactFunctions) -> OneSide
         project=pair(contact.project),
         readings=(contact.rates.system, contact.readings),
         open_guards=contact.open_guards,
-        first_mode=equations.inputs.contact.start,
+        first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         loads=loads,
         slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.bound_kernel import Kernel
-from mbd_sim.dynamics.contact_equations import SLIDING, ContactEquations, ContactLayout
-from mbd_sim.dynamics.contact_functions import ContactFunctions
+from mbd_sim.dynamics.contact_equations import SLIDING, OneSidedEquations, OneSidedLayout
+from mbd_sim.dynamics.contact_functions import OneSidedFunctions
 from mbd_sim.dynamics.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.geometry.pose import Array
@@ -27,7 +27,7 @@ ROUND_OFF = 1e-10  # of a load, relative to its parts
 
 
 @dataclass(frozen=True, slots=True)
-class ContactReadings:
+class OneSidedReadings:
     """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state.
 
     `turning` are the rates in 1/s at which friction along two directions may turn its slip.
@@ -41,7 +41,7 @@ class ContactReadings:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactTerms:
+class OneSidedTerms:
     """A (rows, rows), the rows' accelerations (rows,) without contact forces, and friction's sizes (frictions, 2).
 
     `loads` are the forces of joints with loads, without contact forces (k,) and by these (k, rows), by the friction
@@ -62,7 +62,7 @@ class ContactTerms:
         return math.sqrt(sum((total * total).tolist()))
 
 
-class ContactModel:
+class OneSidedModel:
     """The functions of a model's one-sided rows, evaluated in numbers. It holds no state.
 
     `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
@@ -72,12 +72,12 @@ class ContactModel:
 
     __repr__ = short_repr
 
-    def __init__(self, functions: ContactFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
+    def __init__(self, functions: OneSidedFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
         """:param size: of the mechanism in m."""
-        assert kernel.guarded is not None
+        assert kernel.one_sided is not None
         contacts = functions.contacts
-        self._functions, self.kernel, self.span = functions, kernel.guarded, inputs.contact
-        self.layout: ContactLayout = contacts.layout
+        self._functions, self.kernel, self.span = functions, kernel.one_sided, inputs.one_sided
+        self.layout: OneSidedLayout = contacts.layout
         self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
             (element.rows, element.gap) for element in contacts.frictions
         ]
@@ -100,7 +100,7 @@ class ContactModel:
         return tuple(self.span.start + self.layout.closed.start + gap for gap in self.placed)
 
     def modes(self, inputs: Array) -> Array:
-        """A view of the modes among the inputs, see `ContactLayout.modes`."""
+        """A view of the modes among the inputs, see `OneSidedLayout.modes`."""
         return inputs[self.span][self.layout.modes]
 
     def sliding(self, modes: Array) -> list[int]:
@@ -114,13 +114,13 @@ class ContactModel:
                 found.append(index)
         return found
 
-    def readings(self, time: float, y: Array, inputs: Array) -> ContactReadings:
+    def readings(self, time: float, y: Array, inputs: Array) -> OneSidedReadings:
         """Gaps, rates, forces and guards."""
         out = np.empty(self._ends[-1])
         out[0] = time
         first = address(out)
         self.kernel.readings(first, address(y), address(inputs), first + out.itemsize)
-        return ContactReadings(*[out[start:stop] for start, stop in pairwise(self._ends)])
+        return OneSidedReadings(*[out[start:stop] for start, stop in pairwise(self._ends)])
 
     def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """A copy of the inputs with the forces λ of all rows."""
@@ -172,7 +172,7 @@ class ContactModel:
             found += state.friction_entries
         return found
 
-    def terms(self, time: float, y: Array, inputs: Array) -> ContactTerms:
+    def terms(self, time: float, y: Array, inputs: Array) -> OneSidedTerms:
         """The terms of the equations for forces and impulses."""
         matrix, free, sizes = all_evaluated(self._functions.terms, time, y, inputs)
         loads = {
@@ -180,9 +180,9 @@ class ContactModel:
             for index, function in zip(self.loaded, self._functions.loads, strict=True)
             for unloaded, by_force in [all_evaluated(function, time, y, inputs)]
         }
-        return ContactTerms(matrix, free.ravel(), sizes, loads)
+        return OneSidedTerms(matrix, free.ravel(), sizes, loads)
 
-    def set_signs(self, terms: ContactTerms, forces: Array, modes: Array) -> None:
+    def set_signs(self, terms: OneSidedTerms, forces: Array, modes: Array) -> None:
         """Write the signs of loads with one component into the modes; those that are zero keep theirs."""
         for number, index in enumerate(self.loaded):
             unloaded, by_force = terms.loads[index]
@@ -210,13 +210,13 @@ class ContactModel:
         return evaluated(self._functions.restitution, inputs).ravel()
 
 
-def _compliance(contacts: ContactEquations, size: float) -> Array:
+def _compliance(contacts: OneSidedEquations, size: float) -> Array:
     """1 for rows in m; those of angles count as forces at the lever `size`."""
     lever = size or 1.0
     return np.array([1.0 if row.unit == "m" else lever**-2 for row in contacts.equations.rows])
 
 
-def _row_names(contacts: ContactEquations) -> tuple[str, ...]:
+def _row_names(contacts: OneSidedEquations) -> tuple[str, ...]:
     """The name of each row: that of its element, with the constrained quantity where the element has several gaps."""
     rows = contacts.equations.rows
     owners = [row.owner for row in rows[: contacts.layout.gaps]]

@@ -71,7 +71,7 @@ class DynamicsReadings:
         inputs = self._given_inputs
         inputs[:] = self._memory.inputs
         self._write_given_efforts(efforts)
-        if self._model.contact is None:
+        if self._model.one_sided is None:
             return self._given_accelerations()
         return self._model.accelerations(self._memory.time, self._memory.y, inputs)[: self._nv]
 

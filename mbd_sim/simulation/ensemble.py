@@ -33,7 +33,7 @@ from mbd_sim.simulation.argument_checks import (
     step_size,
 )
 from mbd_sim.simulation.compiled_model import Model, build_model
-from mbd_sim.simulation.contact_events import ContactStepper
+from mbd_sim.simulation.contact_events import OneSidedStepper
 from mbd_sim.simulation.contact_records import ContactObserver
 from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
 from mbd_sim.simulation.ensemble_variants import Change, Variants, member_changes
@@ -462,7 +462,7 @@ class Ensemble(ReadOnlyAttributes):
             contact.observer = observer
 
 
-def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper]) -> MemberGroups:
+def _member_groups(model: Model, count: int, contacts: Sequence[OneSidedStepper]) -> MemberGroups:
     from mbd_sim.simulation.model_builder import partial_system
 
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}

@@ -11,21 +11,21 @@ from mbd_sim.compiler.ensemble_kernel import Advance
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.contact_events import ContactStepper, EventError
+from mbd_sim.simulation.contact_events import EventError, OneSidedStepper
 from mbd_sim.simulation.contact_start import require_outside
-from mbd_sim.simulation.contact_stepping import contact_stepper
+from mbd_sim.simulation.contact_stepping import one_sided_stepper
 from mbd_sim.simulation.ensemble_variants import Variants
 
 
-def member_contacts(model: Model, variants: Variants, count: int) -> tuple[ContactStepper, ...]:
+def member_contacts(model: Model, variants: Variants, count: int) -> tuple[OneSidedStepper, ...]:
     """The stepper of each of `count` members, or none at all where everything is two-sided."""
-    if model.contact is None:
+    if model.one_sided is None:
         return ()
-    return tuple(contact_stepper(model, variants.mechanism_of(member)) for member in range(count))
+    return tuple(one_sided_stepper(model, variants.mechanism_of(member)) for member in range(count))
 
 
 def settle_members(
-    model: Model, contacts: Sequence[ContactStepper], members: NDArray[np.intp], states: Array, inputs: Array
+    model: Model, contacts: Sequence[OneSidedStepper], members: NDArray[np.intp], states: Array, inputs: Array
 ) -> None:
     """Find the modes of some members at time zero, in place, with impacts where contacts approach.
 
@@ -43,7 +43,7 @@ def settle_members(
             raise type(error)(f"member {member}: {error}") from error
 
 
-def advance_through_events(contacts: Sequence[ContactStepper]) -> Advance:
+def advance_through_events(contacts: Sequence[OneSidedStepper]) -> Advance:
     """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive."""
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:

@@ -15,7 +15,7 @@ from mbd_sim.simulation.compiled_model import Model
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.bound_call import CompiledFunction
-    from mbd_sim.simulation.contact_events import ContactStepper
+    from mbd_sim.simulation.contact_events import OneSidedStepper
 
 Result = TypeVar("Result")
 
@@ -30,14 +30,14 @@ class KernelMemory:
     def __init__(self, model: Model, step_size: float, mechanism: Mechanism | None = None) -> None:
         """Allocate the arrays: the start state of the `model`, its inputs without commands, and a step size in s.
 
-        :param mechanism: a variant of that of the model with the same equations, see `contact_stepper`.
+        :param mechanism: a variant of that of the model with the same equations, see `one_sided_stepper`.
         """
         self._kernel, self._model = model.kernel, model
-        self.contacts: ContactStepper | None = None
-        if model.contact is not None:
-            from mbd_sim.simulation.contact_stepping import contact_stepper
+        self.contacts: OneSidedStepper | None = None
+        if model.one_sided is not None:
+            from mbd_sim.simulation.contact_stepping import one_sided_stepper
 
-            self.contacts = contact_stepper(model, mechanism or model.mechanism)
+            self.contacts = one_sided_stepper(model, mechanism or model.mechanism)
         self.y, size = model.start.copy(), len(model.inputs)
         memory = model.kernel_inputs()
         self.inputs, self.history = memory[:size], memory[size:]
@@ -69,7 +69,7 @@ class KernelMemory:
         """u' (nv,) in the present state: see `Model.accelerations`."""
         if self._accelerations is not None:
             return self._accelerations()
-        if self._model.contact is not None:
+        if self._model.one_sided is not None:
             return self._model.accelerations(*self.now)[: self._model.layout.nv]
         self._accelerations = self._model.bound_accelerations(self.clock, self.y, self.inputs)
         return self._accelerations()

@@ -40,7 +40,7 @@ class MethodChoice:
     remark: str = ""
 
 
-def require_contact_method(mechanism: Mechanism, name: str) -> None:
+def require_one_sided_method(mechanism: Mechanism, name: str) -> None:
     """Refuse a method that cannot treat one-sided elements.
 
     :raises MechanismError: the elements are named.

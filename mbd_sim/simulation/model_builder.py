@@ -17,11 +17,11 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_contact_method
+from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_one_sided_method
 from mbd_sim.simulation.prepared_model import PreparedModel
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.contact_terms import ContactModel
+    from mbd_sim.simulation.contact_terms import OneSidedModel
 
 MANY_JOINTS = 10  # from which on the derivation takes a second or more
 
@@ -47,7 +47,7 @@ def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], ste
     """
     severity = logging.INFO if len(mechanism.all_joints) >= MANY_JOINTS else logging.DEBUG
     _log.log(severity, "deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
-    require_contact_method(mechanism, method)
+    require_one_sided_method(mechanism, method)
     equations = trace()
     centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
     inputs = equations.inputs_at_start(centers)
@@ -72,16 +72,16 @@ def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], ste
 
 def can_be_stored(equations: Equations) -> bool:
     """Whether a run needs the equations only on request: contacts and distant springs need them from the start."""
-    return equations.contact is None and equations.distant_springs is None
+    return equations.one_sided is None and equations.distant_springs is None
 
 
-def contact_model(equations: Equations, kernel: Kernel) -> ContactModel | None:
+def one_sided_model(equations: Equations, kernel: Kernel) -> OneSidedModel | None:
     """The one-sided elements of a model, if there are any."""
-    if equations.contact is None:
+    if equations.one_sided is None:
         return None
-    from mbd_sim.simulation.contact_terms import ContactModel
+    from mbd_sim.simulation.contact_terms import OneSidedModel
 
-    return ContactModel(equations.contact, equations.inputs, kernel, equations.constraints.size)
+    return OneSidedModel(equations.one_sided, equations.inputs, kernel, equations.constraints.size)
 
 
 def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
@@ -92,10 +92,10 @@ def partial_system(equations: Equations, method: Method) -> PartialSystem | None
 
 def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
     one_sided = None
-    if equations.contact is not None:
+    if equations.one_sided is not None:
         from mbd_sim.simulation.contact_system import one_sided_system
 
-        one_sided = one_sided_system(equations, equations.contact)
+        one_sided = one_sided_system(equations, equations.one_sided)
     return compile_kernel(
         equations.rates,
         equations.project,
@@ -120,8 +120,8 @@ def _readers(equations: Equations) -> Mapping[str, ca.Function]:
     }
     if equations.distant_springs is not None:
         readers["elongations"] = equations.distant_springs.elongations
-    if equations.contact is not None and equations.contact.places.nnz_out(0):
-        readers["contact_places"] = equations.contact.places
+    if equations.one_sided is not None and equations.one_sided.places.nnz_out(0):
+        readers["contact_places"] = equations.one_sided.places
     if equations.actuators is not None:
         readers["actuators"] = equations.actuators.readings
     return readers

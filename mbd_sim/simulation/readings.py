@@ -41,7 +41,7 @@ class CompiledReadings:
     def multipliers(self) -> Callable[[], Array] | None:
         """The multipliers of all rows; None with contacts, or if they are not read by a compiled function."""
         model = self._model
-        if model.contact is not None or not model.compiles_multipliers:
+        if model.one_sided is not None or not model.compiles_multipliers:
             return None
         return model.on_request.multipliers().bound(self._memory.clock, self._arrays, (len(model.row_names),))
 
@@ -50,7 +50,7 @@ class CompiledReadings:
         """The loads of the joints; None with contacts, or if they are not compiled."""
         model, clock = self._model, self._memory.clock
         names = (*model.mechanism.joints, *model.mechanism.closing)
-        if model.contact is not None:
+        if model.one_sided is not None:
             return None
         if not model.shares_load:
             return model.on_request.reactions().bound_records(clock, self._arrays, names, Reaction, ((3,), (3,)))

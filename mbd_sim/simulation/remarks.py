@@ -46,7 +46,7 @@ def _jump_remarks(mechanism: Mechanism, end: float) -> list[str]:
 
 def friction_remark(model: Model) -> str:
     """Which joints have friction that depends on a force which redundant joints share; empty if there are none."""
-    contact = model.contact
+    contact = model.one_sided
     if contact is None or not contact.loaded:
         return ""
     undetermined = model.load_sharing.undetermined_forces(0.0, model.start, model.inputs)
@@ -64,7 +64,7 @@ def friction_remark(model: Model) -> str:
 
 def sharing_remark(model: Model, time: float, y: Array, inputs: Array) -> str:
     """Which elements with friction at rest share a load in a state in a way that equilibrium leaves open."""
-    contact = model.contact
+    contact = model.one_sided
     if contact is None:
         return ""
     modes = contact.modes(inputs)

@@ -115,7 +115,7 @@ class Simulation(ReadOnlyAttributes):
         model = build_model(mechanism, method, wrenches, values.parameters, step)
         if mechanism.contacts:
             require_computable_pairs(model)
-        if model.contact is not None:
+        if model.one_sided is not None:
             require_free_start(model)
         self._begin(mechanism, model, values, step)
 

@@ -13,7 +13,7 @@ from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint, inputs_wit
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.constraint_rows import ConstraintRow
-    from mbd_sim.dynamics.contact_equations import ContactEquations
+    from mbd_sim.dynamics.contact_equations import OneSidedEquations
     from mbd_sim.dynamics.equations import Equations
 
 Matrix = list[list[Any]]
@@ -47,8 +47,8 @@ class SymbolicContact:
 
 def contact_function(derived: Equations) -> ca.Function:
     """(t, q, u, efforts) -> gaps (gaps,), G (rows, nv), b (rows,), e (gaps,), and friction's sizes (frictions, 2)."""
-    assert derived.contact is not None
-    contact, layout = derived.contact, derived.layout
+    assert derived.one_sided is not None
+    contact, layout = derived.one_sided, derived.layout
     gaps, rows = contact.contacts.layout.gaps, contact.contacts.layout.rows
     t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
@@ -64,7 +64,7 @@ def contact_function(derived: Equations) -> ca.Function:
 
 
 def symbolic_contacts(
-    contacts: ContactEquations, matrices: Sequence[Matrix], names: dict[Any, str]
+    contacts: OneSidedEquations, matrices: Sequence[Matrix], names: dict[Any, str]
 ) -> tuple[SymbolicContact, ...]:
     """The elements, from the outputs of `contact_function` as expressions; `names` gets those of the multipliers."""
     positions, gradient, drift, restitution, sizes = matrices
@@ -106,7 +106,7 @@ def symbolic_contacts(
     return tuple(found)
 
 
-def row_order(contacts: ContactEquations) -> list[int]:
+def row_order(contacts: OneSidedEquations) -> list[int]:
     """The rows of the equations in the order of those of `symbolic_contacts`."""
     by_gap = {element.gap: element.rows for element in contacts.frictions if element.gap is not None}
     of_gaps = [row for gap in range(len(contacts.gaps)) for row in (gap, *by_gap.get(gap, ()))]

@@ -138,7 +138,7 @@ def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
     if mechanism.closures or mechanism.constraints or one_sided:
         derived = derive(mechanism, parameters=numbers)
         others.append(constraint_function(derived))
-    if derived is not None and derived.contact is not None:
+    if derived is not None and derived.one_sided is not None:
         others.append(contact_function(derived))
     operations = sum(function.n_instructions() for function in (lagrange.terms, *others))
     if operations > MAX_INSTRUCTIONS:
@@ -182,7 +182,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
         left_out=_left_out(derived) if derived else (),
-        contacts=symbolic_contacts(derived.contact.contacts, rows[1], names) if derived and derived.contact else (),
+        contacts=symbolic_contacts(derived.one_sided.contacts, rows[1], names) if derived and derived.one_sided else (),
         energies=energies,
         actuators=actuators,
         parameters=() if values is None else values.symbols,

@@ -219,9 +219,9 @@ def _rows(traced: TracedMechanism, derived: Equations | None) -> ConstraintEquat
     if derived is None:
         return constraint_equations(traced)
     rows = derived.measurements.constraints.select(derived.start.independent)
-    if derived.contact is None:
+    if derived.one_sided is None:
         return rows
-    contacts = derived.contact.contacts
+    contacts = derived.one_sided.contacts
     return joined(rows, contacts.equations.select(row_order(contacts)))
 
 
@@ -264,7 +264,7 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
     independent = list(derived.start.independent)
     if len(independent) == len(derived.rows):
         return False
-    if derived.contact is not None:
+    if derived.one_sided is not None:
         return True
     sharing, inputs, random = (
         LoadSharing(derived.mechanism, derived),

@@ -57,7 +57,7 @@ def random_state(simulation, seed):
 
 
 def gaps(simulation, y):
-    return simulation.model.contact.readings(0.0, y, simulation.inputs.copy()).gaps
+    return simulation.model.one_sided.readings(0.0, y, simulation.inputs.copy()).gaps
 
 
 def placed(pose, point):
@@ -171,9 +171,9 @@ contacts:
 
 def test_in_a_plane_mechanism_corners_behind_each_other_are_one():
     block = PLANE.replace("SHAPE", "{type: block, mass: 1, size: [0.2, 0.3, 0.4]}")
-    assert len(Simulation.from_text(block).model.contact.names) == 4
+    assert len(Simulation.from_text(block).model.one_sided.names) == 4
     wheel = PLANE.replace("SHAPE", "{type: cylinder, mass: 1, radius: 0.2, length: 0.1, axis: [0, 1, 0]}")
-    assert len(Simulation.from_text(wheel).model.contact.names) == 1
+    assert len(Simulation.from_text(wheel).model.one_sided.names) == 1
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_body_falls_on_the_plane_and_rests_there(shape, height):
     simulation = Simulation.from_text(PLANE.replace("SHAPE", shape))
     simulation.run(1.0)
     assert simulation.q == pytest.approx([0.0, -height, 0.0], abs=1e-13)
-    assert simulation.model.contact.readings(1.0, simulation.y, simulation.inputs.copy()).forces[0] == pytest.approx(
+    assert simulation.model.one_sided.readings(1.0, simulation.y, simulation.inputs.copy()).forces[0] == pytest.approx(
         2 * G
     )
     assert abs(simulation.energies.residual) < 1e-12
@@ -406,7 +406,7 @@ def test_compliant_contacts_have_the_accelerations_of_their_potential(name):
 
 
 def test_a_compliant_contact_needs_no_events():
-    assert Simulation.from_text(SOFT.replace("EXPONENT", "1")).model.contact is None
+    assert Simulation.from_text(SOFT.replace("EXPONENT", "1")).model.one_sided is None
 
 
 FLOOR = """

@@ -35,7 +35,9 @@ def test_a_state_is_left_out_only_if_it_is_old_and_a_newer_one_waits(tmp_path: P
         assert thread._is_outdated(state)
         assert not thread._is_outdated(output.newest)
         now[0] = 100.65
-        assert thread._is_outdated(output.journal.snapshot(Due.STATE, taken=100.6))  # 50 ms are much while it cannot keep up
+        assert thread._is_outdated(
+            output.journal.snapshot(Due.STATE, taken=100.6)
+        )  # 50 ms are much while it cannot keep up
         now[0] = 102.0
         assert not thread._is_outdated(output.journal.snapshot(Due.STATE, taken=101.5))
         assert not thread._is_outdated(output.journal.snapshot(Due.CLOCK | Due.SENSORS, taken=0.0))
