@@ -14,7 +14,7 @@ from mbd_sim.mechanism_file.library import find
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.source import Source
-    from mbd_sim.urdf.robot_reader import Base
+    from mbd_sim.urdf.value_reader import Base
 
 
 def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:

@@ -55,6 +55,10 @@ def execute(options: argparse.Namespace) -> int:
         print_file(yaml_text(source.data))
         return 0
     print_file(mechanism_text(source))
+    if source.ros2_control and source.text is None:
+        blocks = listed([block.attributes.get("name", "") for block in source.ros2_control])
+        remedy = "To keep them, write a mechanism file with 'urdf: FILE' instead."
+        print(f"note: not in this file: <ros2_control>: {blocks}. {remedy}", file=sys.stderr)
     return 0
 
 

@@ -53,8 +53,7 @@ class Accelerations:
 class FactorizedMassMatrix:
     """The mass matrix M (nv, nv) of a chain, factorized joint by joint.
 
-    `pivots` (nv,) are positive where M is definite. Those of a joint are in the order of its coordinates, except that a
-    free joint's rotations come first.
+    `pivots` (nv,) are positive where M is definite.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class FactorizedMassMatrix:
         added: ca.SX | None = None,
         inertias: Sequence[ca.SX] | None = None,
     ) -> None:
-        """Factorize M, or M + diag(`added`) with `added` (nv,), which is zero for free joints.
+        """Factorize M, or M + diag(`added`) with `added` (nv,).
 
         :param inertias: the `lumped_inertias` of the links, if they are known.
         """
@@ -78,7 +77,7 @@ class FactorizedMassMatrix:
             link, motion = links[index], motions[index]
             joint = eliminated(motion.joint, inertias[index], None if added is None else added[link.u])
             self._joints[index] = joint
-            self.pivots[link.u] = joint.factors.pivots
+            self.pivots[link.u] = joint.pivots
             if link.parent >= 0 and joint.projected_inertia.nnz():
                 inertias[link.parent] += inboard_inertia(link, motion, joint.projected_inertia)
 

@@ -29,6 +29,11 @@ class EliminatedJoint(ABC):
     factors: SpdFactors
     projected_inertia: ca.SX
 
+    @property
+    def pivots(self) -> ca.SX:
+        """The pivots (n,) of the inertia, in the order of the joint's coordinates."""
+        return self.factors.pivots
+
     @abstractmethod
     def inward(self, forces: ca.SX, bias: ca.SX, acceleration: ca.SX | None) -> tuple[ca.SX, ca.SX]:
         """The net joint force (., k), and the bias force (6, k) that the joint transmits to the inboard link.
@@ -46,10 +51,9 @@ class EliminatedJoint(ABC):
 def eliminated(joint: JointMotion, inertia: ca.SX, added: ca.SX | None) -> EliminatedJoint:
     """The joint, eliminated from an articulated inertia (6, 6).
 
-    :param added: (n,) is added to the diagonal of the inertia in the joint's n coordinates, which must not be those of
-        a free joint; None adds nothing.
+    :param added: (n,) is added to the diagonal of the inertia in the joint's n coordinates; None adds nothing.
     """
-    if joint.inverse is not None:
+    if joint.inverse is not None and (added is None or not sparse(added).nnz()):
         return _FreeJoint(joint.inverse, inertia)
     coordinates = joint.partial_velocities.size2()
     if coordinates == 0:
@@ -83,6 +87,10 @@ class _FreeJoint(EliminatedJoint):
         self._inverse = inverse
         self.factors = SpdFactors(inertia)
         self.projected_inertia = zeros(6, 6)
+
+    @property
+    def pivots(self) -> ca.SX:
+        return ca.vertcat(self.factors.pivots[3:], self.factors.pivots[:3])
 
     def inward(self, forces: ca.SX, bias: ca.SX, acceleration: ca.SX | None) -> tuple[ca.SX, ca.SX]:
         wrench = self._inverse.T @ forces

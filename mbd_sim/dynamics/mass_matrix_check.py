@@ -22,7 +22,7 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
     A pivot is the inertia that a joint moves while all joints outboard of it move freely. It counts as zero if it is
     no more than round-off of the inertia that the joint carries. So neither units nor the size of other parts matter.
 
-    :param pivots: (nv,) in kg or kg·m², each joint's in the order of its coordinates, a free joint's rotations first.
+    :param pivots: (nv,) in kg or kg·m², in the order of the coordinates.
     :param poses: the pose rows (links, 12) of each link's part in ground's frame, see `unpack_poses`.
     :raises NoInertiaError: the joints that make it singular are named.
     """
@@ -89,9 +89,7 @@ def _is_particle(part: Part) -> bool:
 
 def _is_moment(joint: Joint) -> list[bool]:
     """Whether each pivot of a joint is a moment of inertia rather than a mass."""
-    rotations = [coordinate.rotation for coordinate in joint.kind.coordinates]
-    # A free joint is not eliminated by the recursion: its pivots are in the order [ω; v] of motion vectors.
-    return sorted(rotations, reverse=True) if joint.type == "free" else rotations
+    return [coordinate.rotation for coordinate in joint.kind.coordinates]
 
 
 def _massless(mechanism: Mechanism, link: Link) -> Problem:

@@ -36,6 +36,11 @@ class Place:
     has_position: bool = True
     force_range: Range = EVERYTHING
 
+    @property
+    def gear(self) -> float:
+        """l for a sum of the coordinates of 1, also where l is the length of a tendon over one joint."""
+        return self.scale / next(iter(self.coordinates.values())) if "joint" in self.keys else self.scale
+
 
 class Actuators:
     """Adds the actuators of a model; `motors` are the first ones on each coordinate, `armature` is what they add."""
@@ -108,7 +113,7 @@ class Actuators:
         if len(tendon.terms) == 1:
             ((own, factor),) = tendon.terms.items()
             ends = sorted((lower * factor, upper * factor))
-            return Place({"joint": own}, gear * factor, {own: 1.0}, True, (ends[0], ends[1]))
+            return Place({"joint": own}, gear * factor, {own: factor}, True, (ends[0], ends[1]))
         if tendon.terms:
             return Place({"terms": dict(tendon.terms)}, gear, dict(tendon.terms), True, (lower, upper))
         if tendon.has_line:
@@ -201,7 +206,7 @@ class Actuators:
             return
         speed = weighted_sum(place.coordinates, "velocity")
         for own, factor in place.coordinates.items():
-            effort = f"{signed(-s * s * factor)}*({odd_polynomial(damping, f'({speed})')})"
+            effort = f"{signed(-(place.gear**2) * factor)}*({odd_polynomial(damping, f'({speed})')})"
             record = {"type": "effort", "coordinate": own, "effort": effort}
             name = self._model.name("actuator", index) or f"actuator_{index + 1}"
             self._parts.add("forces", "actuator", index, f"{name}_damping", record)

@@ -102,5 +102,7 @@ def _add_coupling(parts: ModelParts, index: int, sums: list[tuple[dict[str, floa
         parts.model.leave_out("equalities that constrain nothing", "equality", index)
         return
     record = {"type": "coupling", "terms": terms} | ({"value": value} if value else {})
+    if len(terms) == 2 and int(parts.model.m.eq_type[index]) == JOINT:
+        record["follower"] = next(iter(terms))  # the first joint, of which the polynomial gives the position
     wanted = parts.model.name("equality", index) or f"{next(iter(terms))}_equality"
     parts.add("constraints", "equality", index, wanted, record)

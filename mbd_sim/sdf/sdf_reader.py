@@ -22,8 +22,7 @@ from mbd_sim.sdf.left_out import note_unread_attributes, note_unread_values
 from mbd_sim.sdf.links import part_of, rotated
 from mbd_sim.sdf.scopes import FRAMES, ScopeReader
 from mbd_sim.sdf.values import Values
-from mbd_sim.urdf.robot_reader import Base
-from mbd_sim.urdf.value_reader import Reading, rows
+from mbd_sim.urdf.value_reader import Base, Reading, rows
 from mbd_sim.urdf.xml_elements import Element, parse_xml
 
 MOST = 1000  # elements of a kind in the list of what was left out

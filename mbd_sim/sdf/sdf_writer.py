@@ -16,6 +16,7 @@ import numpy as np
 from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import to_quaternion
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.names import unique_name
 from mbd_sim.mechanism.records import GROUND, Mechanism, Part, Shape
 from mbd_sim.mjcf.mjcf_document import Written, number, text, written
@@ -93,7 +94,10 @@ def _placement(mechanism: Mechanism) -> Placement:
     for name, joint in mechanism.joints.items():
         place = kinematics.layout.q[name]
         if joint.drive:
-            offsets |= dict.fromkeys(joint.motion_names, 0.0)
+            driven = (
+                [joint.drive.start] if isinstance(joint.drive, CommandedDrive) else [x.at(0.0) for x in joint.drive]
+            )
+            offsets |= dict(zip(joint.motion_names, driven, strict=True))
         elif joint.kind.quaternion is None:
             if not mechanism.closures:
                 q[place] = 0.0

@@ -145,7 +145,7 @@ def _axis(joint: Joint, name: str, direction: Array, placement: Placement, mimic
         return WrittenAxis(direction)
     index, offset = joint.motion_names.index(name), placement.offsets[name]
     if joint.drive:
-        return WrittenAxis(direction)
+        return WrittenAxis(direction, coordinate=name)
     limits, friction, mimic = joint.limits_of(index), joint.friction, mimics.get(name)
     if mimic is not None:
         moved = mimic.offset + mimic.multiplier * placement.offsets[mimic.joint] - offset

@@ -91,14 +91,14 @@ def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:
     """
     found: dict[str, Mimic] = {}
     couplings = [one for one in mechanism.constraints if isinstance(one, Coupling) and _is_mimic(one, mechanism)]
-    actuated = {one.port.coordinate for one in mechanism.actuators if isinstance(one.port, CoordinatePort)}
+    leading = {one.port.coordinate for one in mechanism.actuators if isinstance(one.port, CoordinatePort)}
+    driven = set(mechanism.driven_names)
     for coupling in sorted(couplings, key=lambda one: one.follower is None):
         ends = {name: Mimic(name, 1.0) for name in coupling.factors}
         if coupling.follower is None:
             ends = {name: _followed(end, found) for name, end in ends.items()}
-        last = coupling.follower or next(
-            (name for name, end in reversed(ends.items()) if end.joint not in actuated), ""
-        )
+        last = coupling.follower if coupling.follower not in driven else None
+        last = last or next((name for name, end in reversed(ends.items()) if end.joint not in leading | driven), "")
         leader, follower = sorted(ends, key=lambda name: name == last)
         if ends[follower].joint not in found and _followed(ends[leader], found).joint != ends[follower].joint:
             found[ends[follower].joint] = _mimic(coupling, ends, leader, follower)
@@ -124,6 +124,7 @@ def _followed(mimic: Mimic, mimics: Mapping[str, Mimic]) -> Mimic:
 def _is_mimic(coupling: Coupling, mechanism: Mechanism) -> bool:
     """Whether a coupling is an equation of two coordinates that are URDF joints, with a constant value."""
     joints = [joint for joint in mechanism.joints.values() if joint.axis.any() and not joint.splits]
-    single = {name for joint in joints for name in joint.coordinate_names}
+    single = {name for joint in joints for name in joint.motion_names}
     exact = coupling.play is None and coupling.bound is None and not coupling.value.variables
-    return exact and len(coupling.factors) == 2 and single.issuperset(coupling.factors)
+    moves_by_itself = coupling.factors.keys() <= set(mechanism.driven_names)
+    return exact and len(coupling.factors) == 2 and single.issuperset(coupling.factors) and not moves_by_itself

@@ -14,7 +14,8 @@ from mbd_sim.errors import MechanismError, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.file_limits import digest_of, read_text
 from mbd_sim.mechanism_file.mesh_files import seen_from
-from mbd_sim.urdf.robot_reader import Base, urdf_source
+from mbd_sim.urdf.robot_reader import urdf_source
+from mbd_sim.urdf.value_reader import Base
 
 BASES = get_args(Base)
 SECTIONS = ("parts", "joints", "constraints")

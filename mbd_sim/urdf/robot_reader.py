@@ -7,7 +7,7 @@ welded to ground, or flies freely, by a joint named base.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from mbd_sim.errors import listed, nearest, quoted
 from mbd_sim.mechanism.names import LONGEST_NAME, accepted_names, reference, unique_name
@@ -17,10 +17,9 @@ from mbd_sim.mechanism_file.file_limits import file_error
 from mbd_sim.urdf.joint_reader import joint_of, mimic_of
 from mbd_sim.urdf.link_reader import MOMENTS, Origins, color_of, part_of
 from mbd_sim.urdf.unread import note_unread, read
-from mbd_sim.urdf.value_reader import Reading
+from mbd_sim.urdf.value_reader import Base, Reading
 from mbd_sim.urdf.xml_elements import Element, parse_xml
 
-Base = Literal["fixed", "free"]
 BASE = "base"  # the name of its joint
 # What is read of each element; everything else is listed.
 READ = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mbd_sim.geometry.rotation import from_rpy
 from mbd_sim.mechanism.source import Origin
 from mbd_sim.urdf.xml_elements import Element
 
+Base = Literal["fixed", "free"]  # how the root of a file is attached to ground
 NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 

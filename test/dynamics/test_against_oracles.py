@@ -121,11 +121,15 @@ parts:
   hand: {mass: 1, center: [0, 0.1, 0.1], inertia: [0.03, 0.02, 0.04]}
   head: {mass: 1, center: [0.1, 0, 0.2], inertia: [0.05, 0.06, 0.04]}
   drone: {mass: 1.5, center: [0, 0.05, 0], inertia: [0.1, 0.2, 0.25], points: {rotor: {at: [0.2, 0.1, 0], rotate: {rpy: [0.3, 0.1, -0.2]}}}}
+  tail: {mass: 0.7, center: [0.1, 0, 0], inertia: [0.05, 0.06, 0.07]}
+  fin: {mass: 0.3, center: [0, 0.1, 0], inertia: [0.01, 0.02, 0.015]}
 joints:
   a: {type: revolute, between: [ground, arm], axis: [0, 1, 0.2]}
   b: {type: revolute, between: [arm, hand], axis: [1, 0, 0]}
   c: {type: spherical, between: [hand, head]}
   d: {type: free, between: [ground, drone]}
+  e: {type: free, between: [hand, tail]}
+  f: {type: revolute, between: [tail, fin], axis: [1, 2, 0]}
 actuators:
   sum: {type: effort, terms: {a: 1.5, b: -0.4}, gain: [2, 0.5, -0.3], bias: [0.2, -3, -0.7], effort_range: [-4, 20]}
   held: {type: effort, terms: {a: 1, b: 1}, servo: {controls: position, kp: 9, kd: 2}, command_range: [0.2, 0.9]}
@@ -134,10 +138,16 @@ actuators:
   x: {type: effort, joint: c.rx, rotor_inertia: 0.05}
   y: {type: effort, joint: c.ry, rotor_inertia: 0.05}
   z: {type: effort, joint: c.rz, rotor_inertia: 0.05}
+  dz: {type: effort, joint: d.z, lead: 1, rotor_inertia: 0.01}
+  ex: {type: effort, joint: e.x, lead: 1, rotor_inertia: 0.02}
+  ez: {type: effort, joint: e.z, lead: 1, rotor_inertia: 0.03}
+  erx: {type: effort, joint: e.rx, rotor_inertia: 0.04}
+  ery: {type: effort, joint: e.ry, rotor_inertia: 0.04}
+  erz: {type: effort, joint: e.rz, rotor_inertia: 0.04}
 """
 
 
-def test_rotors_on_the_coordinates_of_a_ball():
+def test_rotors_on_the_coordinates_of_balls_and_free_joints():
     """By Lagrange's equations too, in which the spin of the ball is not the rate of a coordinate."""
     text = "\n".join(
         line for line in PLACES.splitlines() if not line.strip().startswith(("sum", "held", "turn", "thrust"))

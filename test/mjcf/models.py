@@ -149,13 +149,14 @@ LINKED = """
       </body>
     </body>
     <body name="quad" pos="1 0 1" euler="0.1 0.2 0.3">
-      <joint type="free" name="root"/>
+      <joint type="free" name="root" armature="0.3"/>
       <geom type="box" size="0.1 0.15 0.02" mass="1.2"/>
       <site name="rotor" pos="0.1 0.1 0" euler="0.2 0 0"/>
     </body>
   </worldbody>
   <tendon>
     <fixed name="sum"><joint joint="ja" coef="1"/><joint joint="jb" coef="-0.5"/></fixed>
+    <fixed name="one"><joint joint="ja" coef="2.5"/></fixed>
     <spatial name="line"><site site="wall"/><site site="mid"/></spatial>
   </tendon>
   <actuator>ACTUATOR</actuator>
@@ -195,6 +196,8 @@ ACTUATORS = {
     "damping ratio": ('<position name="m" joint="ja" kp="20" dampratio="0.7"/>', 1.0),
     "damper": ('<damper name="m" joint="ja" kv="2" ctrlrange="0 1"/>', 1.0),
     "armature and damping": ('<motor name="m" joint="jb" gear="3" armature="0.02" damping="0.1 0.2 0.3"/>', 3.0),
+    "damping of a tendon over one joint": ('<motor name="m" tendon="one" gear="3" damping="0.1 0.2 0.3"/>', 7.5),
+    "damping of a tendon over several": ('<motor name="m" tendon="sum" gear="3" damping="0.1 0.2 0.3"/>', 3.0),
     "ball": ('<motor name="m" joint="jc" gear="0 0 3" ctrlrange="0 1"/>', 3.0),
     "ball, oblique": ('<motor name="m" joint="jc" gear="1 -2 3" ctrlrange="-0.2 0.1"/>', 1.0),
     "free joint": ('<motor name="m" joint="root" gear="0 0 1 0 0 0.2" ctrlrange="0 20"/>', 1.0),

@@ -66,6 +66,14 @@ def test_equalities_are_exact_constraints(kind):
         assert np.max(np.abs(own(q, u, efforts) - exact)) <= 1e-8 * np.max(np.abs(exact))
 
 
+def test_an_equality_of_two_joints_names_the_follower():
+    """The first joint is the one that the polynomial gives; an export has the mimic there."""
+    for polynomial in ("0.2 3", "0 1 0.5"):
+        equality = f'<equality><joint joint1="jb" joint2="ja" polycoef="{polynomial}"/></equality>'
+        (coupling,) = parse_mechanism(linked().replace("</mujoco>", equality + "</mujoco>")).constraints
+        assert coupling.follower == ("jb" if polynomial == "0.2 3" else None)
+
+
 def state_of(own, rng):
     """A random state in which nothing is almost at rest, where friction differs."""
     q = own.equations.start.q.copy()

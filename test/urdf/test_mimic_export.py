@@ -188,3 +188,21 @@ def test_coordinates_of_universal_joints_are_named_in_sdf(ends):
     scale = first.factors["u.second"] / again.factors["u.second"]
     assert {name: scale * factor for name, factor in again.factors.items()} == pytest.approx(dict(first.factors))
     assert scale * again.value.at(0.0) == pytest.approx(first.value.at(0.0))
+
+
+@pytest.mark.parametrize("follower", ["", ", follower: slave"])
+def test_a_coordinate_mimics_a_drive(follower):
+    """In SDF, angles count from the start, where the drive is not at zero."""
+    mechanism = parse_mechanism(f"""
+mechanism: m
+parts: {{a: {{mass: 1, inertia: [1, 1, 1]}}, b: {{mass: 1, inertia: [1, 1, 1]}}}}
+joints:
+  slave: {{type: revolute, between: [ground, b], axis: [0, 0, 1]}}
+  master: {{type: revolute, between: [ground, a], axis: [0, 0, 1], drive: 0.3 + t}}
+constraints: {{k: {{type: coupling, terms: {{slave: -1, master: 2}}, value: 0.1{follower}}}}}
+""")
+    robot = ElementTree.fromstring(to_urdf(mechanism, TOPICS))
+    assert written_mimics(robot) == {"slave": ("master", 2.0, -0.1)}
+    (coupling,) = parse_mechanism(to_sdf(mechanism).text).constraints
+    assert dict(coupling.factors) == {"slave": 1.0, "master": -2.0}
+    assert coupling.value.at(0.0) == pytest.approx(0.5, abs=1e-15)
