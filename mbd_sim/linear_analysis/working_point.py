@@ -81,7 +81,7 @@ def _found(simulation: Simulation, q: Array, number: int) -> Equilibrium:
     if contact:
         balance = _balance(simulation, q)
         found = [one for one in found if _stays(simulation, balance, one.q, one.states)]
-        found += _sunk(simulation, q)
+        found += [one for one in _sunk(simulation, q) if all(_apart(one, other) for other in found)]
     if not found:
         raise InputError(f"no equilibrium of '{name}' was found near this configuration", _OTHERWISE)
     return min(found, key=lambda one: one.distance)
