@@ -179,20 +179,13 @@ static int restricts(double t, const double *q, const double *v)
     return 0;
 }}
 
-/* The speeds that satisfy the constraints with the least kinetic energy of the change from `old`; fixed ones stay. */
-static int fit_speeds(
-    double t, const double *q, double *u, const double *old, const double *v, const unsigned char *fixed)
+/* The principal axes of the mass matrix in natural units, each after itself times its inertia; the largest inertia. */
+static double inertia_axes(double t, const double *q, const double *v, double *axes)
 {{
-    double mass[NV * NV], axes[NV * 2 * NV], g[ROWS * NV], b[ROWS], rows[(ROWS + NV) * NV], right[ROWS + NV];
-    double a[(ROWS + NV) * (NV + 1)], change[NV], found[NV], along[NV], size, largest = 0.0;
-    double natural[ROWS * NV], sizes[ROWS], rate;
-    int count = ROWS, i, j, k, sweep;
+    double mass[NV * NV], largest = 0.0;
+    int i, k;
 
     mass_matrix(t, q, v, mass);
-    gradient(t, q, v, g);
-    natural_rows(t, q, v, g, sizes, natural);
-    drift(t, q, v, b);
-    rate_of_drives(t, q, v, &rate);
     for (i = 0; i < NV; i++)
         for (k = 0; k < NV; k++) {{
             axes[i * 2 * NV + k] = mass[k * NV + i] * scales[i] * scales[k];
@@ -201,6 +194,23 @@ static int fit_speeds(
     orthogonalize(axes, NV, NV, 2 * NV);
     for (i = 0; i < NV; i++)
         largest = fmax(largest, norm_of(axes + i * 2 * NV, NV));
+    return largest;
+}}
+
+/* The speeds that satisfy the constraints with the least kinetic energy of the change from `old`; fixed ones stay. */
+static int fit_speeds(
+    double t, const double *q, double *u, const double *old, const double *v, const unsigned char *fixed)
+{{
+    double axes[NV * 2 * NV], g[ROWS * NV], b[ROWS], rows[(ROWS + NV) * NV], right[ROWS + NV];
+    double a[(ROWS + NV) * (NV + 1)], change[NV], found[NV], along[NV], size, largest;
+    double natural[ROWS * NV], sizes[ROWS], rate;
+    int count = ROWS, i, j, k, sweep;
+
+    gradient(t, q, v, g);
+    natural_rows(t, q, v, g, sizes, natural);
+    drift(t, q, v, b);
+    rate_of_drives(t, q, v, &rate);
+    largest = inertia_axes(t, q, v, axes);
     for (i = 0; i < ROWS; i++) {{
         right[i] = -b[i];
         for (k = 0; k < NV; k++) {{
@@ -260,21 +270,13 @@ RESTING_SPEEDS = """\
 /* The speeds of least kinetic energy beside the drives, without constraints. */
 static void resting_speeds(double t, const double *q, const double *v, double *u)
 {{
-    double mass[NV * NV], axes[NV * 2 * NV], p[NV], largest = 0.0;
+    double axes[NV * 2 * NV], p[NV], largest;
     int i, k;
 
     if (!restricts(t, q, v))
         return;
-    mass_matrix(t, q, v, mass);
     momentum(t, q, v, p);
-    for (i = 0; i < NV; i++)
-        for (k = 0; k < NV; k++) {{
-            axes[i * 2 * NV + k] = mass[k * NV + i] * scales[k] * scales[i];
-            axes[i * 2 * NV + NV + k] = i == k ? 1.0 : 0.0;
-        }}
-    orthogonalize(axes, NV, NV, 2 * NV);
-    for (i = 0; i < NV; i++)
-        largest = fmax(largest, norm_of(axes + i * 2 * NV, NV));
+    largest = inertia_axes(t, q, v, axes);
     for (i = 0; i < NV; i++) {{
         const double *axis = axes + i * 2 * NV + NV;
         double size = norm_of(axes + i * 2 * NV, NV), along = 0.0;

@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
-from mbd_sim.errors import CommandError
+from mbd_sim.errors import CommandError, listed
 from mbd_sim.plain_output import print_file
 
 if TYPE_CHECKING:

@@ -69,16 +69,34 @@ def _built(rates: Instructions) -> tuple[Graph, SeriesRules]:
 
 
 def turning_points(rates: Instructions) -> InstructionList | None:
-    """(t, y, inputs) -> the x of all |x| on which y' = rates(t, y, inputs) depends; None if there are none."""
+    """(t, y, inputs) -> the x at whose zeros y' = rates(t, y, inputs) has a kink; None if there are none.
+
+    These are the x of all |x|, and of all powers of x² + ε² or sums of such squares: ε may be tiny, as in the law of a
+    damper, and its pole then too weak for the coefficients to announce it.
+    """
     graph, builder = _built(rates)
     nodes = [graph.nodes[number] for number in _needed(graph)]
     operands = dict.fromkeys(node.operands[0] for node in nodes if node.operation == ca.OP_FABS)
+    for node in nodes:
+        if node.operation in (ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW):
+            terms = _terms(graph, node.operands[0])
+            if len(terms) == 1 or any(builder.is_constant(builder.numbers[term]) for term in terms):
+                squares = (graph.nodes[term] for term in terms)
+                operands |= dict.fromkeys(one.operands[0] for one in squares if one.operation == ca.OP_SQ)
     found = [operand for operand in operands if not builder.is_constant(builder.numbers[operand])]
     if not found:
         return None
     outputs = [Output(number, 0, index) for index, number in enumerate(found)]
     like = ca.Function("turning", [ca.SX.sym(name) for name in ("t", "y", "inputs")], [ca.SX(1, 1)])
     return arranged(InstructionList(like, Graph(graph.nodes, outputs), range(len(graph.nodes))))
+
+
+def _terms(graph: Graph, number: int) -> list[int]:
+    """The nodes of which a node is the sum."""
+    node = graph.nodes[number]
+    if node.operation != ca.OP_ADD:
+        return [number]
+    return [term for operand in node.operands for term in _terms(graph, operand)]
 
 
 def _needed(graph: Graph) -> list[int]:

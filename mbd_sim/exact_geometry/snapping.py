@@ -18,6 +18,7 @@ from mbd_sim.exact_geometry.families import Family, families
 from mbd_sim.exact_geometry.freedoms import stacked
 from mbd_sim.exact_geometry.guides import guides, with_guides
 from mbd_sim.exact_geometry.loop_positions import NEARLY, Loops, Placement
+from mbd_sim.exact_geometry.ratios import exact_couplings
 from mbd_sim.exact_geometry.targets import Groups, Targets
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.batch import Batch
@@ -36,7 +37,7 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
     if not tolerance or not (mechanism.closures or mechanism.constraints):
         return mechanism
     first = _first_variant(mechanism)
-    mended = _mended(first, tolerance)
+    mended = _with_exact_couplings(_mended(first, tolerance), tolerance)
     if mended is not first and first is not mechanism:
         raise TypeError("the loops of each variant are mended in another way")
     return mechanism if mended is first else mended
@@ -84,6 +85,15 @@ def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
         constraints=tuple(constraints.values()),
         moved=moves,
     )
+
+
+def _with_exact_couplings(mechanism: Mechanism, tolerance: float) -> Mechanism:
+    found = exact_couplings(mechanism, NEARLY, ROUND_OFF)
+    if not found or any(move.angle > 3.0 * tolerance for _, move in found.values()):
+        return mechanism
+    constraints = [found[one.name][0] if one.name in found else one for one in mechanism.constraints]
+    moves = {f"constraints.{name}": move for name, (_, move) in found.items()}
+    return dataclasses.replace(mechanism, constraints=tuple(constraints), moved={**mechanism.moved, **moves})
 
 
 def _family_of(loops: Loops, name: str, place: Placement, tolerance: float, massless: str) -> Family | None:

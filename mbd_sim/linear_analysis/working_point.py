@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
-from mbd_sim.analysis.equilibrium import Equilibrium, equilibria, growth_of, is_autonomous, nearest_equilibrium
-from mbd_sim.analysis.rest_balance import RestBalance
+from mbd_sim.analysis.equilibrium import SAME, Equilibrium, equilibria, growth_of, is_autonomous, nearest_equilibrium
+from mbd_sim.analysis.rest_balance import Rest, RestBalance, displacement_between
 from mbd_sim.errors import CommandError, DivergedError, InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_start import require_outside
 from mbd_sim.simulation.simulation import Simulation
 
 BALANCED = 1e-9  # the accelerations that may remain with contacts, in units of gravity or of those at the start
+PAUSES, FALLING = 500, 30_000  # how often a mechanism that sinks is stopped, and its steps altogether
 _OTHERWISE = "Linearize about the start or another state instead."
 
 
@@ -29,6 +30,7 @@ def set_to_equilibrium(simulation: Simulation, near: Array | None = None, number
     """Set a simulation to rest at time zero in an equilibrium near its present coordinates, stable or not.
 
     If it can stay at rest in these, they are the equilibrium, also with contacts, stops and friction that hold it.
+    With one-sided elements, the equilibrium in which it comes to rest if it sinks from there counts as well.
     Efforts, wrenches, commands and live values stay as they are.
 
     :param near: coordinates (nq,) to replace those of the simulation.
@@ -49,7 +51,8 @@ def set_to_equilibrium(simulation: Simulation, near: Array | None = None, number
 def equilibria_of(simulation: Simulation) -> list[Equilibrium]:
     """The equilibria that are found near the present coordinates of a simulation, the nearest first.
 
-    With one-sided elements, these are the ones in which nothing touches or sticks, and the present one.
+    With one-sided elements, these are the present one, the one in which the mechanism comes to rest if it sinks from
+    there, and those in which nothing touches or sticks.
 
     :raises InputError: the mechanism cannot have any, because it depends on time.
     """
@@ -74,12 +77,14 @@ def _found(simulation: Simulation, q: Array, number: int) -> Equilibrium:
     if contact and (held := _held(simulation, q)) is not None:
         return held
     nearest = nearest_equilibrium(simulation.model.equations, _inputs(simulation), q, _states(simulation))
-    if nearest is None:
+    found = [] if nearest is None else [nearest]
+    if contact:
+        balance = _balance(simulation, q)
+        found = [one for one in found if _stays(simulation, balance, one.q, one.states)]
+        found += [one for one in _sunk(simulation, q) if all(_apart(one, other) for other in found)]
+    if not found:
         raise InputError(f"no equilibrium of '{name}' was found near this configuration", _OTHERWISE)
-    if contact and not _stays(simulation, nearest.q, nearest.states):
-        message = f"'{name}' does not stay at rest in this configuration, and none was found near it without contacts"
-        raise InputError(message, _OTHERWISE)
-    return nearest
+    return min(found, key=lambda one: one.distance)
 
 
 def _all(simulation: Simulation, q: Array) -> list[Equilibrium]:
@@ -88,9 +93,18 @@ def _all(simulation: Simulation, q: Array) -> list[Equilibrium]:
     found = equilibria(equations, _inputs(simulation), q, _states(simulation))
     if equations.one_sided is None:
         return found
-    held = _held(simulation, q)
-    free = [one for one in found if one.distance > 0.0 and _stays(simulation, one.q, one.states)]
-    return free if held is None else [held, *free]
+    held, balance = _held(simulation, q), _balance(simulation, q)
+    free = [one for one in found if one.distance > 0.0 and _stays(simulation, balance, one.q, one.states)]
+    if held is not None:
+        return [held, *free]
+    touching = [one for one in _sunk(simulation, q) if all(_apart(one, other) for other in free)]
+    return sorted([*free, *touching], key=lambda one: one.distance)
+
+
+def _apart(one: Equilibrium, other: Equilibrium) -> bool:
+    return abs(one.distance - other.distance) > SAME * one.distance or not np.allclose(
+        one.displacement, other.displacement, rtol=SAME, atol=SAME * float(np.max(np.abs(one.displacement)))
+    )
 
 
 def _require_autonomous(simulation: Simulation) -> None:
@@ -101,17 +115,46 @@ def _require_autonomous(simulation: Simulation) -> None:
 
 def _held(simulation: Simulation, q: Array) -> Equilibrium | None:
     """The configuration itself, if contacts and friction hold the mechanism there."""
-    states = _states(simulation)
-    if not _stays(simulation, q, states):
-        return None
+    balance = _balance(simulation, q)
+    return _described(simulation, balance) if _stays(simulation, balance, q, _states(simulation)) else None
+
+
+def _sunk(simulation: Simulation, q: Array) -> list[Equilibrium]:
+    """The equilibrium in which the mechanism comes to rest, on what it then touches, if it sinks from a configuration.
+
+    It falls, and is stopped whenever its kinetic energy has begun to decrease: so it loses energy until it stays.
+    """
+    sinking, balance, left = simulation.copy(), _balance(simulation, q), FALLING
+    try:
+        for _ in range(PAUSES):
+            if _stays(sinking, balance, q, _states(sinking)):
+                return [_described(sinking, balance)]
+            before, energy = -1.0, 0.0
+            while energy > before and left:
+                sinking.step()
+                before, energy, left = energy, sinking.energies.kinetic, left - 1
+            q = sinking.q.copy()
+    except DivergedError:
+        pass
+    return []
+
+
+def _described(simulation: Simulation, balance: RestBalance) -> Equilibrium:
+    """The configuration of a simulation at rest as an equilibrium, with its distance from that of a balance."""
+    rest = Rest(simulation.q.copy(), _states(simulation), 0.0, balance.start.holding)
     try:
         growth = growth_of(simulation.linearize().a)
     except MbdSimError:  # a contact is about to change
         growth = math.nan
-    return Equilibrium(q, states, np.zeros(len(simulation.u)), 0.0, growth)
+    displacement = displacement_between(simulation.model.equations, balance.start.q, rest.q)
+    return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth)
 
 
-def _stays(simulation: Simulation, q: Array, states: Array) -> bool:
+def _balance(simulation: Simulation, q: Array) -> RestBalance:
+    return RestBalance(simulation.model.equations, q, _states(simulation), _inputs(simulation))
+
+
+def _stays(simulation: Simulation, balance: RestBalance, q: Array, states: Array) -> bool:
     """Set a simulation to rest in a configuration; whether it stays there, with what touches and sticks."""
     model = simulation.model
     try:
@@ -119,7 +162,6 @@ def _stays(simulation: Simulation, q: Array, states: Array) -> bool:
     except (CommandError, ValueError, DivergedError):  # parts are inside each other, or contacts have no solution
         return False
     accelerations = model.accelerations(0.0, simulation.y, simulation.inputs)[: len(simulation.u)]
-    balance = RestBalance(model.equations, q, states, _inputs(simulation))
     rates = np.concatenate([accelerations, np.zeros(len(states))])
     return bool(np.linalg.norm(balance.of(rates)) <= BALANCED)
 

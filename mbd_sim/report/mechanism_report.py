@@ -223,7 +223,7 @@ def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
     """The equilibrium nearest to the start and its natural modes, or the reason why they were not computed."""
     nv = equations.layout.nv
     if equations.one_sided is not None:
-        return {"equilibrium": None, "reason": "there are one-sided elements", "modes": []}
+        return {"equilibrium": None, "reason": "there are one-sided elements, see 'mbd_sim modes'", "modes": []}
     if has_actuator_states(equations.mechanism):
         return {"equilibrium": None, "reason": "there are actuators with states of their own", "modes": []}
     if nv == equations.start.rank or instructions > LINEARIZED:

@@ -169,3 +169,28 @@ def test_both_ways_to_expand_agree(monkeypatch):
     (state, history), (other, its_history) = found
     np.testing.assert_allclose(state, other, rtol=0.0, atol=1e-14)
     assert history.tobytes() != its_history.tobytes()
+
+
+@pytest.mark.parametrize("exponent", ["2", "2.5"])
+@pytest.mark.parametrize("regularization", ["", ", regularization: 1e-6"])
+@pytest.mark.parametrize("place", ["joint", "force"])
+def test_the_kink_of_a_damper_is_not_passed_with_one_expansion(place, regularization, exponent):
+    """C |v|ᵖ is analytic up to v = 0, and its expansion goes on smoothly: the damper drove the mass after a turn."""
+    law = f"coefficient: 0.5, exponent: {exponent}{regularization}"
+    in_joint = f", damper: {{{law}}}" if place == "joint" else ""
+    text = f"""
+mechanism: swing
+gravity: [0, 0, 0]
+parts: {{a: {{mass: 1}}}}
+joints: {{x: {{type: prismatic, between: [ground, a], axis: [1, 2, 2], position: 1.2, stiffness: 25{in_joint}}}}}
+"""
+    if place == "force":
+        text += f"forces: {{d: {{type: damper, between: [ground, a], along: velocity, {law}}}}}\n"
+    found, fine = (
+        Simulation.from_text(text, method="taylor"),
+        Simulation.from_text(text, step=1e-4, method="tsitouras8"),
+    )
+    for simulation in (found, fine):
+        simulation.run(until=2.0)
+    assert found.q == pytest.approx(fine.q, abs=1e-10)
+    assert abs(found.energies.residual) < 1e-12

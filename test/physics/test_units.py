@@ -9,9 +9,7 @@ from mbd_sim.mechanism.one_sided import has_one_sided
 from test.generators.mechanisms import KINDS
 from test.generators.scaled_mechanisms import Units, scaled
 
-# Their loops are assembled, and their redundant rows found, with tolerances in m.
-ASSEMBLED = {"bennett", "driveline", "stewart"}
-SMOOTH = [name for name in KINDS if name not in ASSEMBLED and not has_one_sided(load_mechanism(name))]
+SMOOTH = [name for name in KINDS if not has_one_sided(load_mechanism(name))]
 LARGE = Units(length=1024.0**2, mass=1024.0**-2, time=1024.0**2)  # 1.05e6, without round-off
 SMALL = Units(length=1024.0**-2, mass=1024.0**2, time=1024.0**-2)
 DECIMAL = Units(length=1e-6, mass=1e-9, time=1e-6)  # µm, µg and µs in place of m, kg and s
