@@ -55,9 +55,14 @@ def test_a_path_that_is_not_utf8_is_printed_with_its_bytes(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "command", [("check", "four_bar"), ("run", "four_bar", "--time", "0.1"), ("modes", "cart_pendulum")]
+    ("encoding", "command"),
+    [
+        ("", ("check", "four_bar")),
+        ("cp437", ("run", "four_bar", "--time", "0.1")),
+        ("", ("modes", "cart_pendulum")),
+        ("cp437", ("check", "four_bar")),
+    ],
 )
-@pytest.mark.parametrize("encoding", ["", "cp437"])
 def test_reports_in_a_terminal_without_utf8(command, encoding):
     ended = started(*command, **({"PYTHONIOENCODING": encoding} if encoding else {}))
     assert (ended.returncode, ended.stderr) == (0, b"")

@@ -33,7 +33,7 @@ def test_textbook_counts(name, kutzbach, planar, freedoms, redundant):
         assert found.kutzbach == kutzbach
     assert found.planar_kutzbach == planar
     assert found.degrees_of_freedom == freedoms
-    assert len(found.redundant) == redundant
+    assert len(found.redundant) == found.static_indeterminacy == redundant
 
 
 def test_the_count_and_the_rank_agree_once_redundant_equations_are_left_out():

@@ -112,7 +112,7 @@ def test_a_folder_killed_before_its_metadata_existed_is_recovered(tmp_path, caps
 
 def test_recovery_keeps_the_complete_chunks_of_a_file_truncated_anywhere(tmp_path):
     recorder = recorder_in(tmp_path)
-    for number in range(20_000):
+    for number in range(8_000):
         recorder.put("text" if number % 3 else "vital", random.randbytes(120), number, number)
     recorder.close()
     complete = recorder.path.read_bytes()
@@ -125,7 +125,7 @@ def test_recovery_keeps_the_complete_chunks_of_a_file_truncated_anywhere(tmp_pat
         100,
         len(complete) - 1,
         len(complete) - 9,
-        *(chance.randrange(2000, len(complete)) for _ in range(20)),
+        *(chance.randrange(2000, len(complete)) for _ in range(8)),
         *(place for start, end in indexes for place in (start, start + 5, (start + end) // 2, end - 1)),
     ]:
         path.write_bytes(complete[:length])
