@@ -17,7 +17,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 
-BARELY = 1e-9  # gaps in m, speeds in m/s, and forces relative to the weight, that count as zero
+BARELY = 1e-9  # gaps, speeds and forces in natural units that count as zero
 ITERATIONS, CONVERGED, SETTLED = 60, 1e-14, 1e-13
 DEPENDENT = 1e-12  # singular value, relative to the largest, that is one of round-off
 BLOCKED = 1e-11  # of the mobility, below which an acceleration by efforts is round-off
@@ -166,7 +166,7 @@ class OneSidedMotion:
         contacts = self._contact.contacts
         layout, rows = contacts.layout, contacts.equations.rows
         closed = inputs[self._equations.inputs.one_sided][layout.closed]
-        rates = readings[layout.gaps : layout.gaps + layout.rows]
+        rates = readings[layout.gaps : layout.gaps + layout.rows] / np.array(contacts.speeds)
         guards = readings[layout.gaps + 2 * layout.rows :]
         for gap in range(layout.gaps):
             if guards[gap] > BARELY or not (closed[gap] or rates[gap] <= BARELY):

@@ -21,7 +21,6 @@ GRAZING = 1.05  # of the step times the larger rate at both ends: the sum of bot
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
 NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros
-AT_REST = 1e-12  # m/s, up to which slip along two directions counts as none
 
 
 @dataclass(frozen=True)
@@ -32,8 +31,9 @@ class Guards:
     rows, and the rates in 1/s at which the `slips` may turn; `open_guards(t, y, inputs, out)` gives the gaps (gaps,)
     and their rates (gaps,) while everything is open.
     Modes are the inputs from `first_mode` to before `first_mode` + `modes`. A guard counts as negative below
-    -`tolerance`. `slips` are the pairs of rows that slide along two directions: their direction turns ever faster as
-    they stop, so a step ends before one in which they change by more than the fraction `TURNING`, or could.
+    -`tolerance`, an open gap below that times its unit. `slips` are the pairs of rows that slide along two directions:
+    their direction turns ever faster as they stop, so a step ends before one in which they change by more than the
+    fraction `TURNING`, or could. Up to a `slow` speed in m/s they are at rest.
     """
 
     gaps: int
@@ -44,6 +44,8 @@ class Guards:
     first_mode: int
     modes: int
     tolerance: float
+    gap_units: tuple[float, ...]
+    slow: float
     slips: tuple[tuple[int, int], ...] = ()
 
 
@@ -197,10 +199,11 @@ class _Check:
 
         The same where a slip along two directions has changed too much.
         """
-        b, limit, gaps = self._b, number(-self._guards.tolerance), self._guards.gaps
+        b, tolerance, gaps = self._b, self._guards.tolerance, self._guards.gaps
+        units = [1.0] * len(self._negative) if self._negative.start else self._guards.gap_units
         found = FALSE
-        for index in self._negative:
-            found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), limit))
+        for index, unit in zip(self._negative, units, strict=True):
+            found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), number(-tolerance * unit)))
         for index, slip in enumerate(self._slips, self._negative.stop):
             stiff = b.fcmp_unordered(">", b.fmul(h, load(b, self._after, index)), number(STIFF))
             found = b.or_(found, b.or_(stiff, self._turns(slip, inputs)))
@@ -236,7 +239,7 @@ class _Check:
             falls = b.fneg(last_slope)
             fastest = b.select(b.fcmp_ordered(">", slope, falls), slope, falls)
             near = b.fcmp_ordered("<", b.fadd(last_gap, value), b.fmul(reach, fastest))
-            open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance))
+            open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance * self._guards.gap_units[gap]))
             found = b.or_(found, b.and_(b.and_(self._turns_back(gap), open_before), near))
         return found
 
@@ -252,7 +255,7 @@ class _Check:
 
         change = square([b.fsub(new, old) for new, old in zip(now, was, strict=True)])
         slides = b.fcmp_unordered("!=", square(direction), number(0.0))
-        moves = b.fcmp_unordered(">", square(now), number(AT_REST**2))
+        moves = b.fcmp_unordered(">", square(now), number(guards.slow**2))
         too_far = b.fcmp_unordered(">", change, b.fmul(number(TURNING**2), square(was)))
         return b.and_(b.and_(slides, moves), too_far)
 

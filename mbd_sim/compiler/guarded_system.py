@@ -28,7 +28,7 @@ class OneSidedSystem:
     `rates`, `project` and `readings` are pairs of a system and its result, see `emit_solved`; `open_guards(t, y,
     inputs)` gives the gaps and their rates. Inputs from `first_mode` on are the `modes`: which gaps are closed, which
     rows are active, and the directions of sliding; further ones may follow. `slips` are the pairs of rows with friction
-    along two directions.
+    along two directions, at rest up to a `slow` speed. `gap_units` are those of the tolerance of open gaps.
     """
 
     gaps: int
@@ -41,6 +41,8 @@ class OneSidedSystem:
     first_mode: int
     modes: int
     tolerance: float
+    gap_units: tuple[float, ...]
+    slow: float
     loads: tuple[Load, ...] = ()
     slips: tuple[tuple[int, int], ...] = ()
 
@@ -77,6 +79,8 @@ def emit_one_sided(
         first_mode=one_sided.first_mode,
         modes=one_sided.modes,
         tolerance=one_sided.tolerance,
+        gap_units=one_sided.gap_units,
+        slow=one_sided.slow,
         slips=one_sided.slips,
     )
     exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")

@@ -23,11 +23,13 @@ import numpy as np
 
 from mbd_sim.contact.elimination import rank, solve
 from mbd_sim.contact.lemke import lemke
-from mbd_sim.contact.sharing import SOFTNESS, shared_forces
+from mbd_sim.contact.sharing import SOFTNESS, at_rest, is_unique, shared_forces
 from mbd_sim.geometry.pose import Array
 
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS, SWEEPS = 40, 400
+SOFTNESSES = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, SOFTNESS)  # of supports, one after the other
+STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
 
 
 class NoSolutionError(ValueError):
@@ -76,35 +78,51 @@ def contact_forces(problem: ContactProblem) -> Array:
     scaled, scale = _scaled(problem)
     if max(len(problem.normals), len(problem.frictions)) < 2 or rank(scaled.matrix) == n:
         return _solution(scaled) * scale
-    start, _ = _quick(_softened(scaled))
-    if start is None:
-        start = _solution(scaled)
-    shared = shared_forces(scaled, start)
-    polished, residual = _newton(scaled, shared)
-    if residual > ACCURATE and (limited := _within_limits(scaled, shared)) is not None:
-        polished, residual = _newton(scaled, limited)
-    if residual > ACCURATE:
-        polished, residual = _newton(scaled, start)
+    rigid, _ = _quick(scaled)
+    if rigid is not None and is_unique(scaled, rigid):
+        return rigid * scale
+    elastic = _elastic(scaled)
+    if elastic is None:
+        elastic = _solution(scaled)
+    for forces in (shared_forces(scaled, elastic), elastic):
+        if _natural(scaled, forces)[2] <= ACCURATE:
+            return _newton(scaled, forces)[0] * scale
+    polished, residual = _newton(scaled, elastic)
     return (polished if residual <= ACCURATE else _solution(scaled)) * scale
 
 
-def _within_limits(problem: ContactProblem, forces: Array) -> Array | None:
-    """Forces with these normal ones, but friction within its limits: elastic supports that yield there."""
-    given = [
-        friction if friction.normal is None
-        else FrictionLimit(friction.rows, None, friction.size * max(float(forces[friction.normal]), 0.0))
-        for friction in problem.frictions
-    ]  # fmt: skip
-    limited = replace(problem, frictions=given)
-    start, _ = _quick(_softened(limited))
-    return None if start is None else shared_forces(limited, start)
+def _elastic(problem: ContactProblem) -> Array | None:
+    """The forces of elastic supports that become stiffer and stiffer; None if they were not found.
+
+    Rates by which supports yield are made up for by a shift of their rest positions (method of multipliers).
+    """
+    forces = np.zeros(len(problem.free))
+    for softness in SOFTNESSES:
+        softened = _softened(problem, softness)
+        forces, residual = _newton(softened, forces)
+    if residual > ACCURATE and (found := _quick(softened)[0]) is not None:
+        forces, residual = found, 0.0
+    if residual > ACCURATE:
+        return None
+    last = np.inf
+    for _ in range(STIFFENINGS):
+        rates = at_rest(problem, forces)
+        size = float(np.abs(rates).max())
+        if size <= ACCURATE * SOFTNESS or size > 0.5 * last:
+            break
+        softened = replace(softened, free=softened.free + rates)
+        stiffer, residual = _newton(softened, forces)
+        if residual > ACCURATE:
+            break
+        forces, last = stiffer, size
+    return forces
 
 
-def _softened(problem: ContactProblem) -> ContactProblem:
+def _softened(problem: ContactProblem, softness: float) -> ContactProblem:
     """The same problem with elastic supports."""
     assert problem.compliance is not None
     softer, places = problem.matrix.copy(), range(len(problem.matrix))
-    softer[places, places] += SOFTNESS * problem.compliance
+    softer[places, places] += softness * problem.compliance
     return replace(problem, matrix=softer)
 
 

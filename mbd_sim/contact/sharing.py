@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.contact.elimination import least_squares, product
+from mbd_sim.contact.elimination import least_squares, product, rank
 from mbd_sim.geometry.pose import Array
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
     Friction that slides follows its normal force in the direction that it has.
     """
     assert problem.compliance is not None
-    size, rates = float(np.abs(forces).max()), problem.rates(forces)
+    size = float(np.abs(forces).max())
     pressed = [row for row in problem.normals if forces[row] > 0.0]
-    closed = [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= UNPRESSED * size]
+    closed = _closed(problem, forces)
     for _ in range(SHARING_STEPS):
         unit, constant, held = _followers(problem, forces)
         matrix, free = product(problem.matrix, unit), problem.rates(constant)
@@ -45,10 +45,44 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
     return forces
 
 
-def _followers(problem: ContactProblem, forces: Array) -> tuple[Array, Array, list[int]]:
-    """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,)."""
+def is_unique(problem: ContactProblem, forces: Array) -> bool:
+    """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
+    unit, _, held = _followers(problem, forces, limited=True)
+    chosen = [*_closed(problem, forces), *held]
+    return rank(product(problem.matrix, unit)[chosen][:, chosen]) == len(chosen)
+
+
+def _closed(problem: ContactProblem, forces: Array) -> list[int]:
+    """The normal rows that bear a force, or could bear one."""
+    still, rates = UNPRESSED * float(np.abs(forces).max()), problem.rates(forces)
+    return [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= still]
+
+
+def at_rest(problem: ContactProblem, forces: Array) -> Array:
+    """The rates (n,) of elastic supports that bear a force and do not slide; others are zero."""
+    rates, slow, found = problem.rates(forces), _slow(forces), np.zeros(len(forces))
+    for row in problem.normals:
+        if forces[row] > 0.0:
+            found[row] = rates[row]
+    for friction in problem.frictions:
+        rows = list(friction.rows)
+        if math.hypot(*rates[rows]) <= slow:
+            found[rows] = rates[rows]
+    return found
+
+
+def _slow(forces: Array) -> float:
+    """The rate beyond which friction at its limit slides."""
+    return SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
+
+
+def _followers(problem: ContactProblem, forces: Array, limited: bool = False) -> tuple[Array, Array, list[int]]:
+    """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,).
+
+    :param limited: friction of constant size that is at its limit, but does not slide, is held as well.
+    """
     n, rates = len(forces), problem.rates(forces)
-    trial, slow = forces - rates, SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
+    trial, slow = forces - rates, _slow(forces)
     unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
     for row in problem.normals:
         unit[row, row] = 1.0
@@ -56,7 +90,7 @@ def _followers(problem: ContactProblem, forces: Array) -> tuple[Array, Array, li
         rows, own = list(friction.rows), trial[list(friction.rows)]
         limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
         length, slips = math.hypot(*own), math.hypot(*rates[rows]) > slow
-        if length < limit * (1.0 - UNPRESSED) or not (slips or friction.normal is None):
+        if length < limit * (1.0 - UNPRESSED) or not (slips or (friction.normal is None and not limited)):
             held += rows
             unit[rows, rows] = 1.0
         elif length > 0.0 and friction.normal is None:

@@ -14,19 +14,21 @@ from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraint_functions import constraint_functions
 from mbd_sim.dynamics.constraint_rank import row_is_zero
+from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.contact_places import placed_forces
 from mbd_sim.dynamics.contact_rows import Gap, one_sided_rows
 from mbd_sim.dynamics.initial_conditions import given_start, rheonomic
 from mbd_sim.dynamics.kinematics import SymbolicPose
 from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.state_scales import NaturalUnits, natural_units
 from mbd_sim.dynamics.tracing import TracedMechanism
-from mbd_sim.mechanism.records import Joint
+from mbd_sim.mechanism.records import Joint, Mechanism
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding, and no share
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
 CONFIGURATIONS = 3  # random ones, in which rows are judged
-SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
+SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ class OneSidedEquations:
     """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
 
     `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
-    the forces of those gaps that have a place.
+    the forces of those gaps that have a place. `lengths` (rows,) are the natural units of the rows' positions.
     """
 
     gaps: tuple[Gap, ...]
@@ -111,6 +113,24 @@ class OneSidedEquations:
     layout: OneSidedLayout
     numbers: ca.SX
     places: ca.SX
+    units: NaturalUnits
+    lengths: tuple[float, ...]
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """The natural units (rows,) of the rows' rates."""
+        return tuple(length * self.units.rate for length in self.lengths)
+
+    @property
+    def gap_units(self) -> tuple[float, ...]:
+        """The natural units (gaps,) of the gaps: of clutches those of their speeds."""
+        pairs = zip(self.gaps, self.lengths, self.speeds, strict=False)
+        return tuple(speed if gap.clutch else length for gap, length, speed in pairs)
+
+    @property
+    def slow(self) -> float:
+        """The speed in m/s up to which slip along two directions has none."""
+        return SLOW * self.units.speed
 
     @property
     def active(self) -> ca.SX:
@@ -143,9 +163,9 @@ class OneSidedEquations:
             return stored
         slip = ca.vertcat(*(self.equations.velocity[row] for row in element.rows))
         speed = ca.sqrt(ca.dot(slip, slip))
-        slides, moves = ca.fabs(ca.dot(stored, stored) - 1.0) < UNIT, speed > SLOW
+        slides, moves = ca.fabs(ca.dot(stored, stored) - 1.0) < UNIT, speed > self.slow
         forward = ca.if_else(ca.dot(stored, slip) < 0.0, -1.0, 1.0)
-        return ca.if_else(slides * moves, forward * slip / ca.fmax(speed, SLOW), stored)
+        return ca.if_else(slides * moves, forward * slip / ca.fmax(speed, self.slow), stored)
 
     def forces(self, solved: ca.SX) -> ca.SX:
         """The multipliers λ (rows,) of all rows, with the friction of sliding.
@@ -199,7 +219,16 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
     places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
-    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places)
+    units = natural_units(traced.numeric, traced.step)
+    lengths = tuple(units.length if _is_length(traced.numeric, row) else 1.0 for row in equations.rows)
+    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, lengths)
+
+
+def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
+    """Whether the position of a row is in m; a sum of coordinates is if one of them is."""
+    if row.unit:
+        return row.unit == "m"
+    return any(not mechanism.coordinate(name).rotation for name in row.factors)
 
 
 def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> set[int]:

@@ -32,7 +32,7 @@ from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.separation import separated
 from mbd_sim.dynamics.tracing import TracedMechanism
 
-ROUND_OFF = 1e-15  # m, of gaps of a mechanism of up to 1 m
+ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,9 @@ class OneSidedFunctions:
     - `rates`: y' as of `Equations.rates`.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
     - `readings(t, y, inputs, solution)`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and the guards (gaps +
-      frictions + loads with one component,), which are negative where a mode ends. Guards of forces are fractions of
-      the weight, or in N if that is below 1 N. Then, for friction along two directions, the rates in 1/s at which it
-      can turn its slip.
+      frictions + loads with one component,), which are negative where a mode ends. They are in natural units, those of
+      forces in that of the weight if it is larger. Then, for friction along two directions, the rates in 1/s at which
+      it can turn its slip.
     - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,).
     - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
       contact forces, and the sizes of sliding and of static friction (frictions, 2).
@@ -96,9 +96,14 @@ class OneSidedDynamics:
         contacts: OneSidedEquations,
         size: float,
     ) -> None:
-        self._traced, self._mass_matrix, self._solver, self._size = traced, mass_matrix, solver, max(1.0, size)
+        self._traced, self._mass_matrix, self._solver, self._size = (
+            traced,
+            mass_matrix,
+            solver,
+            max(contacts.units.length, size),
+        )
         mechanism = traced.numeric
-        self._weight = max(1.0, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
+        self._weight = max(contacts.units.force, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
         self._constraints, self._forces, self.contacts = constraints, forces, contacts
         rows = contacts.equations
         self._net_forces = mass_matrix.net_joint_forces(rows.gradient.T)
@@ -242,7 +247,8 @@ class OneSidedDynamics:
         state, n, gaps = traced.state, contacts.layout.rows, contacts.layout.gaps
         holonomic = ca.SX(ca.DM([0.0 if gap.clutch else 1.0 for gap in contacts.gaps]))
         depths = holonomic * contacts.equations.position[:gaps, :]
-        depths = depths * (ca.fabs(depths) > ROUND_OFF * self._size)  # so that what rests does not move at all
+        least = ROUND_OFF * self._size / contacts.units.length * ca.DM(contacts.lengths[:gaps])
+        depths = depths * (ca.fabs(depths) > least)  # so that what rests does not move at all
         position = ca.vertcat(-depths, ca.SX(n - gaps, 1))
         right = ca.horzcat(position, -contacts.equations.velocity)
         matrix = self._matrix

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.dynamics.contact_equations import RELEASED, SLIDING, SLOW, FrictionElement, OneSidedEquations
+from mbd_sim.dynamics.contact_equations import RELEASED, SLIDING, FrictionElement, OneSidedEquations
 from mbd_sim.dynamics.joint_loads import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
-UNMOVED = 5e-10  # m/s or rad/s, up to which a closed gap that depends on others does not move: above `RESTING`
-PARTED = 1e-11  # m/s or rad/s, up to which contacts that share their forces do not move: below `RESTING`
+UNMOVED = 5e-10  # of the natural speed, up to which a closed gap that depends on others does not move: above `RESTING`
+PARTED = 1e-11  # of the natural speed, up to which contacts that share their forces do not move: below `RESTING`
 RELOADED = 1e-8  # of the weight: the force at which a closed gap is loaded again, above the round-off of shared forces
-# m/s or rad/s, up to which friction at rest along one or two directions does not slip: above `RESTING`, `STOPPED`
+# Of the natural speed, up to which friction at rest along one or two directions does not slip: above `RESTING` and
+# `STOPPED`
 UNSLIPPED = 1e-9, 2e-8
 
 
@@ -61,9 +62,9 @@ def _turning(contacts: OneSidedEquations, element: FrictionElement, forces: ca.S
     speed = ca.sqrt(ca.dot(slip, slip))
     mobility = sum((matrix[row, row] for row in element.rows), ca.SX(0))
     stored = contacts.stored_direction(element)
-    slides = (ca.dot(stored, stored) > 0.0) * (speed > SLOW)
+    slides = (ca.dot(stored, stored) > 0.0) * (speed > contacts.slow)
     size = element.sliding(slip) * ca.fabs(forces[element.gap]) * mobility
-    return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
+    return ca.if_else(slides, size / ca.fmax(speed, contacts.slow), 0.0)
 
 
 def _gap_guard(contacts: OneSidedEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
@@ -71,11 +72,11 @@ def _gap_guard(contacts: OneSidedEquations, index: int, gap: ca.SX, force: ca.SX
 
     A gap that others hold without a force must not get one: it is `unloaded` by so much.
     """
-    speed = ca.fabs(contacts.equations.velocity[index])
+    speed = ca.fabs(contacts.equations.velocity[index]) / contacts.speeds[index]
     held, number = 1.0 - speed / UNMOVED, contacts.numbers[contacts.layout.active][index]
     bears = ca.if_else(number < 0.0, ca.fmin(force, 1.0 - speed / PARTED), force)
     closed = ca.if_else(number, bears, ca.fmin(held, unloaded + RELOADED))
-    return ca.if_else(contacts.closed[index], closed, gap)
+    return ca.if_else(contacts.closed[index], closed, gap / contacts.gap_units[index])
 
 
 def _friction_guard(
@@ -94,7 +95,7 @@ def _friction_guard(
     reserve = (element.static * load - size) / weight
     sticks = ca.sum1(contacts.active[rows]) > 0.0
     slides = ca.dot(stored, stored) > SLIDING
-    slip = contacts.equations.velocity[rows, :]
+    slip = contacts.equations.velocity[rows, :] / contacts.speeds[rows[0]]
     speed = ca.dot(stored, slip)
     if len(rows) == 2:
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))

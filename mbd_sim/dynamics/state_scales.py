@@ -7,6 +7,7 @@ energy with that of the mass at such a speed. So the same motion is computed ali
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,36 @@ STEPS = 1000.0  # in the unit of time
 # Lengths, times and masses are rounded to powers of this number, so that similar mechanisms have the same code: their
 # unit is 1 m from 5 mm to 5 m, 1 s for steps from 0.1 ms to 0.1 s, and so on.
 BASE, LENGTH, TIME = 1024.0, 0.16, 3.2
+FALL = 0.125  # of g t²: the height of a fall in half of a time t
+
+
+@dataclass(frozen=True)
+class NaturalUnits:
+    """What lengths in m, rates in 1/s and masses in kg of a mechanism are compared with: powers of 1024."""
+
+    length: float
+    rate: float
+    mass: float
+
+    @property
+    def speed(self) -> float:
+        """In m/s."""
+        return self.length * self.rate
+
+    @property
+    def force(self) -> float:
+        """In N."""
+        return self.mass * self.speed * self.rate
+
+
+def natural_units(mechanism: Mechanism, step: float) -> NaturalUnits:
+    """The natural units of a mechanism; all are 1 for some 5 mm to 5 m, 0.1 ms to 0.1 s, and 30 g to 30 kg.
+
+    :param step: in s.
+    """
+    length, rate = _rounded(_length(mechanism, step) / LENGTH), 1.0 / _rounded(STEPS * step / TIME)
+    mass = sum(part.mass + float(np.trace(part.inertia)) / length**2 for part in mechanism.parts.values())
+    return NaturalUnits(length, rate, _rounded(mass))
 
 
 def state_scales(
@@ -33,7 +64,8 @@ def state_scales(
     :param step: in s.
     :param core: the number of components before the energies.
     """
-    length, rate = _rounded(_length(mechanism, step) / LENGTH), 1.0 / _rounded(STEPS * step / TIME)
+    units = natural_units(mechanism, step)
+    length, rate = units.length, units.rate
     q, u = list[float](), list[float]()
     for joint in mechanism.joints.values():
         lengths = [1.0 if coordinate.rotation else length for coordinate in joint.kind.coordinates]
@@ -45,8 +77,7 @@ def state_scales(
     for name in layout.drives:
         own = 1.0 if mechanism.joints[name].kind.coordinates[0].rotation else length
         q += [own * rate**power for power in range(STATES)]
-    mass = sum(part.mass + float(np.trace(part.inertia)) / length**2 for part in mechanism.parts.values())
-    energy = _rounded(mass) * length**2 * rate**2
+    energy = units.mass * length**2 * rate**2
     result = [*q, *u, *[1.0] * (core - len(q) - len(u)), *[energy] * (size - core)]
     for actuator, slots in zip(mechanism.actuators, actuators.slots, strict=True):
         for name, index in slots.states.items():
@@ -105,4 +136,4 @@ def _length(mechanism: Mechanism, step: float) -> float:
                 speeds.append(abs(float(joint.velocity[index])))
     time = STEPS * step
     gravity = float(np.linalg.norm(mechanism.gravity))
-    return max(positions, default=0.0) or max(speeds, default=0.0) * time or gravity * time**2
+    return max(positions, default=0.0) or max(speeds, default=0.0) * time or FALL * gravity * time**2

@@ -18,13 +18,14 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_search import STOPPED
 from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 
-RESTING = 1e-10  # m/s, up to which a speed counts as zero
-YIELDING = 1.0 - 1e-7  # of its limit, that friction bears which has just reached it
+RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
+YIELDING = 1.0 - 1e-8  # of its limit, that friction bears which has just reached it
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
-RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits, tried where friction is shared
+RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 20)))  # of limits, tried where friction is shared
 NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
 SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
-LATE = 0.9  # of all limits, beyond which dependent friction bears as much as it can
+PLIANT = 1e-3  # weight of changes of shared friction beside that of normal forces, which so stay as they are
+LEAST = 1e-2  # of the largest reserve of friction, that counts at least
 EQUAL = 1e-8  # relative difference of forces that counts as none
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
@@ -53,7 +54,7 @@ class Candidates:
     ) -> None:
         self._model, self._readings, self._terms, self._forced = model, readings, terms, forced
         gaps = model.layout.gaps
-        resting = readings.rates[:gaps] <= RESTING
+        resting = readings.rates[:gaps] <= RESTING * model.speeds[:gaps]
         self._touching = [index for index in range(gaps) if touching[index] and resting[index]]
         self._closable = [index for index in self._touching if index not in forced.open]
         self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
@@ -61,7 +62,6 @@ class Candidates:
         self._share = 1.0  # of the limits of friction at rest
         self._pressures: Array | None = None  # normal forces from which these limits follow
         self._coupled = terms.matrix  # A with the friction of what slides
-        self._is_late = False  # whether friction that is shared is near its limits in any case
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
         for index, (rows, gap) in enumerate(model.frictions):
@@ -70,7 +70,7 @@ class Candidates:
             slip = readings.rates[list(rows)]
             if index in forced.slides:
                 self._direction[index] = np.array(forced.slides[index])
-            elif (speed := euclidean_norm(slip)) > (RESTING if len(rows) == 1 else STOPPED):
+            elif (speed := euclidean_norm(slip)) > (RESTING if len(rows) == 1 else STOPPED) * model.speeds[rows[0]]:
                 self._direction[index] = slip / speed
             elif terms.sizes[index, 1] > 0.0 and gap not in forced.open:
                 self._sticking.append(index)
@@ -87,8 +87,13 @@ class Candidates:
         for _ in range(ATTEMPTS):
             forces, rates = self._forces_and_loads()
             slipping = self._slipping(forces, rates)
+            if not slipping and self._share == 1.0:
+                if (reserved := self._with_reserve(forces, rates)) is not None:
+                    forces, rates = reserved
+                    break
+                self._share = RESERVES[-1]  # so near to its limits, all of it begins to slide
+                continue
             if not slipping:
-                forces, rates = self._with_reserve(forces, rates)
                 break
             for index, direction in slipping.items():
                 self._direction[index] = direction
@@ -96,23 +101,24 @@ class Candidates:
         size = self._unmoved
         for index in self._released:
             acceleration = rates[list(self._model.frictions[index][0])]
-            if (change := euclidean_norm(acceleration)) > size:
+            if (change := euclidean_norm(acceleration)) > size[self._model.frictions[index][0][0]]:
                 self._direction[index] = acceleration / change
         for gap in sorted(self._forced.open & set(self._touching)):
-            if rates[gap] < -size:
+            if rates[gap] < -size[gap]:
                 return np.zeros(0), replace(self._forced, open=self._forced.open - {gap})
         for index, given in self._forced.slides.items():
-            own = rates[list(self._model.frictions[index][0])]
-            at_rest = euclidean_norm(self._readings.rates[list(self._model.frictions[index][0])]) <= RESTING
-            if index in self._direction and at_rest and sum((own * given).tolist()) < -size:
+            rows = list(self._model.frictions[index][0])
+            at_rest = euclidean_norm(self._readings.rates[rows]) <= RESTING * self._model.speeds[rows[0]]
+            if index in self._direction and at_rest and sum((rates[rows] * given).tolist()) < -size[rows[0]]:
                 rest = {other: kept for other, kept in self._forced.slides.items() if other != index}
                 return np.zeros(0), replace(self._forced, slides=rest)
         return self._modes(forces, rates, size, before), None
 
     @property
-    def _unmoved(self) -> float:
-        """The acceleration that counts as zero."""
-        return UNMOVED * (1.0 + float(np.max(np.abs(self._terms.free), initial=0.0)))
+    def _unmoved(self) -> Array:
+        """The accelerations (rows,) that count as zero."""
+        units = self._model.speeds * self._model.units.rate
+        return UNMOVED * units * (1.0 + float(np.max(np.abs(self._terms.free) / units, initial=0.0)))
 
     def _forces_and_loads(self) -> tuple[Array, Array]:
         """The same as `_forces`, with the loads of joints that follow from these forces."""
@@ -167,28 +173,37 @@ class Candidates:
             return FrictionLimit(own, None if gap is None else place[gap], size)
         return FrictionLimit(own, None, size * float(self._pressures[gap]))
 
-    def _with_reserve(self, forces: Array, rates: Array) -> tuple[Array, Array]:
-        """Other forces with the same accelerations, with which friction that is shared is further from its limits."""
+    def _with_reserve(self, forces: Array, rates: Array) -> tuple[Array, Array] | None:
+        """Other forces with the same accelerations, with which friction that is shared is further from its limits.
+
+        None: there is no reserve.
+        """
         if len(self._sticking) < 2 or not any(self._use(index, forces) > NEAR for index in self._sticking):
             return forces, rates
         rows = [row for index in self._sticking for row in self._model.frictions[index][0]]
         rows += [gap for gap in self._closable if forces[gap] > 0.0]
         if len(independent(self._terms.matrix, rows)) == len(rows):
             return forces, rates
-        for share in RESERVES:
-            self._share, self._pressures = share, forces
-            try:
-                found, others = self._forces_and_loads()
-            except NoSolutionError:
-                continue
-            finally:
-                self._share, self._pressures = 1.0, None
-            within = all(self._use(index, found) <= 1.0 for index in self._sticking)
-            if within and np.max(np.abs(others - rates)) <= self._unmoved:
-                self._is_late = share > LATE
-                return found, others
-        self._is_late = True
-        return forces, rates
+        best, low, high = None, 0, len(RESERVES)
+        while low < high:  # with a larger share there is a solution as well
+            middle = (low + high) // 2
+            if (found := self._with_share(RESERVES[middle], forces, rates)) is None:
+                low = middle + 1
+            else:
+                best, high = found, middle
+        return best
+
+    def _with_share(self, share: float, forces: Array, rates: Array) -> tuple[Array, Array] | None:
+        """Forces with these accelerations and at most a share of the limits of friction at rest, if there are any."""
+        self._share, self._pressures = share, forces
+        try:
+            found, others = self._forces_and_loads()
+        except NoSolutionError:
+            return None
+        finally:
+            self._share, self._pressures = 1.0, None
+        within = all(self._use(index, found) <= 1.0 for index in self._sticking)
+        return (found, others) if within and np.all(np.abs(others - rates) <= self._unmoved) else None
 
     def _use(self, index: int, forces: Array) -> float:
         """The fraction of its limit that sticking friction bears."""
@@ -209,29 +224,20 @@ class Candidates:
             load = 1.0 if gap is None else forces[gap]
             force, limit = forces[list(rows)], self._static(index) * load
             size, acceleration = euclidean_norm(force), rates[list(rows)]
-            if size >= limit * (1.0 - 1e-9) and (change := euclidean_norm(acceleration)) > unmoved:
+            if size >= limit * (1.0 - 1e-9) and (change := euclidean_norm(acceleration)) > unmoved[rows[0]]:
                 found[index] = -force / size if size > 0.0 else acceleration / change
         return found
 
-    def _modes(self, forces: Array, rates: Array, size: float, before: Array) -> Array:
+    def _modes(self, forces: Array, rates: Array, size: Array, before: Array) -> Array:
         model, layout = self._model, self._model.layout
         modes = np.zeros(layout.modes.stop)
         modes[layout.signs] = before[layout.signs]
-        closed = [gap for gap in self._closable if forces[gap] > 0.0 or abs(rates[gap]) <= size]
+        closed = [gap for gap in self._closable if forces[gap] > 0.0 or abs(rates[gap]) <= size[gap]]
         closed += self._held(closed, rates, size)
         modes[closed] = 1.0
         sticking = [index for index in self._sticking if model.frictions[index][1] in (None, *closed)]
-        chosen = self._active(closed, sticking, forces, modes)
+        self._activate(closed, sticking, forces, modes)
         first = layout.direction.start - layout.gaps
-        for index in sticking:
-            rows, gap = model.frictions[index]
-            limit = self._terms.sizes[index, 1] * (1.0 if gap is None else forces[gap])
-            if index in self._loads or limit <= 0.0 or all(row in chosen for row in rows):
-                continue
-            share = [0.0 if row in chosen else -float(forces[row]) / limit for row in rows]
-            size = euclidean_norm(share)
-            for row, part in zip(rows, share, strict=True):
-                modes[first + row] = part * min(1.0, SHARED / size) if size else 0.0
         for index in self._released:
             modes[first + model.frictions[index][0][0]] = RELEASED
         for index, direction in self._direction.items():
@@ -244,49 +250,88 @@ class Candidates:
         model.set_signs(self._terms, forces, modes)
         return modes
 
-    def _held(self, closed: list[int], rates: Array, size: float) -> list[int]:
+    def _held(self, closed: list[int], rates: Array, size: Array) -> list[int]:
         """Of the gaps that were to open, those which the closed ones hold: without force on elastic supports."""
         found, rank = list[int](), len(independent(self._terms.matrix, closed))
         for gap in sorted(self._forced.open & set(self._touching)):
-            if abs(rates[gap]) <= size and len(independent(self._terms.matrix, [*closed, gap])) == rank:
+            if abs(rates[gap]) <= size[gap] and len(independent(self._terms.matrix, [*closed, gap])) == rank:
                 found.append(gap)
         return found
 
-    def _active(self, closed: list[int], sticking: list[int], forces: Array, modes: Array) -> list[int]:
+    def _activate(self, closed: list[int], sticking: list[int], forces: Array, modes: Array) -> None:
         """Write into the modes which rows are solved for: all that bear a force, and independent ones without."""
         model, matrix = self._model, self._terms.matrix
         rows = sorted(closed, key=lambda gap: (-forces[gap], gap))
-        sticking = sorted(sticking, key=lambda index: (-euclidean_norm(forces[list(model.frictions[index][0])]), index))
         rows += [row for index in sticking for row in model.frictions[index][0]]
-        shares = [row for row in rows if forces[row]]
-        if not self._are_least(shares, forces):  # friction that depends on other friction then bears a constant part
-            shares = [row for row in shares if row < model.layout.gaps]
+        able = {row for index in self._limits(sticking, forces) for row in model.frictions[index][0]}
+        shares = [row for row in rows if forces[row] or row in able]
         chosen = independent(matrix, [*shares, *(row for row in rows if row not in shares)])
         first = model.layout.active.start
         modes[[first + row for row in chosen]] = 1.0
-        if len(chosen) < len(rows):
-            chosen = shares + [row for row in chosen if row not in shares]
-            modes[[first + row for row in shares]] = -model.compliance[shares]
-        return chosen
+        if len(chosen) == len(rows):
+            return
+        weights = np.zeros(len(forces))
+        weights[shares] = model.compliance[shares]
+        if not self._are_least(self._coupled, shares, forces, weights):
+            pliant, kept = self._pliant(sticking, forces, weights), self._with_kept_shares(sticking, shares, forces)
+            if any(index in self._loads for index in sticking) or self._are_least(*kept, pliant):
+                weights = pliant
+                self._keep_shares(sticking, forces, modes)
+            else:  # friction wedges the mechanism: normal forces depend on it
+                shares = [row for row in shares if row < model.layout.gaps]
+                chosen = independent(matrix, [*shares, *(row for row in rows if row not in shares)])
+                modes[[first + row for row in rows]] = 0.0
+                modes[[first + row for row in chosen]] = 1.0
+                dependent = [index for index in sticking if not set(model.frictions[index][0]) <= set(chosen)]
+                self._keep_shares(dependent, forces, modes, but=chosen)
+        modes[[first + row for row in shares]] = -weights[shares]
 
-    def _are_least(self, rows: list[int], forces: Array) -> bool:
-        """Whether forces are those of equal elastic supports: others bear what friction, at its limits, leaves them."""
-        matrix, given = self._coupled[rows][:, rows], forces[rows]
-        least = least_solution(matrix, product(matrix, given), self._model.compliance[rows])
+    def _limits(self, sticking: list[int], forces: Array) -> dict[int, float]:
+        """What friction at rest can bear, where that is more than zero and no load of a joint."""
+        sizes, found = self._terms.sizes, dict[int, float]()
+        for index in sticking:
+            gap = self._model.frictions[index][1]
+            limit = float(sizes[index, 1]) * (1.0 if gap is None else float(forces[gap]))
+            if index not in self._loads and limit > 0.0:
+                found[index] = limit
+        return found
+
+    def _are_least(self, matrix: Array, rows: list[int], forces: Array, weights: Array) -> bool:
+        """Whether forces are those of elastic supports: others bear what friction, at its limits, leaves them."""
+        matrix, given = matrix[rows][:, rows], forces[rows]
+        least = least_solution(matrix, product(matrix, given), weights[rows])
         return bool(np.max(np.abs(least - given), initial=0.0) <= EQUAL * np.max(np.abs(given), initial=0.0))
 
-    def at_limits(self, modes: Array) -> Array | None:
-        """Modes in which elements that depend on others bear all that they can; None if that is not necessary."""
-        if not self._is_late:
-            return None
-        model, layout, loaded = self._model, self._model.layout, modes.copy()
-        for index in self._sticking:
-            rows = model.frictions[index][0]
-            places = [layout.direction.start - layout.gaps + row for row in rows]
-            size = euclidean_norm(modes[places])
-            if size > 0.0 and not any(modes[layout.active.start + row] for row in rows):
-                loaded[places] = modes[places] * (SHARED / size)
-        return loaded
+    def _with_kept_shares(self, sticking: list[int], rows: list[int], forces: Array) -> tuple[Array, list[int], Array]:
+        """A where friction at rest bears its share of its limits, the rows, and the forces besides."""
+        matrix, rest = self._coupled.copy(), forces.copy()
+        for index in self._limits(sticking, forces):
+            own, gap = self._model.frictions[index]
+            rest[list(own)] = 0.0
+            if gap is not None:
+                for row in own:
+                    matrix[:, gap] += self._terms.matrix[:, row] * (forces[row] / forces[gap])
+        return matrix, rows, rest
+
+    def _pliant(self, sticking: list[int], forces: Array, weights: Array) -> Array:
+        """Weights with which changes are distributed by what friction can still bear."""
+        limits, changed = self._limits(sticking, forces), weights.copy()
+        own = {index: list(self._model.frictions[index][0]) for index in limits}
+        reserves = {index: limit - euclidean_norm(forces[own[index]]) for index, limit in limits.items()}
+        largest = max(reserves.values(), default=0.0) or 1.0
+        for index, rows in own.items():
+            changed[rows] = self._model.compliance[rows] * PLIANT / max(reserves[index] / largest, LEAST)
+        return changed
+
+    def _keep_shares(self, sticking: list[int], forces: Array, modes: Array, but: Sequence[int] = ()) -> None:
+        """Let friction at rest keep its share of its limits, except in some rows."""
+        first = self._model.layout.direction.start - self._model.layout.gaps
+        for index, limit in self._limits(sticking, forces).items():
+            rows = self._model.frictions[index][0]
+            shares = [0.0 if row in but else -float(forces[row]) / limit for row in rows]
+            size = euclidean_norm(shares)
+            for row, share in zip(rows, shares, strict=True):
+                modes[first + row] = share * min(1.0, SHARED / size) if size else 0.0
 
 
 def euclidean_norm(vector: Sequence[float] | Array) -> float:

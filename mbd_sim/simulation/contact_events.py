@@ -163,7 +163,8 @@ class OneSidedStepper:
         old = model.modes(inputs).copy()
         readings = model.readings(time, y, inputs)
         touching = self._finder.is_touching(readings) | touched
-        rates = readings.rates[: model.layout.gaps]
+        gaps = model.layout.gaps
+        rates = readings.rates[:gaps] / model.speeds[:gaps]
         returning = touched & (rates > RESTING)
         if np.any(touching & (rates < -RESTING)) or np.any(returning):
             self._impact(time, y, inputs, readings, touching, returning, elastic)

@@ -21,7 +21,7 @@ from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadin
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 HALVINGS = 50
-ELASTIC_REST = 1e-9  # m/s, the approach speed below which even an elastic contact closes
+ELASTIC_REST = 1e-9  # of the natural speed, the approach speed below which even an elastic contact closes
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +51,15 @@ def impact(
     """The impact of all touching contacts.
 
     :param returning: gaps (gaps,) that open so slowly that they close again before they differ from zero.
-    :param rest_speed: approach speed in m/s below which a contact does not rebound.
+    :param rest_speed: approach speed in m/s below which a contact does not rebound, for angles that at
+        the natural length.
     :param elastic: False: nothing rebounds.
     :raises NoSolutionError: no impulses are admissible.
     """
     terms = model.terms(time, y, inputs)
     e = model.restitution(inputs)
-    slow = np.where(e == 1.0, ELASTIC_REST, rest_speed)
+    rest = rest_speed * model.speeds / model.units.speed
+    slow = np.where(e == 1.0, ELASTIC_REST * model.speeds[: len(e)], rest[: len(e)])
     rates = readings.rates[: model.layout.gaps]
     gaps = [int(index) for index in np.flatnonzero(touching)]
     frictions = [
@@ -68,7 +70,7 @@ def impact(
     resting = [gap for gap in gaps if abs(rates[gap]) <= slow[gap] or returning[gap]]
     if np.all(rates[gaps] >= -slow[gaps]) and resting:
         own = [rows for rows, gap, _ in frictions if gap in resting]
-        slip = [row for rows in own for row in rows if abs(readings.rates[row]) <= rest_speed]
+        slip = [row for rows in own for row in rows if abs(readings.rates[row]) <= rest[row]]
         return _rest(model, time, y, inputs, readings, terms.matrix, [*resting, *slip])
     chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
     place = {row: position for position, row in enumerate(chosen)}

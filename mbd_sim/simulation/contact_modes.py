@@ -14,7 +14,7 @@ from mbd_sim.simulation.contact_terms import Mask, OneSidedModel, OneSidedReadin
 
 
 class ModeFinder:
-    """Finds the modes of a contact model; `touching` is the gap in m that counts as zero."""
+    """Finds the modes of a contact model; `touching` is the gap in natural units that counts as zero."""
 
     def __init__(self, model: OneSidedModel, touching: float) -> None:
         self._model, self._touching = model, touching
@@ -23,7 +23,7 @@ class ModeFinder:
         """Which gaps (gaps,) are zero; for clutches, whether they do not slip."""
         clutches = self._model.clutches
         limit = np.where(clutches, RESTING, self._touching)
-        return np.asarray(readings.gaps <= limit, dtype=bool)
+        return np.asarray(readings.gaps <= limit * self._model.gap_units, dtype=bool)
 
     def find(self, time: float, y: Array, inputs: Array, forced: Forced = NOTHING_FORCED) -> Array:
         """The modes (see `OneSidedLayout.modes`) at a state without approaching contacts.
@@ -42,24 +42,9 @@ class ModeFinder:
             guards = self._model.readings(time, y, inputs)
             overloaded = self._overloaded(guards, terms, modes)
             if not overloaded:
-                return self._at_limits(time, y, inputs, state, terms, modes)
+                return modes
             forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
         raise NoSolutionError("the contacts keep changing their states")
-
-    def _at_limits(
-        self, time: float, y: Array, inputs: Array, state: Candidates, terms: OneSidedTerms, modes: Array
-    ) -> Array:
-        """The modes with all dependent friction at its limits, if the other friction at rest is then within its own.
-
-        So contacts that share a load slip when it reaches the sum of their limits, and not earlier.
-        """
-        loaded = state.at_limits(modes)
-        if loaded is None:
-            return modes
-        self._model.modes(inputs)[:] = loaded
-        if self._overloaded(self._model.readings(time, y, inputs), terms, loaded):
-            return modes
-        return loaded
 
     def _overloaded(self, found: OneSidedReadings, terms: OneSidedTerms, modes: Array) -> dict[int, tuple[float, ...]]:
         """Sticking elements that carry more than they can, with the direction in which each is loaded.
@@ -68,7 +53,7 @@ class ModeFinder:
         """
         model, overloaded = self._model, dict[int, tuple[float, ...]]()
         sliding, active = model.sliding(modes), modes[model.layout.active]
-        scale = 1.0 + float(np.max(np.abs(found.forces), initial=0.0))
+        scale = model.units.force + float(np.max(np.abs(found.forces), initial=0.0))
         for index, (rows, gap) in enumerate(model.frictions):
             if index in sliding or not any(active[list(rows)]):
                 continue

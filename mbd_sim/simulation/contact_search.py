@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.compiler.guarded_stepping import AT_REST, STIFF, TURNING
+from mbd_sim.compiler.guarded_stepping import STIFF, TURNING
 from mbd_sim.contact.elimination import solve
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_terms import OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.event_location import first_zero
 from mbd_sim.simulation.trial_motion import TrialMotion
 
-STOPPED = 1e-8  # m/s, up to which slip along two directions counts as zero: it turns ever faster as it stops
+STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
 STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
-NOISE = 1e-15  # m/s, of slip
+NOISE = 1e-15  # of the natural speed, in slip
 SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
@@ -26,7 +26,7 @@ BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
 FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8
-SHORTEST = 1e-15  # s, and of the time
+SHORTEST = 1e-15  # of the natural time, and of the time
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
 FALLING = 10.0
@@ -56,6 +56,7 @@ class EventSearch:
 
     def __init__(self, model: OneSidedModel, tolerance: float) -> None:
         self._model, self._tolerance = model, tolerance
+        self._stopped, self._noise = STOPPED * model.units.speed, NOISE * model.units.speed
         self._place = {index: place for place, index in enumerate(model.pairs)}
 
     def stage(
@@ -117,21 +118,25 @@ class EventSearch:
         gaps = self._model.layout.gaps
         closed = inputs[self._model.span][self._model.layout.closed] != 0.0
         down, up = before.rates[:gaps], after.rates[:gaps]
-        turns = (down < 0.0) & (up > 0.0) & (before.gaps > self._tolerance)
-        near = np.minimum(before.gaps, after.gaps) <= self._tolerance + FALLING * length * np.maximum(-down, up)
-        open_ones = ~closed & ~self._model.clutches & (after.gaps >= -self._tolerance)
+        limit = self._tolerance * self._model.gap_units
+        turns = (down < 0.0) & (up > 0.0) & (before.gaps > limit)
+        near = np.minimum(before.gaps, after.gaps) <= limit + FALLING * length * np.maximum(-down, up)
+        open_ones = ~closed & ~self._model.clutches & (after.gaps >= -limit)
         return np.flatnonzero(turns & near & open_ones).tolist()
 
     def _grazing(self, motion: TrialMotion, index: int, first: float | None, length: float) -> float | None:
         """Where a gap that turns within the step becomes zero before that, if that is the first event."""
+
+        def gap(at: OneSidedReadings) -> float:
+            return float(at.gaps[index] / self._model.gap_units[index])
 
         def rate(s: float) -> float:
             return -float(motion.readings(s).rates[index])
 
         lowest = first_zero(rate, length, rate(0.0), rate(length), 0.0)
         if first is not None and first <= lowest:
-            return first if first == 0.0 else self._earlier(motion, lambda at: float(at.gaps[index]), first, length)
-        found = self._earlier(motion, lambda at: float(at.gaps[index]), lowest, length)
+            return first if first == 0.0 else self._earlier(motion, gap, first, length)
+        found = self._earlier(motion, gap, lowest, length)
         return found if found != lowest else first
 
     def _turning(self, motion: TrialMotion, before: OneSidedReadings, sliding: list[int], length: float) -> list[int]:
@@ -141,7 +146,7 @@ class EventSearch:
             slip, then, place = self._slip(before, index), self._slip(after, index), self._place[index]
             change, speed = math.hypot(then[0] - slip[0], then[1] - slip[1]), _speed(slip)
             rate = max(float(before.turning[place]), float(after.turning[place]))
-            if change > TURNING * speed or (speed > AT_REST and length * rate > STIFF):
+            if change > TURNING * speed or (speed > self._model.slow and length * rate > STIFF):
                 found.append(index)
         return found
 
@@ -152,8 +157,8 @@ class EventSearch:
         directions = [self._direction(index, inputs) for index in turning]
         motion = self._fixed(y, inputs, t, turning, directions)
         for index, direction in zip(turning, directions, strict=True):
-            slips = [self._slip(motion.readings(s), index) for s in (0.0, length)]
-            if not _is_straight(direction, *slips):
+            was, now = (self._slip(motion.readings(s), index) for s in (0.0, length))
+            if not _is_straight(direction, was, now, self._noise):
                 return None
         return motion
 
@@ -161,7 +166,7 @@ class EventSearch:
         self, motion: TrialMotion, before: OneSidedReadings, inputs: Array, sliding: list[int], length: float, t: float
     ) -> float:
         """The length of a part of a step in which no slip turns much."""
-        shortest = SHORTEST * max(1.0, abs(t))
+        shortest = SHORTEST * max(1.0 / self._model.units.rate, abs(t))
         while length > shortest:
             shorter = self._resolved(before, motion.readings(length), sliding, length)
             if shorter >= length:
@@ -173,7 +178,7 @@ class EventSearch:
         self, motion: TrialMotion, before: OneSidedReadings, turning: list[int], length: float
     ) -> tuple[list[int], float]:
         """The elements whose friction turns their slip much faster than it changes, and how long it does."""
-        moving = [index for index in turning if _speed(self._slip(before, index)) > AT_REST]
+        moving = [index for index in turning if _speed(self._slip(before, index)) > self._model.slow]
         rates = {index: float(before.turning[self._place[index]]) / STIFF for index in moving}
         fastest = max(rates.values(), default=0.0)
         if length * fastest <= STEADY:
@@ -231,7 +236,7 @@ class EventSearch:
         return [float(readings.rates[row]) for row in rows]
 
     def _creeps(self, readings: OneSidedReadings, sliding: list[int]) -> bool:
-        return any(AT_REST < _speed(self._slip(readings, index)) <= STOPPED for index in sliding)
+        return any(self._model.slow < _speed(self._slip(readings, index)) <= self._stopped for index in sliding)
 
     def _turn(self, readings: OneSidedReadings, inputs: Array, sliding: list[int]) -> None:
         """Store the present directions of sliding."""
@@ -241,7 +246,7 @@ class EventSearch:
             rows = self._model.frictions[index][0]
             slip = readings.rates[list(rows)].tolist()
             speed = math.hypot(*slip)
-            if speed > AT_REST:
+            if speed > self._model.slow:
                 for row, part in zip(rows, slip, strict=True):
                     modes[first + row] = part / speed
 
@@ -257,12 +262,12 @@ class EventSearch:
         for index in sliding:
             was, now, place = self._slip(before, index), self._slip(after, index), self._place[index]
             speed, change = _speed(was), math.hypot(now[0] - was[0], now[1] - was[1])
-            if speed <= AT_REST:  # sliding begins; no method is accurate in that, but for a short while
-                if change > STOPPED:
-                    share = min(share, SHORTER * STOPPED / change)
+            if speed <= self._model.slow:  # sliding begins; no method is accurate in that, but for a short while
+                if change > self._stopped:
+                    share = min(share, SHORTER * self._stopped / change)
                 continue
-            rate = max(float(before.turning[place]), float(after.turning[place])) if speed > STOPPED else 0.0
-            excess = max(change / ((TURNING if speed > STOPPED else STOPPING) * speed), length * rate / STIFF)
+            rate = max(float(before.turning[place]), float(after.turning[place])) if speed > self._stopped else 0.0
+            excess = max(change / ((TURNING if speed > self._stopped else STOPPING) * speed), length * rate / STIFF)
             if excess > 1.0:
                 share = min(share, max(SHORTER / excess, SHORTENING))
         return share * length
@@ -272,7 +277,7 @@ class EventSearch:
         rows = list(self._model.frictions[index][0])
         was = before.rates[rows].tolist()
         speed = math.hypot(*was)
-        if speed <= AT_REST:
+        if speed <= self._model.slow:
             return None
         along = [part / speed for part in was]
 
@@ -293,8 +298,8 @@ def _speed(slip: list[float]) -> float:
     return math.hypot(*slip)
 
 
-def _is_straight(direction: list[float], was: list[float], now: list[float]) -> bool:
+def _is_straight(direction: list[float], was: list[float], now: list[float], noise: float) -> bool:
     """Whether a slip has the direction before and after it has changed, or has reversed it."""
     change = math.hypot(now[0] - was[0], now[1] - was[1])
     across = max(abs(direction[0] * slip[1] - direction[1] * slip[0]) for slip in (was, now))
-    return across <= STRAIGHT * change + NOISE
+    return across <= STRAIGHT * change + noise

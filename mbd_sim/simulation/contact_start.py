@@ -9,7 +9,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.source import Location
 from mbd_sim.simulation.compiled_model import Model
 
-DEPTH = 1e-9  # m or rad, of a mechanism of up to 1 m, up to which a start counts as touching
+DEPTH = 1e-9  # of the size of the mechanism or its natural length, up to which a start counts as touching
 REMEDY = "Change the start positions so that the gap is zero or positive."
 
 
@@ -28,10 +28,11 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     functions = model.equations.one_sided
     assert functions is not None
     readings = model.one_sided.readings(time, y, inputs)
-    limit = DEPTH * max(1.0, model.equations.constraints.size)
-    found = []
-    for gap, distance in zip(functions.contacts.gaps, readings.gaps.tolist(), strict=True):
-        if gap.clutch or not distance < -limit:
+    contacts, found = functions.contacts, []
+    limit = DEPTH * max(1.0, model.equations.constraints.size / contacts.units.length)
+    gaps = zip(contacts.gaps, readings.gaps.tolist(), contacts.gap_units, strict=True)
+    for gap, distance, unit in gaps:
+        if gap.clutch or not distance < -limit * unit:
             continue
         row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
         match row.owner[0]:

@@ -9,12 +9,13 @@ from mbd_sim.compiler.guarded_system import OneSidedSystem
 from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.dynamics.equations import Equations
 
-TOLERANCE = 1e-13  # of guards, for a mechanism of up to 1 m; m, m/s, and fractions of the weight
+TOLERANCE = 1e-13  # of guards in natural units, for a mechanism of up to the natural length
 
 
 def guard_tolerance(equations: Equations) -> float:
     """How negative a guard may be by round-off."""
-    return TOLERANCE * max(1.0, equations.constraints.size)
+    assert equations.one_sided is not None
+    return TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.contacts.units.length)
 
 
 def one_sided_system(equations: Equations, contact: OneSidedFunctions) -> OneSidedSystem:
@@ -41,4 +42,6 @@ def one_sided_system(equations: Equations, contact: OneSidedFunctions) -> OneSid
         loads=loads,
         slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
         tolerance=guard_tolerance(equations),
+        gap_units=contact.contacts.gap_units,
+        slow=contact.contacts.slow,
     )

@@ -67,7 +67,8 @@ class OneSidedModel:
 
     `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
-    that of equal elastic supports, see `ContactProblem`.
+    that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
+    `speeds` (rows,), and of the gaps, `gap_units` (gaps,).
     """
 
     __repr__ = short_repr
@@ -83,6 +84,8 @@ class OneSidedModel:
         ]
         self.placed = tuple(index for index, gap in enumerate(contacts.gaps) if gap.place is not None)
         self.compliance = _compliance(contacts, size)
+        self.units, self.slow = contacts.units, contacts.slow
+        self.speeds, self.gap_units = np.array(contacts.speeds), np.array(contacts.gap_units)
         self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
         self.row_names = _row_names(contacts)
         self.names = self.row_names[: self.layout.gaps]
@@ -190,7 +193,7 @@ class OneSidedModel:
                 continue  # nothing loads this joint
             parts = [float(unloaded[0]), *(by_force[0] * forces).tolist()]
             value, position = sum(parts), self.layout.signs.start + number
-            if abs(value) > ROUND_OFF * (1.0 + sum(map(abs, parts))):
+            if abs(value) > ROUND_OFF * (self.units.force + sum(map(abs, parts))):
                 modes[position] = -1.0 if value < 0.0 else 1.0
             elif modes[position] == 0.0:
                 modes[position] = 1.0

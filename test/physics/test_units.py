@@ -10,6 +10,7 @@ from test.generators.mechanisms import KINDS
 from test.generators.scaled_mechanisms import Units, scaled
 
 SMOOTH = [name for name in KINDS if not has_one_sided(load_mechanism(name))]
+CONTACTS = ["backlash", "belt", "column_of_beads", "elbow_stop", "rope", "spinning_ball", "stops"]
 LARGE = Units(length=1024.0**2, mass=1024.0**-2, time=1024.0**2)  # 1.05e6, without round-off
 SMALL = Units(length=1024.0**-2, mass=1024.0**2, time=1024.0**-2)
 DECIMAL = Units(length=1e-6, mass=1e-9, time=1e-6)  # µm, µg and µs in place of m, kg and s
@@ -44,6 +45,27 @@ def test_units_that_are_powers_of_ten_change_no_digit_but_the_last(name):
     found, *others = motion(scaled(name, DECIMAL), DECIMAL)
     assert others == choices
     assert np.max(np.abs(found - expected)) <= 1e-11 * np.max(np.abs(expected))
+
+
+def contact_motion(name, units):
+    """Coordinates, and the events with their times, in the units of the file."""
+    mechanism = scaled(name, units)
+    simulation = Simulation(mechanism)
+    simulation.step(200)
+    rotations = np.array([mechanism.coordinate(name).rotation for name in simulation.coordinate_names])
+    coordinates = np.array(simulation.model.coordinates(simulation.state)) / np.where(rotations, 1.0, units.length)
+    events = [(event.name, event.change) for event in simulation.contact_events]
+    return coordinates, events, np.array([event.time / units.time for event in simulation.contact_events])
+
+
+@pytest.mark.parametrize("name", CONTACTS)
+def test_contacts_have_the_same_events_in_other_units(name):
+    """A belt differed by 5, a backlash and a stop by 0.1: gaps and slips were compared with numbers in m."""
+    expected, events, times = contact_motion(name, Units())
+    for units in (LARGE, SMALL):
+        found, others, later = contact_motion(name, units)
+        assert others == events and later == pytest.approx(times, rel=1e-12)
+        assert np.max(np.abs(found - expected)) <= 1e-12 * np.max(np.abs(expected))
 
 
 OSCILLATOR = """

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 from mbd_sim import Simulation
 from mbd_sim.simulation.contact_records import ContactChange
@@ -104,3 +106,84 @@ joints:
     assert determined.remarks == ()
     moment = 0.2 * 0.01 * np.linalg.norm(determined.reactions()["low"].force)
     assert determined.contacts()["low.friction"].friction == pytest.approx([-moment], rel=1e-12)
+
+
+def least_margin(legs, normals, force, place):
+    """The least power of friction less that of the push over all plane motions: negative where a table slips."""
+
+    def margin(angles):
+        along, up = angles
+        velocity = np.array([np.cos(along), np.sin(along)]) * np.cos(up)
+        turning = np.sin(up) / 0.3
+        slips = velocity + turning * np.column_stack([-legs[:, 1], legs[:, 0]])
+        push = velocity + turning * np.array([-place[1], place[0]])
+        return 0.3 * normals @ np.linalg.norm(slips, axis=1) - force @ push
+
+    grid = [(along, up) for along in np.linspace(0.0, 2.0 * np.pi, 25) for up in np.linspace(-1.5, 1.5, 13)]
+    tight = {"xatol": 1e-11, "fatol": 1e-15, "maxiter": 2000}
+    return minimize(margin, min(grid, key=margin), method="Nelder-Mead", options=tight).fun
+
+
+def pushed_table(legs, push, place, height, turn, order):
+    """A table on point legs, pushed with a force that grows, in axes that are turned by a matrix (3, 3)."""
+
+    def written(vector):
+        return [float(value) for value in turn @ np.array(vector)]
+
+    inertia = turn @ np.diag([0.1, 0.12, 0.15]) @ turn.T
+    parts = ", ".join(
+        f"{'xyz'[i]}{'xyz'[j]}: {inertia[i, j]}" for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    )
+    points = ", ".join(f"p{number}: {written([*legs[number], -0.3])}" for number in order)
+    law = f"plane: ground, normal: {written([0, 0, 1])}, bound: at_least, friction: 0.2, static_friction: 0.3"
+    rows = "\n".join(f"  c{number}: {{type: on_plane, point: top.p{number}, {law}}}" for number in order)
+    vector = [f"{value}*t" for value in written([*(RATE * push), 0])]
+    return Simulation.from_text(
+        f"""
+mechanism: table
+gravity: {written([0, 0, -G])}
+parts: {{top: {{mass: {MASS}, inertia: {{{parts}}}, points: {{{points}, push: {written([*place, height - 0.3])}}}}}}}
+joints: {{f: {{type: free, between: [ground, top], position: {written([0, 0, 0.3])}}}}}
+constraints:
+{rows}
+forces: {{push: {{type: force, at: top.push, vector: {vector}}}}}
+"""
+    )
+
+
+def frictions_and_slip(simulation, times, count):
+    """The sizes of friction at some times, and the time at which the legs begin to slip."""
+    sizes = []
+    for time in times:
+        simulation.run(until=time)
+        states = simulation.contacts()
+        sizes.append([np.linalg.norm(states[f"c{number}"].friction) for number in range(count)])
+    while not (slips := [event for event in simulation.contact_events if event.change is ContactChange.SLIDES]):
+        simulation.step(1)
+    return np.array(sizes), slips[0].time
+
+
+@pytest.mark.parametrize(("seed", "count"), [(1, 4), (2, 3)])
+def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes(seed, count):
+    """The limit load is the least over all motions, as of plastic bodies; friction depended on the order of the legs."""
+    chance = np.random.default_rng(seed)
+    angles = 2.0 * np.pi * (np.arange(count) + chance.uniform(-0.3, 0.3, count)) / count
+    legs = 0.4 * chance.uniform(0.6, 1.0, (count, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
+    direction, place, height = chance.uniform(0.0, 6.28), chance.uniform(-0.3, 0.3, 2), chance.uniform(0.05, 0.15)
+    push, times = np.array([np.cos(direction), np.sin(direction)]), (0.02, 0.04)
+    given = (legs, push, place, height)
+    expected, slip = frictions_and_slip(pushed_table(*given, np.eye(3), range(count)), times, count)
+    turn = Rotation.random(random_state=seed).as_matrix()
+    sizes, time = frictions_and_slip(pushed_table(*given, turn, chance.permutation(count)), times, count)
+    assert sizes == pytest.approx(expected, abs=1e-7) and time == pytest.approx(slip, rel=5e-6)
+    normals = least_normals(legs, RATE * slip * push * height)
+    for time, sign in ((slip * (1.0 - 1e-5), 1.0), (slip * (1.0 + 1e-5), -1.0)):
+        assert sign * least_margin(legs, normals, RATE * time * push, place) > 0.0
+
+
+def least_normals(legs, moment):
+    """The normal forces of least sum of squares under the weight and the moment of a push above the floor."""
+    wrenches = np.column_stack([np.ones(len(legs)), legs]).T
+    forces = np.linalg.lstsq(wrenches, np.array([MASS * G, *moment]), rcond=None)[0]
+    assert forces.min() > 0.0
+    return forces
