@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -40,7 +39,8 @@ ACTUATOR_UNITS = {
 }
 
 
-class Output(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Output:
     """A number with the expression of its value.
 
     `load` is its row in the reactions of all joints, -1 for another load that redundant joints share, or None.

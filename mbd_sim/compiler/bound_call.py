@@ -6,8 +6,9 @@ import ctypes
 import json
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,8 @@ Record = TypeVar("Record")
 ALL = slice(None)
 
 
-class CompiledFunction(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CompiledFunction:
     """Machine code of a function of the addresses of the time, of further arrays, and of its output of some `size`.
 
     The `owner` lives as long as the machine code.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypeVar, cast
+from dataclasses import dataclass
+from typing import TypeVar, cast
 
 from mbd_sim.compiler.machine_code import MachineCode
 from mbd_sim.compiler.python_callable import callable_of, function_of_addresses
@@ -16,7 +17,8 @@ _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
 _WITH_INPUTS = 3  # arguments of a reader that takes t, y and the inputs
 
 
-class KernelSignature(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class KernelSignature:
     """What is known of a kernel besides its machine code: the number of arguments of each of its `readers`.
 
     `instructions` is the number of scalar instructions of one evaluation of the rates; `one_sided` says whether the

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -15,7 +15,8 @@ from mbd_sim.compiler.step_emitter import Prepare, StepEmitter
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
 
-class PartialFunctions(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PartialFunctions:
     """The functions of a partial system as IR: see `emit_partial_system`. The memory has `memory_size` numbers."""
 
     at: Function

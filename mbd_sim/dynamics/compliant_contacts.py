@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi as ca
 
@@ -15,14 +14,16 @@ from mbd_sim.mechanism.contacts import Contact, ContactBody, Cushion
 from mbd_sim.mechanism.records import GROUND
 
 
-class PlacedFrame(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PlacedFrame:
     """A frame in ground's axes: the position (3,) in m of its origin, and its axes (3, 3)."""
 
     position: ca.SX
     rotation: ca.SX
 
 
-class CushionForce(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CushionForce:
     """The forces (3,) in N of a compliant contact on its first body, in ground's axes, and its powers.
 
     `elastic` is that of the `potential` in J; `resisting` is that of damping and friction, which dissipate `loss` in W.
@@ -57,7 +58,8 @@ def cushion_force(law: Cushion, touching: Touch, relative: ca.SX) -> CushionForc
     )
 
 
-class AppliedCushion(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class AppliedCushion:
     """A compliant contact: its `potential` in J, its dissipated power `loss` in W, its `place` and its `reading`.
 
     The place (6,) is the point in m where it touches, and the force in N on the first body, in ground's axes. The

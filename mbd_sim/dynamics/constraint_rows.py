@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import NamedTuple, assert_never
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -71,7 +71,8 @@ def constraint_rows(
     return rows + [row for constraint in two_sided(mechanism.constraints) for row in writer.rows_of(constraint)]
 
 
-class SurfaceGap(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class SurfaceGap:
     """A point at a surface: its distance in m, its velocity (3,) along the surface, and two directions (3,) there.
 
     The unit `normal` (3,) is the direction in which the distance grows, and `point` (3,) the point in ground's frame.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -30,7 +29,8 @@ def reaction_function(
     return ca.Function("reactions", inputs, [ca.densify(wrenches)], {"cse": True})
 
 
-class Loads(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Loads:
     """Loads of a state, and their derivatives by the multipliers λ (m,) at fixed u'.
 
     `reactions` (6 joints,) joint by joint and `multipliers` (m,) are those that the equations of motion give;

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, assert_never
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -31,7 +31,8 @@ def joint_frames(joint: Joint, bodies: BodySymbols) -> tuple[BodyFrame, BodyFram
     )
 
 
-class LoopEquation(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LoopEquation:
     """An expression that a closing joint keeps at zero, its description, and its unit: m, or none for cosines."""
 
     quantity: str

@@ -7,7 +7,8 @@ normal where it is zero, so that its multiplier is the normal force.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -39,7 +40,8 @@ class Frame(Protocol):
 Sides = Callable[[ca.SX], tuple[ca.SX, ca.SX]]
 
 
-class Touch(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
     The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from mbd_sim.mechanism.state_numbers import state_numbers
 COINCIDENT = 1e-12  # m
 
 
-class StartOfForces(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class StartOfForces:
     """Coordinates q (nq,) and speeds u (nv,) at the start, and the `lengths` (n,) of springs and dampers.
 
     The lengths are in m, and their `rates` (n,) in m/s.

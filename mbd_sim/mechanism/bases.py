@@ -66,7 +66,8 @@ class Steering:
     upper: float = math.inf
 
 
-class BaseCommands(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class BaseCommands:
     """Commands by taker and channel; `limited` if they are slower, or turn less, than was wanted."""
 
     takers: Mapping[str, Mapping[Channel, float]]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple, assert_never
+from dataclasses import dataclass
+from typing import assert_never
 
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import (
@@ -20,7 +21,8 @@ from mbd_sim.mechanism.records import Joint, Mechanism
 from mbd_sim.mechanism.source import Location
 
 
-class ForceExpression(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ForceExpression:
     """An expression of a force, its location in the file, and the joint or spring of whose elongation it may be."""
 
     location: Location

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +20,16 @@ _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _HEADER = len(_LITTLE_ENDIAN)  # alignment counts from its end
 
 
-class Doubles(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Doubles:
     """The place of consecutive doubles in a message: the offset of the first byte, and how many there are."""
 
     offset: int
     size: int
 
 
-class Singles(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Singles:
     """The place of consecutive `float32` numbers in a message: the offset of the first byte, and how many there are."""
 
     offset: int

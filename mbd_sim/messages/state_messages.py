@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from mbd_sim.simulation.state_records import Energies, Violation
 from mbd_sim.urdf.urdf_writer import floating_joints
 
 
-class StateWriter(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class StateWriter:
     """A message, and the function that writes a snapshot with its energies into it."""
 
     message: SerializedMessage

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +44,8 @@ class MeasuredRun:
             object.__setattr__(self, name, None if given is None else table)
 
 
-class _Quantity(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Quantity:
     """Measured values (n + 1, k) of components of the state or, by its name, of a point."""
 
     names: tuple[str, ...]

@@ -7,7 +7,7 @@ eliminated from its linearized residuals by a singular value decomposition.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,7 +25,8 @@ DEPENDENT = 1e-10  # relative size of singular values that count as zero
 TINY = 1e-300
 
 
-class Linearized(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Linearized:
     """Residuals (k,), and their derivatives by the shared (k, m) and by the own unknowns (k, d)."""
 
     residuals: Array
@@ -33,7 +34,8 @@ class Linearized(NamedTuple):
     by_own: Array
 
 
-class Step(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Step:
     """Changes of the shared unknowns (m,) and those of each part, and the sum of squares that is predicted."""
 
     shared: Array
@@ -41,7 +43,8 @@ class Step(NamedTuple):
     predicted: float
 
 
-class Eliminated(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Eliminated:
     """Residuals and derivatives by the shared unknowns that the own ones of a part cannot change, and their `rank`."""
 
     residuals: Array

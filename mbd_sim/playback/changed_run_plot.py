@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,12 +61,12 @@ def _coordinate_rows(run: ChangedRun, units: Mapping[str, str]) -> list[_Row]:
 
 def _labeled(series: ComparedSeries, units: Mapping[str, str], rate: str) -> ComparedSeries:
     """The series of a coordinate, such as `elbow position`, with its unit."""
-    return series._replace(name=f"{series.name} ({units[series.name.rpartition(' ')[0]]}{rate})")
+    return replace(series, name=f"{series.name} ({units[series.name.rpartition(' ')[0]]}{rate})")
 
 
 def _energy_row(run: ChangedRun) -> _Row:
     energies = {series.name: series for series in run.energies}
-    return energies["total"]._replace(name=TOTAL), energies["residual"]._replace(name=RESIDUAL)
+    return replace(energies["total"], name=TOTAL), replace(energies["residual"], name=RESIDUAL)
 
 
 def _draw_picture(path: Path, rows: Sequence[_Row], title: str, change: str, style: PlotStyle) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -79,7 +80,8 @@ class _CdrReader:
         return self.offset + (4 - self.offset) % size
 
 
-class _ArrayLayout(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _ArrayLayout:
     """Offsets and sizes of a message's arrays, and all bytes between them, which seldom change from one to the next."""
 
     names: tuple[str, ...]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +20,8 @@ QUANTITIES = ("position", "velocity", "effort")
 MessageWriter = Callable[[Message, Sequence[Array]], None]
 
 
-class ComparedSeries(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ComparedSeries:
     """One quantity over the time in s since the start of the recording, as recorded and in the changed run."""
 
     name: str
@@ -54,7 +54,8 @@ class ChangedRun:
     left_out: int = 0
 
 
-class _Row(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Row:
     """The numbers of one message, as recorded and in the changed run."""
 
     time: float

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
-from typing import IO, NamedTuple, Protocol
+from typing import IO, Protocol
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -74,7 +74,8 @@ class FileBytes:
         return found
 
 
-class StoredChunk(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class StoredChunk:
     """A chunk in a file: offset and length of its stored records in bytes; `size` and `crc` refer to the uncompressed.
 
     `start_ns` and `end_ns` are the earliest and the latest log time of its messages.

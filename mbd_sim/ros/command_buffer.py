@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.events import EventKind
 
 
-class DueEfforts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class DueEfforts:
     """Efforts (nv,) that take effect at the next step; `kind` is `COMMAND` or `EXPIRED`.
 
     `expired` are the coordinates whose efforts have been set to zero.
@@ -36,7 +37,8 @@ class DueEfforts(NamedTuple):
     expired: tuple[str, ...] = ()
 
 
-class Followed(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Followed:
     """A trajectory that is followed: its `number`, its `start` in ns of the run, and taker and curve of each joint."""
 
     number: int

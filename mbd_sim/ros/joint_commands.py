@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, cast
+from dataclasses import dataclass
+from typing import cast
 
 from mbd_sim.errors import CommandError, listed, require_each_once
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort
@@ -19,7 +20,8 @@ from mbd_sim.simulation.efforts import EffortMap
 EFFORT: Channel = "effort"
 
 
-class RoutedCommands(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class RoutedCommands:
     """Efforts by joint, and commands of actuators by name and channel."""
 
     efforts: Mapping[str, float]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -37,7 +38,8 @@ class LockstepError(MbdSimError):
     """The simulator does not answer, or refuses a request."""
 
 
-class State(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class State:
     """Time in s since the reset, coordinates, speeds, and the efforts applied during the last steps."""
 
     time: float

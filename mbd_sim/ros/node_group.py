@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,7 +19,8 @@ OF_THE_LEADER: dict[str, Any] = {
 }
 
 
-class Member(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Member:
     """A mechanism, and the namespace of its node within that of the program."""
 
     namespace: str

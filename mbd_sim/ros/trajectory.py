@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from mbd_sim.errors import CommandError, listed, require_each_once
 from mbd_sim.ros.joint_curve import CurvePoint, JointCurve
@@ -13,7 +12,8 @@ from mbd_sim.ros.joint_curve import CurvePoint, JointCurve
 LARGEST_DELAY_NS = 86_400_000_000_000  # of a start in the future: stamps of another clock are later
 
 
-class TrajectoryPoint(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class TrajectoryPoint:
     """A point, with an entry for each joint in each array that is not empty; `time_ns` is from the start."""
 
     time_ns: int

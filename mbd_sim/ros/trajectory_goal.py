@@ -6,12 +6,12 @@ import enum
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from mbd_sim.ros.joint_curve import JointMotion
 
 
-class Tolerance(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Tolerance:
     """The largest deviations of a joint from its trajectory, in rad or m and s."""
 
     position: float = math.inf
@@ -26,7 +26,8 @@ class Outcome(enum.Enum):
     MISSED_GOAL = "missed its goal"
 
 
-class Verdict(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Verdict:
     """How a goal has ended, and why."""
 
     outcome: Outcome

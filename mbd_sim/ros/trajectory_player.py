@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.messages.publication_schedule import publication_schedule
@@ -12,7 +12,8 @@ from mbd_sim.ros.joint_curve import JointCurve, JointMotion
 from mbd_sim.simulation.actuator_commands import CommandMap
 
 
-class PlayedCurve(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PlayedCurve:
     """A curve of an actuator, whose time zero is `start` in ns of the run; None: when it is first due."""
 
     curve: JointCurve

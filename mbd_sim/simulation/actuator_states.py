@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 
 
-class ActuatorEnergies(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ActuatorEnergies:
     """The account of an actuator since the start, in J: electrical = mechanical + losses + change of the stored energy.
 
     `stored` is that of the inductance. `residual` is what is missing: the error of the integration. For effort motors,
@@ -30,7 +31,8 @@ class ActuatorEnergies(NamedTuple):
     residual: float
 
 
-class ActuatorState(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ActuatorState:
     """An actuator at a moment.
 
     `commands` are those in effect, after their delay, by channel: rad or m, rad/s or m/s, N·m or N, V, A. `position`
@@ -52,7 +54,8 @@ class ActuatorState(NamedTuple):
     energies: ActuatorEnergies
 
 
-class CylinderEnergies(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CylinderEnergies:
     """The account of a cylinder since the start, in J: fluid = mechanical + throttling + change of the stored energy.
 
     `fluid_work` is the energy of the fluid from the supply less that of the fluid to the tank, `throttling_loss` is
@@ -67,7 +70,8 @@ class CylinderEnergies(NamedTuple):
     residual: float
 
 
-class CylinderState(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CylinderState:
     """A cylinder at a moment.
 
     `commands`, `position`, `velocity` and `effort` are as in `ActuatorState`; `pressures` in Pa and `flows` through the

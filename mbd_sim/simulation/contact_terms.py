@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ Mask: TypeAlias = NDArray[np.bool_]
 ROUND_OFF = 1e-10  # of a load, relative to its parts
 
 
-class OneSidedReadings(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class OneSidedReadings:
     """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state.
 
     `turning` are the rates in 1/s at which friction along two directions may turn its slip.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -27,7 +27,8 @@ BISECTIONS = 60
 LEAST = 1e-6  # jump, relative to the range of the quantity, that counts
 
 
-class Jump(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Jump:
     """A jump of a `quantity` ("position" or "speed") by an amount at a time in s."""
 
     quantity: str

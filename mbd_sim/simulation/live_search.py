@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,8 @@ _PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that dep
 _PROBES_OF_ZERO = (1e-3, -1e-3)
 
 
-class LiveNumbers(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LiveNumbers:
     """The live values at the start by key, and `indices`, `columns` and values as in `SymbolicParameters`."""
 
     current: dict[str, float]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
 
 
-class PreparedValues(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PreparedValues:
     """Validated changes of live values: the changes, all live values after them, and the values (n,) in the inputs.
 
     The changes include those of values that follow the given ones. `given` are all values that have been given, from

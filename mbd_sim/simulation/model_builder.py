@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
@@ -27,7 +28,8 @@ MANY_JOINTS = 10  # from which on the derivation takes a second or more
 _log = logging.getLogger(__name__)
 
 
-class BuiltModel(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class BuiltModel:
     """The equations, the data and the kernel of a model."""
 
     equations: Equations

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from mbd_sim import disk_cache
 from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
@@ -20,7 +20,8 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_cache import casadi_version, records_digest, versions
 
 
-class PreparedModel(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PreparedModel:
     """The data of a `Model`: `method` is a name, `row_names` are those of the loop or constraint of each equation.
 
     `start` is the state (n,) and `inputs` are the inputs (m,) at the start. `history_size` is that of the method, and
@@ -40,7 +41,8 @@ class PreparedModel(NamedTuple):
     signature: KernelSignature
 
 
-class _Entry(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Entry:
     prepared: PreparedModel
     code: str  # the key of the object code
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,8 @@ DIFFERENCE = 1e-7  # of the components of a state, relative to their scales and 
 SQUARINGS = 6  # of a matrix, to estimate its eigenvalues: ‖A⁶⁴‖^(1/64) is within some percent of the largest
 
 
-class FastestMode(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class FastestMode:
     """The largest |λ| of ∂f/∂y in 1/s, and the index of the speed u that takes the largest part in it."""
 
     rate: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -27,7 +27,8 @@ STEPS_AHEAD = (0.0, 0.25, 0.5, 1.0, 2.0)  # of the failing step, to which the mo
 LARGEST_VALUE = 1e6  # of a variable; beyond it the motion has diverged, whatever an expression gives there
 
 
-class UsedExpression(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class UsedExpression:
     """An expression, its location in the file, and the values of its variables at a state.
 
     Of its `derivatives` in these variables, none or two enter the equations of motion.
@@ -39,7 +40,8 @@ class UsedExpression(NamedTuple):
     derivatives: int
 
 
-class UndefinedExpression(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class UndefinedExpression:
     """The problem with an expression, and the largest estimated error of the steps before the one that fails."""
 
     problem: Problem

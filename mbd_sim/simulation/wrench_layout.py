@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from mbd_sim.geometry.pose import Array
 VECTORS = ("force", "couple", "own_force", "own_couple", "point")  # in the order of `ExternalWrench`
 
 
-class PublishedWrench(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PublishedWrench:
     """A force (3,) in N and a couple (3,) in N·m on a part, in the arguments of `Simulation.set_wrench`.
 
     `point` (3,) is in m in the part's frame; `axes` is "ground", or "part" for axes that turn with the part.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.drives import commanded_drives
@@ -20,7 +20,8 @@ INTERFACES = ("position", "velocity", "effort")
 ALWAYS = "-1"  # the threshold with which commands are sent in each cycle, so that they do not expire
 
 
-class ControlTopics(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ControlTopics:
     """The absolute names of the topics of a node."""
 
     commands: str

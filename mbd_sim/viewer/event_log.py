@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
@@ -34,7 +34,8 @@ _LANES: Mapping[str, Mapping[EventKind, str]] = {
 _WARNINGS = (EventKind.WARNING, EventKind.EXPIRED)
 
 
-class LoggedEvent(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LoggedEvent:
     """An event at a time (s) on the timeline, with its text."""
 
     time: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 import time
@@ -56,7 +57,7 @@ def test_slow_publishing_leaves_states_out_but_no_times_and_says_how_old_states_
             time.sleep(0.005)
             writer.write(snapshot, energies)
 
-        thread._state_writers["joint_states"] = writer._replace(write=slow)
+        thread._state_writers["joint_states"] = dataclasses.replace(writer, write=slow)
         clock = thread._clock_message
         monkeypatch.setattr(clock, "stamp", lambda ns, stamp=clock.stamp: (clocks.append(ns), stamp(ns))[1])
         node.stepping_thread.pause(False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from std_msgs.msg import Float64MultiArray
@@ -20,7 +20,8 @@ TOPICS = (
 )
 
 
-class Reference(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Reference:
     """The reference motion at one time: coordinates in rad, speeds and accelerations, (nv,) each."""
 
     q: Array
