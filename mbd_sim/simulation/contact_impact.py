@@ -51,16 +51,14 @@ def impact(
     """The impact of all touching contacts.
 
     :param returning: gaps (gaps,) that open so slowly that they close again before they differ from zero.
-    :param rest_speed: approach speed in m/s below which a contact does not rebound, for angles that at
-        the natural length.
+    :param rest_speed: approach speed in m/s below which a contact does not rebound.
     :param elastic: False: nothing rebounds.
     :raises NoSolutionError: no impulses are admissible.
     """
     terms = model.terms(time, y, inputs)
     e = model.restitution(inputs)
     rest = rest_speed * model.speeds / model.units.speed
-    slow = np.where(e == 1.0, ELASTIC_REST * model.speeds[: len(e)], rest[: len(e)])
-    rates = readings.rates[: model.layout.gaps]
+    slow, rates = np.where(e == 1.0, ELASTIC_REST * model.speeds[: len(e)], rest[: len(e)]), readings.rates[: len(e)]
     gaps = [int(index) for index in np.flatnonzero(touching)]
     frictions = [
         (rows, gap, terms.sizes[index, 0])
