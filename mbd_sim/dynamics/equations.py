@@ -25,7 +25,6 @@ from mbd_sim.dynamics.accelerations import (
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.audit_states import AUDIT_STATES
-from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
@@ -228,6 +227,8 @@ def derive(
     """
     require_smooth(mechanism)
     if mechanism.contacts:
+        from mbd_sim.dynamics.cam_check import require_followable_cams
+
         require_followable_cams(mechanism)
     traced = trace(mechanism, loaded, parameters, step, disturb=disturb)
     contacts = None

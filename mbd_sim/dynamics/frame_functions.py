@@ -7,7 +7,7 @@ ground's axes. The columns of J are the partial velocities of the joints between
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, assert_never, get_args
+from typing import Literal, assert_never
 
 import casadi as ca
 
@@ -17,7 +17,6 @@ from mbd_sim.dynamics.spatial_algebra import constant, skew
 from mbd_sim.dynamics.tracing import TracedMechanism
 
 FrameQuantity = Literal["pose", "velocity", "jacobian", "jacobian_rate", "bias_acceleration"]
-FRAME_QUANTITIES: tuple[FrameQuantity, ...] = get_args(FrameQuantity)
 
 
 def frame_function(traced: TracedMechanism, part: str, quantity: FrameQuantity) -> ca.Function:

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.distant_potentials import DistantPotential
 from mbd_sim.dynamics.piecewise import DECADES, select
-from mbd_sim.dynamics.potentials import potential, table_of
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism.expression import TimeExpression
@@ -47,6 +45,8 @@ def elastic(law: ElasticLaw, x: ca.SX) -> tuple[ca.SX, ca.SX]:
             energy = start + d * (c0 + d * (c1 / 2.0 + d * (c2 / 3.0 + d * c3 / 4.0)))
             return c0 + d * (c1 + d * (c2 + d * c3)), energy
         case Expressed():
+            from mbd_sim.dynamics.potentials import potential
+
             force = partial(_force, law.force)
             return force(x), potential(force, _table(law), x)
         case _:
@@ -57,6 +57,8 @@ def distant_potential(law: ElasticLaw | GreenStrain | Varying) -> DistantPotenti
     """What the potential of `elastic` lacks far from 0; None if it lacks nothing up to 1e5 times the law's range."""
     if not isinstance(law, Expressed):
         return None
+    from mbd_sim.dynamics.distant_potentials import DistantPotential
+
     table = _table(law)
     (lower, upper), far = table.ends, 10.0**DECADES
     if lower <= far * law.lower and upper >= far * law.upper:
@@ -77,6 +79,8 @@ def _table(law: Expressed) -> Table:
 def _cached_table(
     text: str, names: tuple[tuple[str, float], ...], tables: tuple[tuple[str, Any], ...], lower: float, upper: float
 ) -> Table:
+    from mbd_sim.dynamics.potentials import table_of
+
     return table_of(partial(_force, TimeExpression(text, dict(names), dict(tables))), lower, upper)
 
 

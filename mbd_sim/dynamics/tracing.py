@@ -25,7 +25,6 @@ from mbd_sim.dynamics.kinematics import (
     part_poses,
 )
 from mbd_sim.dynamics.links import Link, build_links
-from mbd_sim.dynamics.rotors import rotor_inertias
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters, no_parameters, with_symbols
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Mechanism
@@ -181,4 +180,6 @@ def _rotor_inertias(mechanism: Mechanism, links: Sequence[Link], nv: int) -> ca.
     """See `rotor_inertias`."""
     if not mechanism.actuators:
         return None
+    from mbd_sim.dynamics.rotors import rotor_inertias
+
     return rotor_inertias(mechanism.actuators, links, nv)

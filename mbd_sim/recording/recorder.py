@@ -15,7 +15,6 @@ from mbd_sim.recording.durable_file import DurableFile
 from mbd_sim.recording.file_sync import FileSync
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter, OutputFile
 from mbd_sim.recording.recording_paths import RecordingError, RecordingPaths
-from mbd_sim.recording.recovery import recover
 from mbd_sim.recording.rosbag2_metadata import FileStatistics, bag_text, write_metadata
 
 QUEUE_LIMIT = 16e6  # bytes that may wait for a slow disk before messages of display topics are dropped, and
@@ -237,6 +236,8 @@ class Recorder:
     def _repair(self) -> None:
         """Repair the last file at the end, when the disk may work again."""
         with contextlib.suppress(OSError, ValueError, ImportError):  # this disk may be that of the program
+            from mbd_sim.recording.recovery import recover
+
             kept = recover(self.path)
             counts = [0 if kept is None else kept.get(topic.name, 0) for topic in self._topics]
             self._writer.repaired(counts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import array
 import threading
 import time
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ BIN = 1e-5  # s, the resolution of the histogram
 BINS = 10_000  # up to 0.1 s; the last bin holds everything longer
 
 
-@dataclass(frozen=True, slots=True)
-class DurationSummary:
+class DurationSummary(NamedTuple):
     """Median, 99th percentile and maximum of durations in s, to a resolution of `BIN`."""
 
     median: float

@@ -12,7 +12,6 @@ from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.records import Joint, Limits
 from mbd_sim.mechanism.source import Location
@@ -98,6 +97,8 @@ def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
             return None
     if not stiffness.any():
         return None
+    from mbd_sim.mechanism.force_elements import Bushing  # which few joints need
+
     frames = joint.parent_pose @ rest, joint.child_pose
     ends = [attachment((part, frame)) for part, frame in zip((joint.parent, joint.child), frames, strict=True)]
     axes = frames[0].rotation, frames[1].rotation

@@ -11,7 +11,6 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.exact_geometry.snapping import with_exact_loops
 from mbd_sim.geometry.batch import array
 from mbd_sim.mechanism.attachments import PointsByPart
-from mbd_sim.mechanism.force_expressions import force_expressions
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism.spanning_tree import SpanningTree
@@ -129,6 +128,8 @@ def _named_joints(elements: MechanismElements) -> set[str]:
     sprung = {bushing.name for bushing in elements.joint_bushings if elements.joints[bushing.name].type == "free"}
     if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
         return sprung
+    from mbd_sim.mechanism.force_expressions import force_expressions
+
     with_expressions: tuple[ForceElement, ...] = (*forces.springs, *forces.applied, *forces.efforts, *forces.potentials)
     found = force_expressions(elements.joints.values(), with_expressions)
     names = {state.coordinate for one in found for state in one.expression.state}

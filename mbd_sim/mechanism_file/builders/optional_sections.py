@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from mbd_sim.mechanism.records import Joint
-from mbd_sim.mechanism_file.builders import base_builder, constraint_builder, force_builder
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.elements import ForceElements
 
@@ -31,6 +30,8 @@ def build_force_elements(
     """See `force_builder`."""
     if not specs:
         return ForceElements()
+    from mbd_sim.mechanism_file.builders import force_builder
+
     return force_builder.build_force_elements(specs, joints, context)
 
 
@@ -40,6 +41,8 @@ def build_constraints(
     """See `constraint_builder`."""
     if not specs:
         return ()
+    from mbd_sim.mechanism_file.builders import constraint_builder
+
     return constraint_builder.build_constraints(specs, joints, context)
 
 
@@ -47,6 +50,8 @@ def coupled_joints(constraints: Sequence[Constraint], joints: Mapping[str, Joint
     """See `constraint_builder`."""
     if not constraints:
         return []
+    from mbd_sim.mechanism_file.builders import constraint_builder
+
     return constraint_builder.coupled_joints(constraints, joints)
 
 
@@ -111,4 +116,6 @@ def build_bases(
     """See `base_builder`."""
     if not specs:
         return ()
+    from mbd_sim.mechanism_file.builders import base_builder
+
     return base_builder.build_bases(specs, joints, actuators, context)

@@ -14,8 +14,6 @@ from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
 from mbd_sim.mechanism.records import Mesh, Part, Shape
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
-from mbd_sim.mechanism_file.builders.shape_builder import build_shape, of_shapes
-from mbd_sim.mechanism_file.mesh_solids import of_meshes
 from mbd_sim.mechanism_file.schema import base_schema, file_schema
 
 if TYPE_CHECKING:
@@ -67,6 +65,8 @@ def shapes_of(spec: file_schema.PartSpec) -> list[AnyShapeSpec]:
 def _drawn_shapes(specs: list[AnyShapeSpec]) -> tuple[Shape, ...]:
     if not specs:
         return ()
+    from mbd_sim.mechanism_file.builders.shape_builder import build_shape  # with the schema of shapes
+
     return tuple(build_shape(spec) for spec in specs)
 
 
@@ -86,6 +86,8 @@ def _mesh_properties(
     problems: list[Problem],
 ) -> MassProperties:
     """Mass center and inertia from closed meshes."""
+    from mbd_sim.mechanism_file.mesh_solids import of_meshes
+
     assert spec.mass
     try:
         return of_meshes(meshes, spec.meshes, spec.mass)
@@ -115,6 +117,8 @@ def _computed_properties(
     if spec.center is not None:
         remedy = "Remove 'center', or give 'inertia' as well."
         problems.append(source.problem((*location, "center"), "is computed from the shapes", remedy))
+    from mbd_sim.mechanism_file.builders.shape_builder import of_shapes
+
     try:
         return of_shapes(shapes_of(spec), spec.mass)
     except InputError as error:
