@@ -11,10 +11,8 @@ from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import parsed
 from mbd_sim.mechanism.names import split_key
 from mbd_sim.mechanism.source import Location, Source, dotted, value_at
-from mbd_sim.mechanism_file.json_schema import unit_at
 from mbd_sim.mechanism_file.units import factor
 from mbd_sim.mechanism_file.value_parser import split_unit
-from mbd_sim.mechanism_file.yaml_reader import parse_source
 
 TURN = 2.0 * math.pi
 SECTIONS = ("parameters", "ground", "parts", "joints", "constraints", "contacts", "forces", "actuators")
@@ -61,6 +59,9 @@ def _is_written(source: Source, location: Location) -> bool:
 
 def is_angle(source: Source, location: Location) -> bool:
     """Whether the value at a location of a file is an angle in rad; a parameter is one if it has the unit of one."""
+    from mbd_sim.mechanism_file.json_schema import unit_at  # with the schema, which few files need here
+    from mbd_sim.mechanism_file.yaml_reader import parse_source
+
     if location[0] != "parameters":
         return unit_at(source.data, location) == "rad"
     data = parse_source(source.text).data if source.changed and source.text else source.data
