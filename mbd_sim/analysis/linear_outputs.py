@@ -9,13 +9,13 @@ from functools import cached_property, partial
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.actuator_functions import CYLINDER_READINGS, MOTOR_READINGS
+from mbd_sim.dynamics.actuator_functions import reading_names
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import all_evaluated
+from mbd_sim.dynamics.sensor_expressions import measured_values
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism.sensors import ORIENTATION, AnySensor, ForceTorque, RangeFinder
+from mbd_sim.mechanism.sensors import ORIENTATION, AnySensor, ForceTorque
 
 AXES = ("x", "y", "z")
 POINT_UNITS = {
@@ -196,12 +196,7 @@ class _Outputs:
 
     def _sensor(self, sensor: AnySensor) -> ca.SX:
         """The values of a sensor without its errors, delay and resolution."""
-        exact = self._state.called(self._exact[sensor.name])
-        if isinstance(sensor, ForceTorque):
-            to_frame = ca.reshape(exact[6:], 3, 3).T
-            return ca.vertcat(to_frame @ exact[:3], to_frame @ exact[3:6])
-        if isinstance(sensor, RangeFinder) and sensor.normal is not None:
-            return exact[0] / exact[1]
+        exact = measured_values(sensor, self._state.called(self._exact[sensor.name]))
         values, first = [], 0
         for quantity in sensor.quantities:
             size = 9 if quantity is ORIENTATION else len(quantity.components)
@@ -218,8 +213,7 @@ class _Outputs:
         if (functions := self._equations.actuators) is None:
             return
         for column, actuator in enumerate(self._mechanism.actuators):
-            names = CYLINDER_READINGS if isinstance(actuator.motor, Cylinder) else MOTOR_READINGS
-            for row, reading in enumerate(names):
+            for row, reading in enumerate(reading_names(actuator.motor)):
                 place = column * functions.readings.size1_out(0) + row
                 unit = ACTUATOR_UNITS[reading]
                 yield Output(f"actuators.{actuator.name}.{reading}", unit, self._entry(functions.readings, place))

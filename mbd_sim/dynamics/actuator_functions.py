@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, assert_never
 
 import casadi as ca
 import numpy as np
@@ -25,7 +25,7 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
-from mbd_sim.mechanism.actuators import Actuator, Servo
+from mbd_sim.mechanism.actuators import Actuator, DcMotor, EffortMotor, Machine, Servo
 from mbd_sim.mechanism.channels import default_command
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
@@ -55,6 +55,17 @@ CYLINDER_READINGS = (
     "displaced",
 )
 STARTS = {"stored_at_start": "stored", "compression_work": "displaced"}  # states of cylinders and their start values
+
+
+def reading_names(machine: Machine) -> tuple[str, ...]:
+    """The names of the readings of an actuator with this machine, in order."""
+    match machine:
+        case EffortMotor() | DcMotor():
+            return MOTOR_READINGS
+        case Cylinder():
+            return CYLINDER_READINGS
+        case _:
+            assert_never(machine)
 
 
 ROUNDING = 1e-9  # of a stroke, by which loops may be open at the start

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 from mbd_sim.dynamics.spatial_algebra import is_absent, is_finite, is_symbolic
 from mbd_sim.errors import MechanismError, Problem, listed
@@ -127,13 +127,18 @@ def actuator_layout(mechanism: Mechanism, first_state: int, first_command: int, 
 
 
 def _core_states(actuator: Actuator) -> Iterator[str]:
-    from mbd_sim.mechanism.actuators import DcMotor
+    from mbd_sim.mechanism.actuators import DcMotor, EffortMotor
     from mbd_sim.mechanism.cylinders import Cylinder
 
-    if isinstance(actuator.motor, DcMotor) and not is_absent(actuator.motor.inductance):
-        yield "current"
-    if isinstance(actuator.motor, Cylinder):
-        yield from PRESSURES
+    match actuator.motor:
+        case DcMotor(inductance=inductance):
+            yield from () if is_absent(inductance) else ("current",)
+        case Cylinder():
+            yield from PRESSURES
+        case EffortMotor():
+            pass
+        case _:
+            assert_never(actuator.motor)
     if actuator.servo is not None and actuator.servo.period is None and not is_absent(actuator.servo.ki):
         yield "integral"
 
@@ -143,14 +148,18 @@ def _energy_states(actuator: Actuator) -> Sequence[str]:
 
 
 def _energies(motor: Machine) -> Sequence[str]:
-    from mbd_sim.mechanism.actuators import DcMotor
+    from mbd_sim.mechanism.actuators import DcMotor, EffortMotor
     from mbd_sim.mechanism.cylinders import Cylinder
 
-    if isinstance(motor, Cylinder):
-        return FLUID
-    if not isinstance(motor, DcMotor):
-        return MECHANICAL
-    return ENERGIES if has_losses(motor) else ENERGIES[:-1]
+    match motor:
+        case Cylinder():
+            return FLUID
+        case EffortMotor():
+            return MECHANICAL
+        case DcMotor():
+            return ENERGIES if has_losses(motor) else ENERGIES[:-1]
+        case _:
+            assert_never(motor)
 
 
 def has_losses(motor: DcMotor) -> bool:

@@ -75,6 +75,25 @@ def exact_values(
             assert_never(sensor)
 
 
+def measured_values(sensor: AnySensor, exact: ca.SX) -> ca.SX:
+    """What a sensor without errors gives, from its exact values: a load in the axes of its frame, a distance along x.
+
+    An orientation remains a rotation matrix (9,).
+    """
+    match sensor:
+        case ForceTorque():
+            to_frame = ca.reshape(exact[6:], 3, 3).T
+            return ca.vertcat(to_frame @ exact[:3], to_frame @ exact[3:6])
+        case RangeFinder():
+            return exact if sensor.normal is None else exact[0] / exact[1]
+        case Imu() | Accelerometer() | Encoder() | Tachometer() | MotorCurrent():
+            return exact
+        case PoseSensor() | TwistSensor() | Odometry():
+            return exact
+        case _:
+            assert_never(sensor)
+
+
 def _range_values(own: FrameMotion, target: FrameMotion, sensor: RangeFinder) -> ca.SX:
     line = target.position - own.position
     if sensor.normal is None:

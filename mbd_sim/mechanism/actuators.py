@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, assert_never
+from typing import TYPE_CHECKING, ClassVar, Literal, assert_never
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.channels import Channel
@@ -86,6 +86,8 @@ class EffortMotor:
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gear: float = 1.0
     rotor_inertia: float = 0.0
+    control: ClassVar[Literal["effort"]] = "effort"
+    has_states: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,11 @@ class DcMotor:
     regularization: float = 0.1
     control: Control = "voltage"
     bandwidth: float = 0.0
+
+    @property
+    def has_states(self) -> bool:
+        """Whether its current does not follow its command at once."""
+        return self.inductance > 0.0
 
 
 Motor = EffortMotor | DcMotor
@@ -160,9 +167,7 @@ class Actuator:
     @property
     def control(self) -> Control:
         """What commands the motor, or the opening of the valve."""
-        if isinstance(self.motor, Cylinder):
-            return "opening"
-        return self.motor.control if isinstance(self.motor, DcMotor) else "effort"
+        return self.motor.control
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -178,11 +183,9 @@ class Actuator:
     @property
     def has_states(self) -> bool:
         """Whether its effort depends on more than the motion and the commands."""
-        machine = self.motor
-        inner = isinstance(machine, Cylinder) or (isinstance(machine, DcMotor) and machine.inductance > 0.0)
         servo = self.servo
         own = servo is not None and (servo.period is not None or servo.ki > 0.0 or servo.rate_limit < math.inf)
-        return inner or own or self.delay > 0.0
+        return self.motor.has_states or own or self.delay > 0.0
 
     @property
     def output_limit(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 
 @dataclass(frozen=True)
@@ -53,3 +54,5 @@ class Cylinder:
     tank: float
     transition: float
     pressures: tuple[float, float]
+    control: ClassVar[Literal["opening"]] = "opening"
+    has_states: ClassVar[bool] = True

@@ -32,13 +32,7 @@ class ForceExpression:
 
 def expressions_of_forces(mechanism: Mechanism) -> Iterator[ForceExpression]:
     """The expressions of the forces of a mechanism."""
-    elements: tuple[ForceElement, ...] = (
-        *mechanism.springs,
-        *mechanism.applied,
-        *mechanism.efforts,
-        *mechanism.potentials,
-    )
-    return force_expressions(mechanism.joints.values(), elements)
+    return force_expressions(mechanism.joints.values(), mechanism.force_elements)
 
 
 def force_expressions(joints: Iterable[Joint], elements: Iterable[ForceElement]) -> Iterator[ForceExpression]:

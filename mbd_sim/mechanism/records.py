@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         AppliedPotential,
         Bushing,
         Damper,
+        ForceElement,
         Spring,
         TwoPointElement,
     )
@@ -298,6 +299,11 @@ class Mechanism:
     def two_point_elements(self) -> tuple[TwoPointElement, ...]:
         """The force elements between two points: the springs, then the dampers."""
         return (*self.springs, *self.dampers)
+
+    @property
+    def force_elements(self) -> tuple[ForceElement, ...]:
+        """All force elements by kind, with the bushings in joints."""
+        return (*self.two_point_elements, *self.applied, *self.efforts, *self.potentials, *self.bushings)
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -86,13 +86,21 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Sensor(ABC):
-    """What all sensors have in common; `errors` has an entry for each of the `quantities`."""
+    """What all sensors have in common; `errors` has an entry for each of the `quantities`.
 
+    `kind` is the type in mechanism files, `message_type` that of its ROS messages.
+    """
+
+    kind: ClassVar[str]
+    message_type: ClassVar[str]
     name: str
     sampling: Sampling
     errors: tuple[ErrorModel, ...]
 
     __repr__ = short_repr
+
+    def __init_subclass__(cls, *, kind: str, message_type: str) -> None:
+        cls.kind, cls.message_type = kind, message_type
 
     @property
     @abstractmethod
@@ -101,7 +109,7 @@ class Sensor(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Imu(Sensor):
+class Imu(Sensor, kind="imu", message_type="sensor_msgs/msg/Imu"):
     """Angular velocity and specific force of a frame, in its axes, and on request its orientation in ground's frame.
 
     The specific force is the acceleration less that of gravity: at rest it is 9.81 m/s² upward.
@@ -119,7 +127,7 @@ class Imu(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class Accelerometer(Sensor):
+class Accelerometer(Sensor, kind="accelerometer", message_type="sensor_msgs/msg/Imu"):
     """The specific force at a point, in the axes of its frame."""
 
     at: SensorFrame
@@ -133,7 +141,7 @@ class Accelerometer(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class ForceTorque(Sensor):
+class ForceTorque(Sensor, kind="force_torque", message_type="geometry_msgs/msg/WrenchStamped"):
     """The load that a joint transmits to its second part, about and in the axes of the joint's frame `at` there."""
 
     joint: str
@@ -148,7 +156,7 @@ class ForceTorque(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class Encoder(Sensor):
+class Encoder(Sensor, kind="encoder", message_type="sensor_msgs/msg/JointState"):
     """The position of a coordinate in whole steps of the resolution, rounded down.
 
     With an `index` (m or rad), a second number is 1 within the step that contains this position, and 0 elsewhere; with
@@ -170,7 +178,7 @@ class Encoder(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class Tachometer(Sensor):
+class Tachometer(Sensor, kind="tachometer", message_type="sensor_msgs/msg/JointState"):
     """The speed of a coordinate."""
 
     coordinate: str
@@ -185,7 +193,7 @@ class Tachometer(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class MotorCurrent(Sensor):
+class MotorCurrent(Sensor, kind="current", message_type="sensor_msgs/msg/JointState"):
     """The current of an actuator with a DC motor."""
 
     actuator: str
@@ -199,7 +207,7 @@ class MotorCurrent(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class RangeFinder(Sensor):
+class RangeFinder(Sensor, kind="range", message_type="sensor_msgs/msg/Range"):
     """The distance from the origin of `at` to a plane along x of this frame, or to a point in any direction.
 
     The plane goes through the `target` with this `normal` (3,) in the axes of its part; without a normal the target is
@@ -224,7 +232,7 @@ class RangeFinder(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class PoseSensor(Sensor):
+class PoseSensor(Sensor, kind="pose", message_type="geometry_msgs/msg/PoseStamped"):
     """The pose of a frame in ground's frame."""
 
     at: SensorFrame
@@ -238,7 +246,7 @@ class PoseSensor(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class TwistSensor(Sensor):
+class TwistSensor(Sensor, kind="twist", message_type="geometry_msgs/msg/TwistStamped"):
     """The velocity of a point and the angular velocity of its part, in ground's axes or in those `in_frame`."""
 
     at: SensorFrame
@@ -253,7 +261,7 @@ class TwistSensor(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
-class Odometry(Sensor):
+class Odometry(Sensor, kind="odometry", message_type="nav_msgs/msg/Odometry"):
     """The pose of a frame in ground's frame, and its velocities in its own axes."""
 
     at: SensorFrame

@@ -28,18 +28,6 @@ from mbd_sim.mechanism.sensors import (
 from mbd_sim.messages.serialized_message import MessageBuilder, SerializedMessage
 from mbd_sim.simulation.sensor_model import INDEX, SensorModel, SensorReading
 
-MESSAGE_TYPES: Mapping[type[AnySensor], str] = {
-    Imu: "sensor_msgs/msg/Imu",
-    Accelerometer: "sensor_msgs/msg/Imu",
-    ForceTorque: "geometry_msgs/msg/WrenchStamped",
-    Encoder: "sensor_msgs/msg/JointState",
-    Tachometer: "sensor_msgs/msg/JointState",
-    MotorCurrent: "sensor_msgs/msg/JointState",
-    RangeFinder: "sensor_msgs/msg/Range",
-    PoseSensor: "geometry_msgs/msg/PoseStamped",
-    TwistSensor: "geometry_msgs/msg/TwistStamped",
-    Odometry: "nav_msgs/msg/Odometry",
-}
 RADIATION = ("ultrasound", "infrared")  # in the order of the numbers in sensor_msgs/Range
 _UNKNOWN = -1.0  # the first entry of a covariance whose quantity is not measured
 

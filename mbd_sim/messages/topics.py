@@ -12,7 +12,6 @@ from mbd_sim.messages import event_messages, qos, state_messages
 from mbd_sim.messages.acceleration_messages import COORDINATES, accelerations
 from mbd_sim.messages.event_messages import EventWriter
 from mbd_sim.messages.qos import OfferedQos
-from mbd_sim.messages.sensor_messages import MESSAGE_TYPES
 from mbd_sim.messages.state_messages import StateWriter
 from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.simulation.compiled_model import Model
@@ -164,7 +163,7 @@ TF = OutputTopic(
 )
 SENSORS = OutputTopic(
     f"~/sensors/{SENSOR}",
-    "sensor_msgs/msg/Imu",  # or another, see MESSAGE_TYPES
+    "sensor_msgs/msg/Imu",  # or another, that of the sensor
     When.SAMPLE,
     qos.STATE,
     Recorded.YES,
@@ -269,7 +268,7 @@ def for_each_sensor(sensors: Sequence[AnySensor]) -> list[OutputTopic]:
     """The topic of each sensor, in order."""
     tokens = topic_names(sensor.name for sensor in sensors)
     return [
-        replace(SENSORS, name=SENSORS.name.replace(SENSOR, tokens[one.name]), message_type=MESSAGE_TYPES[type(one)])
+        replace(SENSORS, name=SENSORS.name.replace(SENSOR, tokens[one.name]), message_type=one.message_type)
         for one in sensors
     ]
 

@@ -37,10 +37,15 @@ def attached_parts(mechanism: Mechanism) -> set[str]:
         elif isinstance(constraint, Cable):
             found |= {point.part for point in constraint.points}
     for actuator in mechanism.actuators:
-        if isinstance(actuator.port, LinePort):
-            found |= {actuator.port.first.part, actuator.port.second.part}
-        elif isinstance(actuator.port, WrenchPort):
-            found.add(actuator.port.at.part)
+        match actuator.port:
+            case LinePort(first=first, second=second):
+                found |= {first.part, second.part}
+            case WrenchPort(at=at):
+                found.add(at.part)
+            case CoordinatePort() | SumPort():
+                pass
+            case _:
+                assert_never(actuator.port)
     return found
 
 

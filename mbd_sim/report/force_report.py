@@ -25,25 +25,17 @@ from mbd_sim.mechanism.force_elements import (
     AppliedPotential,
     Bushing,
     Damper,
+    ForceElement,
     Spring,
 )
 from mbd_sim.mechanism.laws import Expressed, GreenStrain, Varying
 from mbd_sim.mechanism.records import Mechanism
 
-Element = Spring | Damper | AppliedForce | AppliedEffort | AppliedPotential | Bushing
 RELATIVE = ("relative position", "relative velocity")
 
 
 def force_reports(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Each force element: its type, what it acts on, and the names of what it depends on."""
-    elements: tuple[Element, ...] = (
-        *mechanism.springs,
-        *mechanism.dampers,
-        *mechanism.applied,
-        *mechanism.efforts,
-        *mechanism.potentials,
-        *mechanism.bushings,
-    )
     return [
         {
             "name": element.name,
@@ -51,11 +43,11 @@ def force_reports(mechanism: Mechanism) -> list[dict[str, Any]]:
             "at": _place(element),
             "depends_on": list(_variables(element)),
         }
-        for element in elements
+        for element in mechanism.force_elements
     ]
 
 
-def _type(element: Element, mechanism: Mechanism) -> str:
+def _type(element: ForceElement, mechanism: Mechanism) -> str:
     match element:
         case Spring(law=GreenStrain()):
             return "elastic_bar"
@@ -77,7 +69,7 @@ def _type(element: Element, mechanism: Mechanism) -> str:
             assert_never(element)
 
 
-def _place(element: Element) -> str:
+def _place(element: ForceElement) -> str:
     match element:
         case Spring() | Damper() | Bushing():
             return f"{element.first.part} – {element.second.part}"
@@ -91,7 +83,7 @@ def _place(element: Element) -> str:
             assert_never(element)
 
 
-def _variables(element: Element) -> Iterator[str]:
+def _variables(element: ForceElement) -> Iterator[str]:
     """The names of what a force depends on; none for a constant one."""
     match element:
         case Spring():

@@ -7,33 +7,13 @@ from typing import Any
 
 from mbd_sim.mechanism.sensors import (
     EXACT,
-    Accelerometer,
     AnySensor,
     CoordinateSensor,
     Encoder,
     ErrorModel,
     ForceTorque,
-    Imu,
     MotorCurrent,
-    Odometry,
-    PoseSensor,
-    RangeFinder,
-    Tachometer,
-    TwistSensor,
 )
-
-TYPES = {
-    Imu: "imu",
-    Accelerometer: "accelerometer",
-    ForceTorque: "force_torque",
-    Encoder: "encoder",
-    Tachometer: "tachometer",
-    MotorCurrent: "current",
-    RangeFinder: "range",
-    PoseSensor: "pose",
-    TwistSensor: "twist",
-    Odometry: "odometry",
-}
 
 
 def sensor_report(sensor: AnySensor, step: float) -> dict[str, Any]:
@@ -45,7 +25,7 @@ def sensor_report(sensor: AnySensor, step: float) -> dict[str, Any]:
     resolution = {"resolution": sensor.resolution} if isinstance(sensor, Encoder) else {}
     return {
         "name": sensor.name,
-        "type": TYPES[type(sensor)],
+        "type": sensor.kind,
         "at": _place(sensor),
         "rate": 1.0 / step if sensor.sampling.rate is None else sensor.sampling.rate,
         "delay": sensor.sampling.delay,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
 from mbd_sim.dynamics.actuator_functions import CYLINDER_READINGS, MOTOR_READINGS
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor
 from mbd_sim.mechanism.channels import Channel
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.short_repr import short_repr
@@ -120,8 +121,13 @@ def states_of_actuators(
         where, source = (slots.states, y) if slots.delay else (slots.commands, inputs)
         commands = {channel: float(source[where[channel]]) for channel in slots.commands}
         energies = {name: float(y[index]) for name, index in slots.energies.items()}
-        read_as = _cylinder_state if isinstance(actuator.motor, Cylinder) else _motor_state
-        found[actuator.name] = read_as(actuator, commands, energies, row)
+        match actuator.motor:
+            case EffortMotor() | DcMotor():
+                found[actuator.name] = _motor_state(actuator, commands, energies, row)
+            case Cylinder():
+                found[actuator.name] = _cylinder_state(actuator, commands, energies, row)
+            case _:
+                assert_never(actuator.motor)
     return found
 
 

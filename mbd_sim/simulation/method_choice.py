@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -171,17 +172,22 @@ def _drive_modes(equations: Equations, inputs: Array) -> Iterator[FastestMode]:
     if equations.actuators is None:
         return
     from mbd_sim.dynamics.cylinders import fastest_rate
-    from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
+    from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor, EffortMotor
     from mbd_sim.mechanism.cylinders import Cylinder
 
     names = equations.mechanism.coordinate_names
     positions = np.array(equations.actuators.readings(0.0, equations.start_state, inputs))[0]
     for actuator, position in zip(equations.mechanism.actuators, positions.tolist(), strict=True):
         motor, at, rate = actuator.motor, actuator.port, 0.0
-        if isinstance(motor, Cylinder):
-            rate = fastest_rate(motor, position)
-        elif isinstance(motor, DcMotor) and motor.inductance and motor.current_limit < math.inf:
-            rate = motor.bandwidth
+        match motor:
+            case Cylinder():
+                rate = fastest_rate(motor, position)
+            case DcMotor():
+                rate = motor.bandwidth if motor.inductance and motor.current_limit < math.inf else 0.0
+            case EffortMotor():
+                pass
+            case _:
+                assert_never(motor)
         if rate and names:
             yield FastestMode(rate, names.index(at.coordinate) if isinstance(at, CoordinatePort) else 0)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
@@ -15,10 +16,17 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.sampling import SamplingError, SamplingSteps, steps_of
 from mbd_sim.mechanism.sensors import (
     ORIENTATION,
+    Accelerometer,
     AnySensor,
     Encoder,
     ForceTorque,
+    Imu,
+    MotorCurrent,
+    Odometry,
+    PoseSensor,
     RangeFinder,
+    Tachometer,
+    TwistSensor,
 )
 from mbd_sim.sensing.measurement_errors import MeasurementErrors
 from mbd_sim.sensing.noise import Noise
@@ -107,8 +115,12 @@ class SensorModel:
             case RangeFinder() if sensor.normal is not None:
                 distance = float(exact[0]) / float(exact[1]) if exact[1] else math.inf
                 return np.array([distance if distance >= 0.0 else math.inf])
-            case _:
+            case RangeFinder() | Imu() | Accelerometer() | Encoder() | Tachometer() | MotorCurrent():
                 return exact
+            case PoseSensor() | TwistSensor() | Odometry():
+                return exact
+            case _:
+                assert_never(sensor)
 
     def _load(self, sensor: ForceTorque, time: float, sample: StateSample, exact: Array) -> Array:
         """Force and torque in the axes of the sensor's frame; redundant joints share the load."""
@@ -185,5 +197,9 @@ def _as_signal(sensor: AnySensor, values: dict[str, Array]) -> dict[str, Array]:
             if distance > sensor.most:
                 distance = math.inf
             return {"distance": np.array([-math.inf if distance < sensor.least else distance])}
-        case _:
+        case Imu() | Accelerometer() | ForceTorque() | Tachometer() | MotorCurrent():
             return values
+        case PoseSensor() | TwistSensor() | Odometry():
+            return values
+        case _:
+            assert_never(sensor)

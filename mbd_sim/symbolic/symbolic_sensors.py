@@ -20,7 +20,7 @@ from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.mass_moments import MassMoments, spatial_inertia, with_springs
 from mbd_sim.dynamics.reactions import joint_reactions, joint_springs, transmitted_wrenches
-from mbd_sim.dynamics.sensor_expressions import exact_values
+from mbd_sim.dynamics.sensor_expressions import exact_values, measured_values
 from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import MbdSimError
@@ -100,7 +100,7 @@ def traced_sensors(mechanism: Mechanism, values: SymbolicValues | None, derived:
     functions: dict[str, ca.Function | str] = {}
     for sensor in traced.mechanism.sensors:
         exact = exact_values(traced, links, reactions, currents, _with_clean_axes(sensor))
-        function = ca.Function("sensor", given, [ca.sparsify(_in_axes(sensor, exact))], {"cse": True})
+        function = ca.Function("sensor", given, [ca.sparsify(measured_values(sensor, exact))], {"cse": True})
         shared = isinstance(sensor, ForceTorque) and derived is not None and _is_shared(derived, sensor, function)
         functions[sensor.name] = SHARED if shared else function
     return TracedSensors(traced, functions)
@@ -178,16 +178,6 @@ def _as_signal(sensor: AnySensor, values: dict[str, Any]) -> dict[str, Any]:
         in_turn = at_index if sensor.counts is None else at_index.applyfunc(lambda one: sp.Mod(one, sensor.counts))
         found[INDEX] = in_turn.applyfunc(lambda one: sp.Piecewise((1, sp.Eq(one, 0)), (0, True)))
     return found
-
-
-def _in_axes(sensor: AnySensor, exact: ca.SX) -> ca.SX:
-    """A load in the axes of its frame, and the distance to a plane; other values as they are."""
-    if isinstance(sensor, ForceTorque):
-        axes = ca.reshape(exact[6:], 3, 3)
-        return ca.vertcat(axes.T @ exact[:3], axes.T @ exact[3:6])
-    if isinstance(sensor, RangeFinder) and sensor.normal is not None:
-        return exact[0] / exact[1]
-    return exact
 
 
 def _with_clean_axes(sensor: AnySensor) -> AnySensor:

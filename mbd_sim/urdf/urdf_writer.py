@@ -16,6 +16,7 @@ import numpy as np
 from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import to_rpy
+from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.names import unique_name
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Mesh, Part, Shape
 from mbd_sim.mechanism.sensors import FramelessSensor, FrameSensor, frame_id
@@ -110,9 +111,8 @@ def floating_joints(mechanism: Mechanism) -> list[FloatingJoint]:
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     """What `to_urdf` cannot represent: a sentence for each kind, with the names."""
     joints, mimicked = mechanism.joints.values(), {mimic.constraint for mimic in mimics_of(mechanism).values()}
-    sprung = {bushing.name for bushing in mechanism.bushings} & mechanism.all_joints.keys()
-    own = [bushing for bushing in mechanism.bushings if bushing.name not in sprung]
-    elements = [*mechanism.two_point_elements, *mechanism.applied, *mechanism.efforts, *mechanism.potentials, *own]
+    sprung = {bushing.name for bushing in mechanism.bushings if bushing.in_joint}
+    elements = [one for one in mechanism.force_elements if not (isinstance(one, Bushing) and one.in_joint)]
     gravity = [] if np.array_equal(mechanism.gravity, USUAL_GRAVITY) else [str(mechanism.gravity.tolist())]
     found = {
         "gravity": gravity,

@@ -8,7 +8,6 @@ from rclpy.serialization import deserialize_message
 from rosbags.typesys import Stores, get_typestore
 
 from mbd_sim import Simulation
-from mbd_sim.messages.sensor_messages import MESSAGE_TYPES
 from mbd_sim.messages.sensor_topics import SensorMessages
 from mbd_sim.ros.message_types import message_type
 from mbd_sim.urdf.urdf_writer import to_urdf
@@ -60,7 +59,7 @@ def read(simulation):
         (measured,) = messages.measured([arrivals[number]], TIME_NS)
         assert measured.sensor == name
         payload = measured.payload
-        kind = MESSAGE_TYPES[type(simulation.mechanism.sensors[number])]
+        kind = simulation.mechanism.sensors[number].message_type
         return deserialize_message(payload, message_type(kind)), STORE.deserialize_cdr(payload, kind)
 
     return decoded

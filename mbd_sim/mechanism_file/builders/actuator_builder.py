@@ -58,10 +58,15 @@ def actuated_joints(actuators: tuple[Actuator, ...], joints: Mapping[str, Joint]
     owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
     found = []
     for actuator in actuators:
-        if isinstance(actuator.port, CoordinatePort):
-            found.append(owners[actuator.port.coordinate])
-        elif isinstance(actuator.port, SumPort):
-            found += [owners[name] for name in actuator.port.factors]
+        match actuator.port:
+            case CoordinatePort(coordinate=coordinate):
+                found.append(owners[coordinate])
+            case SumPort(factors=factors):
+                found += [owners[name] for name in factors]
+            case LinePort() | WrenchPort():
+                pass
+            case _:
+                assert_never(actuator.port)
     return found
 
 
