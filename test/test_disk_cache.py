@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim import CommandError, Simulation, disk_cache, simulation
+from mbd_sim import CommandError, Simulation, disk_cache
 from mbd_sim.compiler import machine_code
+from mbd_sim.simulation import model_builder
 
 
 @pytest.fixture
@@ -203,7 +204,7 @@ def test_live_values_of_a_model_from_the_cache_change_its_motion_alike(folder, m
     first = Simulation.from_file("double_rod", live=live)
     other = Simulation.from_file("double_rod", live=live[:1])
     assert len(first.inputs) > len(other.inputs)
-    monkeypatch.setattr(simulation, "build", lambda *_: pytest.fail("built again"))
+    monkeypatch.setattr(model_builder, "build", lambda *_: pytest.fail("built again"))
     second = Simulation.from_file("double_rod", live=live)
     assert second.live == first.live
     for each in (first, second, other):

@@ -104,7 +104,7 @@ def inconsistent_speeds(
     """Given velocities, marked in `fixed` (nv,), that violate the constraints by `errors` (m,) per second."""
     given = [name for name, is_fixed in zip(mechanism.coordinate_names, fixed, strict=True) if is_fixed]
     problems = []
-    for owner, error in _by_owner(rows, errors, 1.0):
+    for owner, error in _by_owner(rows, errors, 0.0):
         loop = _loop_of(mechanism, owner)
         violation = f"the given velocities violate {f'the loop of {loop}' if loop else 'this constraint'}"
         remedy = f"Give fewer of {listed(given)}: the others are computed for the least kinetic energy."

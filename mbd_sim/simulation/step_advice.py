@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.dynamics.state_scales import energy_size
 from mbd_sim.errors import DivergedError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.adams import Adams
@@ -66,6 +65,8 @@ def open_share(model: Model, energies: Energies, start_energy: float, step: floa
     :param step: the step size in s.
     """
     changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
+    from mbd_sim.dynamics.state_scales import energy_size
+
     potentials = start_energy, energies.potential, energy_size(model.mechanism, step)
     largest = max(energies.kinetic, *map(abs, changes), *map(abs, potentials))
     return abs(energies.residual) / largest if largest > 0.0 else 0.0

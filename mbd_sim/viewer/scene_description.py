@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbd_sim.appearance.extent import Extent, extent_of
-from mbd_sim.appearance.implicit_curves import curve_lines, section_lines, surface_lines
 from mbd_sim.appearance.trace_points import default_traces, tip_of
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
@@ -140,6 +139,8 @@ def _constraint_lines(model: Model, plane: Array | None) -> list[ConstraintLines
     found: list[ConstraintLines] = []
     for constraint in model.mechanism.constraints:
         if isinstance(constraint, Surface):
+            from mbd_sim.appearance.implicit_curves import curve_lines, section_lines, surface_lines
+
             poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
             point = poses[constraint.point.part] @ Pose(constraint.point.point, np.eye(3))
             start = (poses[constraint.base.part].inverse() @ point).position

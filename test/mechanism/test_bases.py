@@ -47,8 +47,9 @@ def contact_velocity(velocity, at):
 
 @pytest.mark.parametrize("velocity", [Velocity(0.5, 0.0, 0.0), Velocity(0.3, 0.0, -0.9), Velocity(0.0, 0.0, 1.1)])
 def test_the_wheels_of_a_differential_base_roll_at_the_mean_speed_of_their_side(velocity):
-    commands, limited = base(DIFFERENTIAL).commands(velocity)
-    assert not limited
+    found = base(DIFFERENTIAL).commands(velocity)
+    commands = found.takers
+    assert not found.limited
     for name, at in WHEELS.items():
         sign = -1.0 if name == "rr" else 1.0
         assert sign * RADIUS * commands[name]["velocity"] == pytest.approx(contact_velocity(velocity, at)[0], abs=1e-15)
@@ -56,7 +57,8 @@ def test_the_wheels_of_a_differential_base_roll_at_the_mean_speed_of_their_side(
 
 @pytest.mark.parametrize("velocity", [Velocity(0.5, -0.2, 0.7), Velocity(0.0, 0.4, 0.0), Velocity(-0.1, 0.3, -1.0)])
 def test_mecanum_wheels_slip_only_in_the_direction_in_which_their_rollers_turn(velocity):
-    commands, _ = base(MECANUM).commands(velocity)
+    found = base(MECANUM).commands(velocity)
+    commands = found.takers
     for name, at in WHEELS.items():
         roller = np.array([1.0, -math.copysign(1.0, at[0] * at[1])])  # the axis of the roller on the ground
         slip = np.array(contact_velocity(velocity, at)) - [RADIUS * commands[name]["velocity"], 0.0]
@@ -65,8 +67,9 @@ def test_mecanum_wheels_slip_only_in_the_direction_in_which_their_rollers_turn(v
 
 @pytest.mark.parametrize("velocity", [Velocity(1.0, 0.0, 0.5), Velocity(-0.8, 0.0, 0.3), Velocity(0.6, 0.0, 0.0)])
 def test_the_wheels_of_a_car_do_not_slip_sideways(velocity):
-    commands, limited = base(CAR).commands(velocity)
-    assert not limited
+    found = base(CAR).commands(velocity)
+    commands = found.takers
+    assert not found.limited
     for name, at, sign in (("steer_l", (0.6, 0.2), 1.0), ("steer_r", (0.6, -0.2), -1.0)):
         angle = sign * commands[name]["position"]
         x, y = contact_velocity(velocity, at)
@@ -77,8 +80,9 @@ def test_the_wheels_of_a_car_do_not_slip_sideways(velocity):
 
 @pytest.mark.parametrize("yaw", [5.0, -5.0])
 def test_a_car_turns_as_tightly_as_each_of_its_wheels_can_be_steered(yaw):
-    commands, limited = base(CAR).commands(Velocity(1.0, 0.0, yaw))
-    assert limited
+    found = base(CAR).commands(Velocity(1.0, 0.0, yaw))
+    commands = found.takers
+    assert found.limited
     left, right = commands["steer_l"]["position"], -commands["steer_r"]["position"]
     assert -0.6 - 1e-12 <= left <= 0.5 + 1e-12 and -0.6 - 1e-12 <= right <= 0.7 + 1e-12
     assert min(abs(left - 0.5), abs(right + 0.6)) < 1e-12  # that of the inner wheel
@@ -88,8 +92,9 @@ def test_a_car_turns_as_tightly_as_each_of_its_wheels_can_be_steered(yaw):
 
 
 def test_wheels_that_would_be_too_fast_are_slowed_down_alike():
-    full, limited = base(DIFFERENTIAL).commands(Velocity(4.0, 0.0, 2.0))
-    assert limited and full["fr"]["velocity"] == pytest.approx(30.0)
+    found = base(DIFFERENTIAL).commands(Velocity(4.0, 0.0, 2.0))
+    full = found.takers
+    assert found.limited and full["fr"]["velocity"] == pytest.approx(30.0)
     assert full["fl"]["velocity"] / full["fr"]["velocity"] == pytest.approx(3.6 / 4.4)
     assert base(DIFFERENTIAL).commands(Velocity(0.0, 0.0, 0.0)).takers["fl"] == {"velocity": 0.0}
 

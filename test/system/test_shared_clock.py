@@ -169,7 +169,7 @@ def test_several_mechanisms_in_one_program_run_on_one_clock_each_in_its_namespac
     ],
 )
 def test_the_members_of_a_group(text: str, expected: list[tuple[str, str]]) -> None:
-    assert members(text) == expected
+    assert [(member.namespace, member.mechanism) for member in members(text)] == expected
 
 
 @pytest.mark.parametrize("text", ["a=double_rod, a=four_bar", "../x.yaml", "a="])
