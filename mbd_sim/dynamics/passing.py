@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 
@@ -78,11 +79,10 @@ def _constraint_pairs(mechanism: Mechanism) -> Iterator[_Pair]:
     for constraint in mechanism.constraints:
         match constraint:
             case c.Flat(law=law) if law is not None:
-                normals = constant(constraint.normals)
                 yield _Pair(
                     constraint.name,
                     (constraint.point, constraint.base),
-                    lambda one, other, normals=normals: normals @ _in_axes(one, other),
+                    partial(_along, constant(constraint.normals)),
                 )
             case c.Surface(law=law) if law is not None:
                 yield _Pair(constraint.name, (constraint.point, constraint.base), _in_axes)
@@ -119,6 +119,11 @@ def _contact_pair(contact: Contact) -> _Pair:
 
 def _in_ground(one: BodyFrame, other: BodyFrame) -> ca.SX:
     return one.position - other.position
+
+
+def _along(normals: ca.SX, one: BodyFrame, other: BodyFrame) -> ca.SX:
+    """The place of the first along directions (k, 3) in the axes of the second."""
+    return normals @ _in_axes(one, other)
 
 
 def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
