@@ -17,6 +17,11 @@ def solve(matrix: Array, right: Array) -> Array:
 
     Equations that depend on others are not checked.
     """
+    return _solved(matrix, right)[0]
+
+
+def _solved(matrix: Array, right: Array) -> tuple[Array, int]:
+    """See `solve`; and the rank."""
     n = len(right)
     a = np.empty((n, n + 1))
     a[:, :n], a[:, n] = matrix, right
@@ -26,7 +31,7 @@ def solve(matrix: Array, right: Array) -> Array:
         value = a[index, n] / a[index, index]
         a[:index, n] -= a[:index, index] * value
         x[columns[index]] = value
-    return x
+    return x, len(columns)
 
 
 def least_squares(matrix: Array, right: Array, weights: Array) -> tuple[Array, Array]:
@@ -41,8 +46,9 @@ def least_squares(matrix: Array, right: Array, weights: Array) -> tuple[Array, A
 
 def least_solution(matrix: Array, right: Array, weights: Array) -> Array:
     """The solution x (n,) of a square system; of several that with the least Σ w x²."""
-    if rank(matrix) == len(matrix):
-        return solve(matrix, right)
+    x, found = _solved(matrix, right)
+    if found == len(matrix):
+        return x
     return least_squares(matrix, right, weights)[0]
 
 

@@ -113,7 +113,7 @@ class RowWriter:
             case c.KnifeEdge():
                 yield self._knife_edge(record)
             case c.Clutch():
-                yield ConstraintRow(_owner(record), "speed", ca.SX(1, 1), factors=record.factors)
+                yield ConstraintRow(_owner(record), "speed", ca.SX(1, 1), unit="", factors=record.factors)
             case _:
                 assert_never(record)
 

@@ -104,7 +104,7 @@ class OneSidedEquations:
     """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
 
     `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
-    the forces of those gaps that have a place. `lengths` (rows,) are the natural units of the rows' positions.
+    the forces of those gaps that have a place. `are_lengths` (rows,) says of each row whether its position is in m.
     """
 
     gaps: tuple[Gap, ...]
@@ -114,7 +114,12 @@ class OneSidedEquations:
     numbers: ca.SX
     places: ca.SX
     units: NaturalUnits
-    lengths: tuple[float, ...]
+    are_lengths: tuple[bool, ...]
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """The natural units (rows,) of the rows' positions."""
+        return tuple(self.units.length if is_length else 1.0 for is_length in self.are_lengths)
 
     @property
     def speeds(self) -> tuple[float, ...]:
@@ -199,6 +204,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
+    measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
     unable = _unable_to_act(traced, equations, len(gaps))
     unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
     kept = [row for row in range(len(rows)) if row not in unable]
@@ -220,8 +226,8 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     in_state = expressed_in_state(traced, bodies, time)
     places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
     units = natural_units(traced.numeric, traced.step)
-    lengths = tuple(units.length if _is_length(traced.numeric, row) else 1.0 for row in equations.rows)
-    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, lengths)
+    are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
+    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
 
 
 def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:

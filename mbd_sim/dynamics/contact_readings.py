@@ -33,19 +33,20 @@ def one_sided_readings(
     """The gaps, the rates and forces of all rows, the guards, and the rates at which friction can turn slips.
 
     :param matrix: A (rows, rows) without friction.
-    :param weight: in N, by which guards of forces are divided.
+    :param weight: in N, by which guards of forces are divided; those of moments by this times the natural length.
     :param solution: (rows,) of the active rows; of others what `mbd_sim.compiler.active_rows.emit_solved` watches.
     """
     forces, gaps = contacts.forces(contacts.active * solution), gap_values(contacts)
+    weights = [weight * contacts.units.length / length for length in contacts.lengths]
     guards = [
-        _gap_guard(contacts, index, gaps[index], forces[index] / weight, solution[index] / weight)
+        _gap_guard(contacts, index, gaps[index], forces[index] / weights[index], solution[index] / weights[index])
         for index in range(contacts.layout.gaps)
     ]
     sizes = iter([load.size(forces) for load in loads])
     for element in contacts.frictions:
         load = ca.SX(1) if element.gap is None else forces[element.gap]
         load = load if element.joint is None else next(sizes)
-        guards.append(_friction_guard(contacts, element, forces, load, weight))
+        guards.append(_friction_guard(contacts, element, forces, load, weights[element.rows[0]]))
     guards += [
         ca.if_else(load.factor, load.sign * (load.unloaded + load.by_force @ forces) / weight, 1.0)
         for load in loads

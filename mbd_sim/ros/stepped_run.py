@@ -126,9 +126,12 @@ class SteppedRun:
     def _forget_problems(self) -> None:
         self.problem = self.advice = ""
         self._error_threshold, self._share_threshold = TOLERATED, OPEN_ACCOUNT
+        self._said_passing = False
 
     def _check_accuracy(self) -> None:
         """Warn once of a step that is too large or an open energy account, and again when it has grown tenfold.
+
+        Warn once of contacts that a step may miss.
 
         The account is left alone where the estimated error of a step says why it is open.
         """
@@ -141,6 +144,8 @@ class SteppedRun:
             share = open_share(simulation.model, energies, start_energy, simulation.step_size)
             if share > self._share_threshold:
                 self._share_threshold, grown = 10.0 * share, True
+            if not self._said_passing and simulation.passing_advice:
+                self._said_passing = grown = True
         if grown:
             self.advice = simulation.step_advice or ""
             self.output.report(EventKind.WARNING, self.advice)

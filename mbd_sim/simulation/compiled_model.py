@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mbd_sim.compiler.readers import CompiledReaders
     from mbd_sim.dynamics.compliant_contacts import CushionFunctions
     from mbd_sim.dynamics.equations import Equations
+    from mbd_sim.dynamics.passing import PassingFunctions
     from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
     from mbd_sim.integrators.between_steps import BetweenSteps
     from mbd_sim.integrators.methods import Method
@@ -316,6 +317,15 @@ class Model:
         from mbd_sim.simulation.load_path_reader import LoadPathReader
 
         return LoadPathReader(self.equations)
+
+    @cached_property
+    def passing(self) -> PassingFunctions | None:
+        """What steps may miss of contacts; None without any."""
+        if not self.mechanism.contacts and not self.mechanism.constraints:
+            return None
+        from mbd_sim.dynamics.passing import passing_functions
+
+        return passing_functions(self.mechanism, self.input_layout.loaded)
 
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""

@@ -252,11 +252,9 @@ class Candidates:
 
     def _held(self, closed: list[int], rates: Array, size: Array) -> list[int]:
         """Of the gaps that were to open, those which the closed ones hold: without force on elastic supports."""
-        found, rank = list[int](), len(independent(self._terms.matrix, closed))
-        for gap in sorted(self._forced.open & set(self._touching)):
-            if abs(rates[gap]) <= size[gap] and len(independent(self._terms.matrix, [*closed, gap])) == rank:
-                found.append(gap)
-        return found
+        still = [gap for gap in sorted(self._forced.open & set(self._touching)) if abs(rates[gap]) <= size[gap]]
+        rank = len(independent(self._terms.matrix, closed)) if still else 0
+        return [gap for gap in still if len(independent(self._terms.matrix, [*closed, gap])) == rank]
 
     def _activate(self, closed: list[int], sticking: list[int], forces: Array, modes: Array) -> None:
         """Write into the modes which rows are solved for: all that bear a force, and independent ones without."""

@@ -53,7 +53,7 @@ class ModeFinder:
         """
         model, overloaded = self._model, dict[int, tuple[float, ...]]()
         sliding, active = model.sliding(modes), modes[model.layout.active]
-        scale = model.units.force + float(np.max(np.abs(found.forces), initial=0.0))
+        scale = model.loads * (1.0 + float(np.max(np.abs(found.forces) / model.loads, initial=0.0)))
         for index, (rows, gap) in enumerate(model.frictions):
             if index in sliding or not any(active[list(rows)]):
                 continue
@@ -61,6 +61,6 @@ class ModeFinder:
             load = (
                 terms.load(index, found.forces) if index in model.loaded else 1.0 if gap is None else found.forces[gap]
             )
-            if (size := euclidean_norm(force)) > terms.sizes[index, 1] * load + 1e-9 * scale:
+            if (size := euclidean_norm(force)) > terms.sizes[index, 1] * load + 1e-9 * scale[rows[0]]:
                 overloaded[index] = tuple((-force / size).tolist())
         return overloaded

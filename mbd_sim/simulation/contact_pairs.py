@@ -33,6 +33,19 @@ def require_computable_pairs(model: Model) -> None:
         raise MechanismError(problems)
 
 
+def endless_remarks(model: Model) -> Iterator[str]:
+    """A sentence on each contact with a cam along whose axis the other body moves: the cam has no ends there."""
+    cams = [contact for contact in model.mechanism.contacts if isinstance(contact.second, Cam)]
+    trials = [dict(model.poses(time, y, model.inputs)) for time, y in _trial_states(model)] if cams else []
+    for contact in cams:
+        along = [_placed(contact, poses)[2] for poses in trials]
+        if np.ptp(along) > PARALLEL * max(map(abs, along)):
+            yield (
+                f"the cam of {contact.name!r} is endless along its axis, along which {contact.names[0]!r} moves: they "
+                "touch beside the cam as well. Hold them beside each other by joints."
+            )
+
+
 def _is_limited(contact: Contact) -> bool:
     first, second = contact.first, contact.second
     if isinstance(first, Barrel):

@@ -68,7 +68,7 @@ class OneSidedModel:
     `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
-    `speeds` (rows,), and of the gaps, `gap_units` (gaps,).
+    `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,).
     """
 
     __repr__ = short_repr
@@ -86,6 +86,7 @@ class OneSidedModel:
         self.compliance = _compliance(contacts, size)
         self.units, self.slow = contacts.units, contacts.slow
         self.speeds, self.gap_units = np.array(contacts.speeds), np.array(contacts.gap_units)
+        self.loads = contacts.units.force * contacts.units.length / np.array(contacts.lengths)
         self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
         self.row_names = _row_names(contacts)
         self.names = self.row_names[: self.layout.gaps]
@@ -216,7 +217,7 @@ class OneSidedModel:
 def _compliance(contacts: OneSidedEquations, size: float) -> Array:
     """1 for rows in m; those of angles count as forces at the lever `size`."""
     lever = size or 1.0
-    return np.array([1.0 if row.unit == "m" else lever**-2 for row in contacts.equations.rows])
+    return np.array([1.0 if is_length else lever**-2 for is_length in contacts.are_lengths])
 
 
 def _row_names(contacts: OneSidedEquations) -> tuple[str, ...]:

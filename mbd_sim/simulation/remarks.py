@@ -8,7 +8,9 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.bare_angles import bare_angle_remarks
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.contact_pairs import endless_remarks
 from mbd_sim.simulation.drive_jumps import jump_remarks
+from mbd_sim.simulation.passing import passing_advice
 from mbd_sim.simulation.pulses import pulse_remarks
 
 LOOK_AHEAD = 10.0  # s after the start in which jumps of drives are sought
@@ -19,8 +21,8 @@ def remarks(
 ) -> tuple[str, ...]:
     """Sentences on what acts in another way than a reader of the file may expect.
 
-    An unusual method, limits that do not act, undetermined friction, forces shorter than a step, drives that jump, and
-    angles beyond a full turn.
+    An unusual method, limits that do not act, undetermined friction, forces shorter than a step, contacts that a
+    step may miss, cams without ends, drives that jump, and angles beyond a full turn.
 
     :param step: in s.
     :param end: the time in s until which jumps of drives are sought.
@@ -31,6 +33,8 @@ def remarks(
         limits_remark(model.mechanism),
         friction_remark(model),
         sharing_remark(model, time, y, inputs),
+        *endless_remarks(model),
+        *passing_advice(model, time, y, inputs, step),
         *pulse_remarks(model.mechanism, step),
         *bare_angle_remarks(model.mechanism.source),
         *_jump_remarks(model.mechanism, end),

@@ -529,13 +529,22 @@ class Simulation(ReadOnlyAttributes):
     def step_advice(self) -> str | None:
         """A sentence that names a better step or method if the step is too large for the mechanism, else None.
 
-        Too large are steps with large errors, and such as leave the energy account open.
+        Too large are steps with large errors, such as leave the energy account open, and such as may miss a contact.
         """
         from mbd_sim.simulation.step_advice import advice_on_energy, advice_on_step
 
-        return advice_on_step(self.model, *self._memory.now, self.step_size, self.error_estimate) or advice_on_energy(
-            self.model, self.energies, self.start_energy, self.step_size
+        return (
+            advice_on_step(self.model, *self._memory.now, self.step_size, self.error_estimate)
+            or advice_on_energy(self.model, self.energies, self.start_energy, self.step_size)
+            or self.passing_advice
         )
+
+    @property
+    def passing_advice(self) -> str | None:
+        """A sentence on contacts that a step may miss, as parts turn too far or fly too fast in it, else None."""
+        from mbd_sim.simulation.passing import passing_advice
+
+        return " ".join(passing_advice(self.model, *self._memory.now, self.step_size)) or None
 
     @property
     def remarks(self) -> tuple[str, ...]:

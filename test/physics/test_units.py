@@ -10,7 +10,17 @@ from test.generators.mechanisms import KINDS
 from test.generators.scaled_mechanisms import Units, scaled
 
 SMOOTH = [name for name in KINDS if not has_one_sided(load_mechanism(name))]
-CONTACTS = ["backlash", "belt", "column_of_beads", "elbow_stop", "rope", "spinning_ball", "stops"]
+CONTACTS = [
+    "backlash",
+    "belt",
+    "column_of_beads",
+    "elbow_stop",
+    "freewheel",
+    "rope",
+    "spinning_ball",
+    "stops",
+    "woodpecker",
+]
 LARGE = Units(length=1024.0**2, mass=1024.0**-2, time=1024.0**2)  # 1.05e6, without round-off
 SMALL = Units(length=1024.0**-2, mass=1024.0**2, time=1024.0**-2)
 DECIMAL = Units(length=1e-6, mass=1e-9, time=1e-6)  # µm, µg and µs in place of m, kg and s
