@@ -170,7 +170,7 @@ class _Search:
         return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth_of(small.a))
 
     def _unwound(self, rest: Rest) -> Rest:
-        """The same configuration without whole turns since the start, if that is an equilibrium as well."""
+        """A configuration without whole turns since the start, if that is an equilibrium as well."""
         equations, balance = self._equations, self._balance
         turns = np.round(displacement_between(equations, balance.start.q, rest.q) / (2.0 * math.pi))
         turns[~balance.rotations] = 0.0

@@ -155,7 +155,7 @@ class RestBalance:
         return float(np.linalg.norm(self.from_start(rest))) * self.constraints.size
 
     def turned(self, rest: Rest) -> Rest:
-        """The same, held by a load along the directions that are free there, with the size of that at the start."""
+        """An equilibrium held by a load along the directions that are free there, of the size of that at the start."""
         nv, free = self._nv, self._free(rest)
         efforts = self._weights * (free @ (free.T @ (rest.holding[:nv] / self._weights)))
         size = float(np.linalg.norm(efforts / self._weights))

@@ -69,7 +69,7 @@ class StateSpace:
             return np.full(self.d.shape, np.nan + 0j)
 
     def scipy(self) -> Any:
-        """The same as a `scipy.signal.StateSpace`.
+        """The system as a `scipy.signal.StateSpace`.
 
         :raises MissingPackageError: scipy is not installed.
         """
@@ -79,7 +79,7 @@ class StateSpace:
         return signal.StateSpace(self.a, self.b, self.c, self.d)
 
     def control(self) -> Any:
-        """The same as a `control.StateSpace` of python-control; in the names of its signals, dots are `_`.
+        """The system as a `control.StateSpace` of python-control; in the names of its signals, dots are `_`.
 
         :raises MissingPackageError: python-control is not installed.
         """

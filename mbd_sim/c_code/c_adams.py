@@ -37,7 +37,7 @@ static double largest_of(const double *errors)
     return largest;
 }}
 
-/* The difference of so many pairs of orders more than a, if they shrink as from c to a or from d to b. */
+/* The difference `pairs` pairs of orders above a, if they shrink as from c to a or from d to b. */
 static double extrapolated(double a, double b, double c, double d, int pairs)
 {{
     double first = a / c, second = b / d, decay = first > second ? first : second;

@@ -59,7 +59,7 @@ def identifier(name: str) -> str:
 
 
 def distinct(variables: Sequence[Variable]) -> tuple[Variable, ...]:
-    """The same variables; where fields are equal, the later ones get numbers."""
+    """Variables with distinct fields: where fields are equal, the later ones get numbers."""
     taken: set[str] = set()
     found = []
     for variable in variables:

@@ -143,7 +143,7 @@ def temporary_file(name: str) -> Iterator[Path]:
 
 
 def text_table(columns: Mapping[str, Sequence[object]], most: int) -> Iterator[str]:
-    """The lines of a table of numbers and words, aligned at the right, with at most so many rows."""
+    """The lines of a table of numbers and words, aligned at the right, with at most this number of rows."""
     rows = min(most, max((len(values) for values in columns.values()), default=0))
     texts = [
         [name, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values[:rows])]

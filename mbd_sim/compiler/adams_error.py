@@ -91,7 +91,7 @@ def _smaller(b: IRBuilder, x: Value, y: Value) -> Value:
 
 
 def _extrapolated(e: IRBuilder, a: Value, b: Value, c: Value, d: Value, pairs: int) -> Value:
-    """The size of a difference of so many pairs of orders more than that of size a; b, c, d are of lower orders.
+    """The size of a difference `pairs` pairs of orders above that of size a; b, c, d are of lower orders.
 
     Two differences that follow each other do not vanish at the same time, so the one that shrinks less counts.
     """

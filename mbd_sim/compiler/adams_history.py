@@ -35,7 +35,7 @@ def history_size(method: Method, size: int, inputs_size: int) -> int:
 
 
 def finest_level(instructions: int, size: int) -> int:
-    """The level of the smallest parts in which a step is taken, for `size` rates of so many instructions together."""
+    """The level of the smallest parts in which a step is taken, for `size` rates of `instructions` together."""
     return FINEST if instructions >= DIVIDED * size else 0
 
 

@@ -245,7 +245,7 @@ class _AdamsStep:
                         self._otherwise_in_parts(t, level, self._is_at_level(level))
 
     def _complete_members(self, t: Value, taken: Value, counts: Value) -> None:
-        """The same for a group of members, some of which may need the other method."""
+        """`_complete` for a group of members, some of which may need the other method."""
         emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
         several = b.and_(b.not_(taken), b.and_(counts, b.not_(self._is_at_level(integer(0)))))
         once = b.not_(b.or_(taken, several))

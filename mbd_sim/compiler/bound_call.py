@@ -91,7 +91,7 @@ class CompiledFunction:
         record: Callable[..., Record],
         fields: tuple[Shape, ...],
     ) -> Callable[[], dict[str, Record]]:
-        """The same as a callable that returns new records by name.
+        """The bound call as a callable that returns new records by name.
 
         :param names: in the order in which the output has the numbers of the records.
         :param record: makes a record of its arrays.

@@ -117,7 +117,7 @@ def _exchange(
 def _exchange_in_lanes(
     b: LaneBuilder, size: int, order: Index, k: Value, matrix: Value, rows: Value, largest: Value, pivot_row: Value
 ) -> None:
-    """The same in each lane, where `pivot_row` is a double; most lanes exchange no rows."""
+    """`_exchange` in each lane, where `pivot_row` is a double; most lanes exchange no rows."""
     b.store(b.sitofp(k, DOUBLE), pivot_row)
 
     def compare(i: Value) -> None:

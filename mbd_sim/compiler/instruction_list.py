@@ -178,7 +178,7 @@ class InstructionList:
                 heapq.heappush(free, slots[number])
 
     def without(self, components: Collection[int]) -> InstructionList:
-        """The same instructions, which leave some components of the first result as they are."""
+        """A copy that leaves some components of the first result as they are."""
         result = copy(self)
         result.instructions = [
             instruction

@@ -141,7 +141,7 @@ class IRBuilder:
         return self.value(type_, f"{operation} {value.type} {value.text} to {type_}")
 
     def bitcast(self, value: Value, type_: Type) -> Value:
-        """The same bits as another type."""
+        """The bits of a value as another type."""
         return self.convert("bitcast", value, type_)
 
     def trunc(self, value: Value, type_: Type) -> Value:

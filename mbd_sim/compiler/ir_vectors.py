@@ -195,7 +195,7 @@ def combine_at_once(
     still: frozenset[int] = NONE,
     unread: frozenset[int] = NONE,
 ) -> None:
-    """The same, where the last vector has just been computed: the other terms are added while that is under way.
+    """`combine` where the last vector has just been computed: the other terms are added while that is under way.
 
     The result is rounded twice, so this is for stages and not for states. Components in `unread` are left out.
     """

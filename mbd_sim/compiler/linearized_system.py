@@ -68,7 +68,7 @@ class Memory:
         self._pairs: list[tuple[ca.SX, ca.SX]] = []
 
     def keep(self, matrix: ca.SX) -> ca.SX:
-        """The same matrix with symbols in place of its entries."""
+        """Keep the entries of a matrix, and return it with symbols in their place."""
         entries = []
         for value in ca.vertsplit(ca.vec(matrix.nz[:])) if matrix.nnz() else []:
             symbol = value if value.is_constant() else ca.SX.sym(f"m{len(self._pairs)}")

@@ -75,7 +75,7 @@ SINES = frozenset({ca.OP_SIN, ca.OP_COS})
 # save half of the compilation, and as the code is shorter, some percent of each step.
 INLINE_SINES = 1000
 # Nearly half of the instructions of a long function keep values on the stack. Their addresses are one byte shorter from
-# the frame pointer than from the stack pointer, and a processor decodes only so many bytes in a cycle. LLVM uses the
+# the frame pointer than from the stack pointer, and a processor decodes only a few bytes in a cycle. LLVM uses the
 # frame pointer only if it need not align the stack for vectors of four.
 SHORT_ADDRESSES = ('"frame-pointer"="all"', '"no-realign-stack"')
 # Functions of the C library, on which their last bits depend. Only expressions, friction and powers need them.
@@ -132,7 +132,7 @@ def export(module: Module, name: str, function: Function, attributes: Sequence[s
 
 
 def define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
-    """A function of so many addresses that do not overlap, and a builder of it."""
+    """A function of this number of addresses that do not overlap, and a builder of it."""
     function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)
     function.linkage = "internal"
     function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind", *SHORT_ADDRESSES]

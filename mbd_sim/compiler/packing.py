@@ -21,7 +21,7 @@ WORTHWHILE = 0.85  # of the operations: how many are left at most
 # Units from which on the order is depth first: fewer values wait on the stack, so that the code is shorter. That counts
 # if the code is longer than the instruction cache.
 LONG = 3000
-# In that order, an operation waits while its operands are computed, and a processor holds only so many that wait. So
+# In that order, an operation waits while its operands are computed, and a processor holds only few that wait. So
 # those that can begin sooner come first.
 CANDIDATES = 40  # units of which one is next: any more lengthens lives, and thus code
 PATIENCE = 8.0  # cycles that operands may still take when an operation is next

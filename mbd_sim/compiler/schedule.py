@@ -52,7 +52,7 @@ _PRODUCTS = frozenset({ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE})
 
 
 def arranged(function: Instructions, *, fused: bool = True) -> InstructionList:
-    """The same function with its sums and products arranged, and its instructions in critical-path order.
+    """A copy of a function with its sums and products arranged, and its instructions in critical-path order.
 
     If not `fused`, every product is rounded by itself, so that a b − b a is exactly zero. Functions that detect what
     vanishes need that.
@@ -69,7 +69,7 @@ def latency(node: Node) -> int:
 def critical_path_order(graph: Graph) -> list[int]:
     """The nodes on which outputs depend, those with the longest path to an output first (list scheduling).
 
-    A graph with so many independent operations that a processor is always busy keeps its order: it would gain nothing,
+    A graph with enough independent operations that a processor is always busy keeps its order: it would gain nothing,
     and more values would wait in memory.
     """
     paths = dict.fromkeys((output.node for output in graph.outputs), 0)  # cycles from a node to the last output

@@ -19,7 +19,7 @@ UNSPLIT = 8000  # instructions up to which a list stays one function
 
 
 def pieces(count: int) -> Sequence[range]:
-    """The ranges of so many instructions that become functions, in order."""
+    """The ranges of instructions that become functions, in order."""
     if count <= UNSPLIT:
         return [range(count)]
     return [range(first, min(first + PIECE, count)) for first in range(0, count, PIECE)]

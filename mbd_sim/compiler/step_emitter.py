@@ -38,7 +38,7 @@ class System:
     ones, have the rate zero, and no rate depends on them. Those in `held` have the rate zero, and on those in `unread`
     no rate depends. The `samples` change the state at the start of each step. `in_registers`: the arrays of a step are
     kept there, see `local_array`.
-    There are `inputs_size` inputs, and the rates have so many `instructions`. Errors of components are relative to
+    There are `inputs_size` inputs, and the rates have `instructions` operations. Errors of components are relative to
     s + |y| with the `scales` s.
     """
 
@@ -113,7 +113,7 @@ class StepEmitter:
         self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
 
     def rates_rarely(self, time: Value, state: Value, slopes: Value) -> None:
-        """The same in steps that are rare: without another copy of the code where it is inlined elsewhere.
+        """Evaluate the rates in steps that are rare: without another copy of the code where it is inlined elsewhere.
 
         Arrays whose address is passed to a call cannot be kept in registers, so those of others are copied.
         """
@@ -149,7 +149,7 @@ class StepEmitter:
                     store(self.b, load(self.b, self._projected, index), state, index)
 
     def project_stage(self, time: Value, state: Value) -> None:
-        """The same for a stage, in steps that start ill-conditioned."""
+        """Move the state of a stage back to the constraints, in steps that start ill-conditioned."""
         if not self.system.reports_conditioning:
             return
         condition = self.is_ill_conditioned()

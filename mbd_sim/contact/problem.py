@@ -119,7 +119,7 @@ def _elastic(problem: ContactProblem) -> Array | None:
 
 
 def _softened(problem: ContactProblem, softness: float) -> ContactProblem:
-    """The same problem with elastic supports."""
+    """A contact problem with elastic supports."""
     assert problem.compliance is not None
     softer, places = problem.matrix.copy(), range(len(problem.matrix))
     softer[places, places] += softness * problem.compliance
@@ -153,7 +153,7 @@ def _solution(problem: ContactProblem) -> Array:
 
 
 def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
-    """The same problem with rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
+    """Scale a problem to rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
 
     Its largest compliance is 1. The rows of one friction element keep a common scale, so that its circle stays one, and
     so does its normal row.

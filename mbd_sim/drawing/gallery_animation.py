@@ -131,7 +131,7 @@ def repetition(points: Array) -> int:
 
 
 def cropped(frames: Sequence[Frame]) -> list[Frame]:
-    """The same frames without the blank margins that all of them have."""
+    """Frames without the blank margins that all of them have."""
     drawn = np.any([np.any(frame < 250, axis=2) for frame in frames], axis=0)
     rows, columns = (_range(np.flatnonzero(drawn.any(axis=axis)), drawn.shape[1 - axis]) for axis in (1, 0))
     return [frame[rows, columns] for frame in frames]

@@ -80,7 +80,7 @@ def _largest(pieces: list[Piece]) -> list[Piece]:
 
 
 def _simplified(pieces: list[Piece]) -> list[Piece]:
-    """The same pieces with fewer points."""
+    """Pieces with fewer points."""
     deviation = DEVIATION
     while True:
         short = [[_thinned(ring, deviation) for ring in piece] for piece in pieces]

@@ -56,7 +56,7 @@ class PlacedJoint:
         return self._span(self.mover_part, self.mover_frame, direction, kinds)
 
     def carrier_span(self, direction: Array) -> tuple[float, float] | None:
-        """The same of the carrying part, from the carrier's frame."""
+        """The span of the carrying part along a direction, from the carrier's frame."""
         return self._span(self.carrier_part, self.carrier_frame, direction, ())
 
     def _span(

@@ -82,7 +82,7 @@ class Sheet:
         return every.min(axis=0), every.max(axis=0)
 
     def translated(self, by: Array) -> Sheet:
-        """The same sheet moved by (2,) points."""
+        """A copy moved by (2,) points."""
         return Sheet(
             [replace(path, points=path.points + by) for path in self.paths],
             [replace(text, at=text.at + by) for text in self.texts],

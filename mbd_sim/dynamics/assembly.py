@@ -72,7 +72,7 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
 
 
 def close_nearby(constraints: ConstraintFunctions, t: float, q: Array) -> LoopClosure:
-    """The same by Newton's method from q alone, with all coordinates free: to follow a path without jumps."""
+    """Close loops by Newton's method from q alone, with all coordinates free: to follow a path without jumps."""
     return _newton(constraints, t, q, np.ones(constraints.gradient(t, q).shape[1], dtype=bool))
 
 

@@ -133,7 +133,7 @@ def equations_of_rows(
 
 
 def _no_equations(traced: TracedMechanism) -> ConstraintEquations:
-    """The same without rows and checks; writing that in the state of long chains takes a twentieth of their tracing."""
+    """The equations without rows and checks; writing them in the state of long chains takes a twentieth of tracing."""
     none = ca.SX(0, 1)
     return ConstraintEquations(
         rows=(),

@@ -34,7 +34,7 @@ class ConstraintFunctions:
     values: Array
 
     def with_values(self, values: Array) -> ConstraintFunctions:
-        """The same functions for other values (n,) of the parameters."""
+        """These functions for other values (n,) of the parameters."""
         return ConstraintFunctions(self._traced, values)
 
     def position(self, t: float, q: Array) -> Array:
@@ -92,7 +92,7 @@ class ConstraintFunctions:
 
     @property
     def traced(self) -> TracedFunctions:
-        """The same as CasADi functions of (t, q, values), for other languages."""
+        """The constraints as CasADi functions of (t, q, values), for other languages."""
         return self._traced
 
     @property
@@ -107,7 +107,7 @@ class ConstraintFunctions:
 
     @property
     def coordinate_scales(self) -> Array:
-        """The same (nq,) of the coordinates; 1 for quaternions."""
+        """The natural unit (nq,) of each coordinate; 1 for quaternions."""
         return self._traced.coordinate_scales
 
     @property

@@ -272,7 +272,7 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
 
 
 def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
-    """The same mechanism with the contact numbers as further inputs."""
+    """Add the contact numbers to the inputs of a mechanism."""
     return replace(
         traced,
         inputs=ca.vertcat(traced.inputs, contacts.numbers),

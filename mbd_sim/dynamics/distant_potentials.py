@@ -125,7 +125,7 @@ def _refined(
     most: int,
     halvings: int,
 ) -> Array:
-    """The same from the integrals `whole`; for the `settled` intervals, the last halving changed nothing.
+    """Improve the integrals `whole`; for the `settled` intervals, the last halving changed nothing.
 
     At most `most` intervals are halved again, `halvings` times.
     """

@@ -181,7 +181,7 @@ class Equations:
         return derivative_layout(self)
 
     def disturbed(self, loaded: tuple[str, ...]) -> Equations:
-        """The same equations with disturbances among the inputs, and wrenches on these parts as well; traced once."""
+        """These equations with disturbances among the inputs, and wrenches on these parts as well; traced once."""
         parts = tuple(dict.fromkeys((*self.inputs.loaded, *loaded)))
         if parts not in self._disturbed:
             self._disturbed[parts] = derive(self.mechanism, parts, self.parameters, self.step, disturb=True)

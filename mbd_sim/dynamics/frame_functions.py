@@ -34,7 +34,7 @@ def frame_function(traced: TracedMechanism, part: str, quantity: FrameQuantity) 
 
 
 def center_function(traced: TracedMechanism, quantity: FrameQuantity) -> ca.Function:
-    """The same for the center of mass of all parts, with three components instead of six; its `pose` is (3,)."""
+    """A quantity of the center of mass of all parts, with three components instead of six; its `pose` is (3,)."""
     point, parts = ca.SX.sym("point", 3), traced.mechanism.bodies
     links = [parts[link.joint.outboard] for link in traced.links]
     total = sum((part.mass for part in links), ca.SX(0))

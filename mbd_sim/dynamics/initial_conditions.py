@@ -126,7 +126,7 @@ def given_start(mechanism: Mechanism, layout: CoordinateLayout) -> tuple[Array, 
 
 
 def given_starts(mechanism: Mechanism, layout: CoordinateLayout, count: int) -> tuple[Array, Array]:
-    """The same, (count, nq) and (count, nv), of variants of a mechanism whose numbers are batches."""
+    """The start coordinates (count, nq) and speeds (count, nv) of a mechanism whose numbers are batches."""
     q, u = np.zeros((count, layout.nq)), np.zeros((count, layout.nv))
     for name, joint in mechanism.joints.items():
         q[:, layout.q[name]] = of_all(joint.position, count)
@@ -234,7 +234,7 @@ def rheonomic(mechanism: Mechanism) -> bool:
 
 
 def _with_moving_drives(layout: CoordinateLayout, q: Array) -> Array:
-    """The same coordinates, with a speed of 1 of each drive that follows commands."""
+    """The coordinates with a speed of 1 of each drive that follows commands."""
     moving = q.copy()
     moving[[states.start + 1 for states in layout.drives.values()]] = 1.0
     return moving

@@ -17,7 +17,7 @@ from mbd_sim.dynamics.spatial_algebra import sparse
 
 
 def inlined(function: Callable[..., ca.SX]) -> Callable[..., ca.SX]:
-    """The same function of matrices, which gives the same expressions, with zeros made structural.
+    """Trace a function of matrices once and inline it; the expressions are equal, with zeros made structural.
 
     :param function: of matrices, whose number and shapes may differ from call to call.
     """
@@ -26,7 +26,7 @@ def inlined(function: Callable[..., ca.SX]) -> Callable[..., ca.SX]:
 
 
 def inlined_results(function: Callable[..., Sequence[ca.SX]]) -> Callable[..., list[ca.SX]]:
-    """The same as `inlined` for a function with several results."""
+    """`inlined` for a function with several results."""
     traced: dict[tuple[tuple[int, int], ...], ca.Function] = {}
 
     def call(*arguments: ca.SX) -> list[ca.SX]:

@@ -227,7 +227,10 @@ def _add_part(energies: _Energies, kinematics: _Kinematics, X_WB: SymbolicPose, 
 def _add_moments(
     energies: _Energies, kinematics: _Kinematics, X_WB: SymbolicPose, moments: MassMoments, gravity: ca.SX
 ) -> None:
-    """The same about the origin of the part's frame: T = ½ m v² + v·(ω × s) + ½ ω·J ω with the first moment s = m c."""
+    """Add the energies of a part from moments about the origin of its frame.
+
+    T = ½ m v² + v·(ω × s) + ½ ω·J ω with the first moment s = m c.
+    """
     velocity, omega = kinematics.rate(X_WB.position), kinematics.omega(X_WB.rotation)
     mass, first = moments.mass, constant(moments.first)
     energies.kinetic += 0.5 * mass * ca.dot(velocity, velocity)

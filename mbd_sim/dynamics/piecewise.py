@@ -93,7 +93,7 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
 
 
 def extended(f: Callable[[ca.SX], ca.SX], panels: Panels) -> Panels:
-    """The same panels and further ones beyond both ends, by decades, as far as `MAX_PANELS` for each are enough."""
+    """Panels extended beyond both ends, by decades, as far as `MAX_PANELS` for each are enough."""
     at = evaluator(f)
     above, below = (_outward(at, float(panels.knots[index])) for index in (-1, 0))
     edges = np.array([*reversed(below), *panels.origins, *above])

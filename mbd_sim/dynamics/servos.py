@@ -39,7 +39,7 @@ class ServoOutput:
 
 
 def with_reference(servo: Servo, signals: ServoSignals, reference: ca.SX) -> ServoSignals:
-    """The same signals with another reference of what is controlled."""
+    """The signals of a servo with another reference of what is controlled."""
     if servo.controls == "position":
         return replace(signals, position=reference)
     return replace(signals, velocity=reference)

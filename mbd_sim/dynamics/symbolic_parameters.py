@@ -106,7 +106,7 @@ def equation_data(mechanism: Mechanism) -> EquationData:
 
 
 def equation_data_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> list[EquationData]:
-    """The same for each of the k variants of a mechanism whose numbers are batches.
+    """Read the equation data of each of the k variants of a mechanism whose numbers are batches.
 
     :param valid: (k,) of these batches; variants that differ in data that cannot be symbols are marked.
     """

@@ -149,7 +149,7 @@ def _move(before: Joint, after: Joint) -> Move:
 
 
 def _first_variant(mechanism: Mechanism) -> Mechanism:
-    """The same mechanism, or the first variant of its joints and constraints where these have batches of numbers."""
+    """A mechanism with the first variant of its joints and constraints where these have batches of numbers."""
     own = {name: _first(getattr(mechanism, name)) for name in ("joints", "closing", "constraints")}
     if all(own[name] is getattr(mechanism, name) for name in own):
         return mechanism
@@ -157,7 +157,7 @@ def _first_variant(mechanism: Mechanism) -> Mechanism:
 
 
 def _first(value: Any) -> Any:
-    """The same value, or its copy with the first variant of each batch in it."""
+    """A value with the first variant of each batch in it."""
     match value:
         case Batch():
             return value.values[0]

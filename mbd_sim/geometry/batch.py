@@ -237,7 +237,7 @@ def _rows(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _aligned(value: Any, dimensions: int) -> Any:
-    """Values that broadcast with those of a batch of arrays with so many dimensions."""
+    """Values that broadcast with those of a batch of arrays with this number of dimensions."""
     if not isinstance(value, Batch):
         return value
     return value.values.reshape(len(value.values), *[1] * (dimensions - len(value.shape)), *value.shape)

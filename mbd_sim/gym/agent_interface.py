@@ -203,7 +203,7 @@ def require_starts(given: Collection[str], others: Sequence[str] = ()) -> None:
 
 
 def _places(indices: Sequence[int]) -> slice | NDArray[np.intp]:
-    """The same indices as a slice, which NumPy follows faster, if each is one more than that before."""
+    """Indices as a slice, which NumPy follows faster, if each is one more than that before."""
     found = np.array(indices, dtype=np.intp)
     return slice(indices[0], indices[-1] + 1) if found.size and np.all(np.diff(found) == 1) else found
 

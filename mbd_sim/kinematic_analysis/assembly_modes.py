@@ -61,7 +61,7 @@ def assembly_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> Assembl
 
 
 def modes_at(system: KinematicSystem, drives: Array) -> AssemblyModes:
-    """The same for a system.
+    """The assembly modes of a system.
 
     :raises InputError: there is no configuration at these drives.
     """
@@ -107,7 +107,7 @@ def _start(system: KinematicSystem, random: np.random.Generator) -> Array:
 
 
 def _principal(system: KinematicSystem, q: Array) -> Array:
-    """The same configuration with angles in (-pi, pi], except those of the drives, and w >= 0 in quaternions."""
+    """A configuration with angles in (-pi, pi], except those of the drives, and w >= 0 in quaternions."""
     result, angles = q.copy(), system.angles.copy()
     angles[system.q_driven] = False
     result[angles] = np.pi - np.mod(np.pi - q[angles], 2.0 * np.pi)

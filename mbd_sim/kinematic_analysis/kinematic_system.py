@@ -78,7 +78,7 @@ class KinematicSystem:
         return self.layout.nv - self.assembly.start.rank
 
     def with_values(self, values: Array) -> KinematicSystem:
-        """The same system with other values of the symbolic parameters."""
+        """A copy with other values of the symbolic parameters."""
         other: Any = object.__new__(KinematicSystem)
         other.__dict__.update(self.__dict__)
         other.values, other.constraints = values, self.constraints.with_values(values)
@@ -99,7 +99,7 @@ class KinematicSystem:
     def closed_at(self, q: Array, drives: Array, iterations: int = ITERATIONS) -> Array | None:
         """The coordinates near q that satisfy the constraints at the drives (n,), to round-off.
 
-        None if Newton's method does not find them with so many iterations.
+        None if Newton's method does not find them within this number of iterations.
         """
         q = q.copy()
         q[self.q_driven] = drives

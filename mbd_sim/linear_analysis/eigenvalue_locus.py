@@ -57,7 +57,7 @@ def eigenvalue_locus(
     """The eigenvalues of a mechanism for all combinations of values at some keys of its file.
 
     Each equilibrium is sought near the one before it, the first near the start: a stable one if there is one there.
-    Values that cannot be live are built anew, which takes longer.
+    Values that cannot be live require a new build each, which takes longer.
 
     :param values: by key, such as `joints.elbow.damping` or `parameters.l`, in SI units.
     :param about: the equilibrium, or the start state with these values.

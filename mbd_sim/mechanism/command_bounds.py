@@ -32,7 +32,7 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
 
 
 def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
-    """The same, with the range of what commands a motor or a valve: beyond it, commands have no further effect."""
+    """The command bounds within the range of what commands a motor or a valve: beyond it, commands have no effect."""
     for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
         lower, upper = bounds
         if isinstance(taker, Actuator) and channel == taker.control:

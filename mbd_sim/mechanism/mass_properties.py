@@ -26,11 +26,11 @@ class MassProperties:
     inertia: Array
 
     def scaled(self, factor: float) -> MassProperties:
-        """The same body with `factor` times the mass."""
+        """The properties of the body with `factor` times the mass."""
         return MassProperties(self.mass * factor, self.center, self.inertia * factor)
 
     def placed(self, pose: Pose) -> MassProperties:
-        """The same properties in the outer frame of `pose`."""
+        """These properties in the outer frame of `pose`."""
         center = pose.position + pose.rotation @ self.center
         return MassProperties(self.mass, center, pose.rotation @ self.inertia @ pose.rotation.T)
 

@@ -357,7 +357,7 @@ def _weld(joint: Joint) -> Joint:
 
 
 def require_mechanism(given: object) -> Mechanism:
-    """The same mechanism.
+    """Return what was given if it is a mechanism.
 
     :raises TypeError: it is something else, such as the name of a file.
     """

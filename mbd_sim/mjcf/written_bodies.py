@@ -118,7 +118,7 @@ def is_free(joint: Joint) -> bool:
 
 
 def _moved(joint: WrittenJoint, pose: Pose) -> WrittenJoint:
-    """The same joint in the frame of another body."""
+    """A joint in the frame of another body."""
     return WrittenJoint(joint.name, joint.kind, pose @ joint.frame, joint.joint, joint.axis, joint.index)
 
 

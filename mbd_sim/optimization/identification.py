@@ -74,7 +74,7 @@ def identify(
     :param data: runs that all have the same step, and in which the same is measured.
     :param parameters: keys of its file with first guesses, as for `with_values`; by default those are the values in the
         file.
-    :param interval: steps after which the trajectory starts anew, where states are measured. Runs of which only outputs
+    :param interval: steps after which the trajectory restarts, where states are measured. Runs of which only outputs
         are measured are not divided.
     :param confidence: the probability that a confidence interval contains the true value, for independent normal noise.
     :param method: of integration, by default that of the mechanism; see `SensitivityModel`.

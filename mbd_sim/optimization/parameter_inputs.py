@@ -192,7 +192,7 @@ def _numbers(mechanism: Mechanism) -> Array:
 
 
 def _numbers_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> Array:
-    """The same (k, n) of the k variants of a mechanism whose numbers are batches."""
+    """The numbers (k, n) of the k variants of a mechanism whose numbers are batches."""
     moments = [part.mass * part.center for part in mechanism.parts.values()]
     free = [data.free for data in equation_data_of_variants(mechanism, valid)]
     found = np.hstack([free, *(of_all(value, len(valid)) for value in (*moments, *_points(mechanism).values()))])

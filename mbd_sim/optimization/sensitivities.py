@@ -113,7 +113,7 @@ class SensitivityModel:
         parameters: Array,
         points: Sequence[str] = (),
     ) -> Sensitivities:
-        """The same after some numbers of steps, under efforts that change at any step.
+        """The sensitivities after some numbers of steps, under efforts that change at any step.
 
         :param results: increasing, from 0 on; the last one is the end.
         :param schedule: the efforts (ne,), each with the number of steps after which it acts, from 0 on.

@@ -54,7 +54,7 @@ class Sensitivities:
     __repr__ = short_repr
 
     def at(self, times: slice) -> Sensitivities:
-        """The same at some of the times, as views."""
+        """Views of the results at some of the times."""
         points = {name: (place[times], own.of(slice(None), times)) for name, (place, own) in self.points.items()}
         dx = self.dx.of(slice(None), times)
         return Sensitivities(self.parameters, self.t[times], self.x[times], dx, points, self._nq, self._nv)

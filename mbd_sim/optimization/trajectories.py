@@ -58,7 +58,7 @@ def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str 
 
 
 def _state_first(function: ca.Function) -> ca.Function:
-    """The same function with its state as the first input, as `mapaccum` needs it."""
+    """A copy of a function with its state as the first input, as `mapaccum` needs it."""
     t, x, e, p = function.sx_in()
     return ca.Function("state_first", [x, t, e, p], function.call([t, x, e, p]))
 

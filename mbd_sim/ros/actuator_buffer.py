@@ -66,7 +66,7 @@ class ActuatorBuffer:
         if timeout is not None:
             self._streamed |= dict.fromkeys(actuators, timeout)
         for velocity in self.player.cancel(actuators):
-            if requested[velocity] == self._requested[velocity]:  # not commanded anew
+            if requested[velocity] == self._requested[velocity]:  # no new command
                 requested[velocity] = 0.0
         self._commanded |= dict.fromkeys(actuators)
         self._requested, self._new = requested, True

@@ -60,7 +60,7 @@ class Scope:
         return self.nodes.get(name)
 
     def require(self, name: str, user: Element, key: str) -> Node | None:
-        """The same; the world is None.
+        """The frame of a name that an element uses; the world is None.
 
         :raises MechanismError: there is no such frame.
         """

@@ -59,12 +59,12 @@ class Values:
         return numbers
 
     def number(self, element: Element, tag: str, key: str, otherwise: float = 0.0) -> float:
-        """The same for one number."""
+        """The finite number of the first element with a tag; `otherwise` if it is missing or wrong."""
         numbers = self.numbers(element, tag, key, 1)
         return numbers[0] if numbers else otherwise
 
     def number_from_zero(self, element: Element, tag: str, key: str, otherwise: float = 0.0) -> float:
-        """The same, where negative numbers have no meaning."""
+        """The number of the first element with a tag, where negative numbers have no meaning."""
         value = self.number(element, tag, key, otherwise)
         if value < 0.0:
             self.reading.report(

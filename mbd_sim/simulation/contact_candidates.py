@@ -121,7 +121,7 @@ class Candidates:
         return UNMOVED * units * (1.0 + float(np.max(np.abs(self._terms.free) / units, initial=0.0)))
 
     def _forces_and_loads(self) -> tuple[Array, Array]:
-        """The same as `_forces`, with the loads of joints that follow from these forces."""
+        """The forces of `_forces`, and the loads of joints that follow from them."""
         for _ in range(LOAD_ITERATIONS):
             forces, rates = self._forces()
             loads = {index: self._terms.load(index, forces) for index in self._loads}

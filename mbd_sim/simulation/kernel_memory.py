@@ -127,7 +127,7 @@ class KernelMemory:
         return 0 if self.contacts is None else self.contacts.count
 
     def settle(self) -> None:
-        """Find the modes of one-sided rows anew, for a state that was set from outside.
+        """Determine the modes of one-sided rows, for a state that was set from outside.
 
         :raises EventError: contacts without a solution.
         """
@@ -139,7 +139,7 @@ class KernelMemory:
     ) -> None:
         """Replace the state (n,), the inputs (m,), the step counter, the error estimate and the history.
 
-        Without a history of this model's size, the method begins anew.
+        Without a history of this model's size, the method starts again.
         """
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
         self.history[:] = history if history is not None and len(history) == len(self.history) else 0.0

@@ -92,7 +92,7 @@ class LiveValues:
         self._changed, self._changed_with = mechanism, self.current
 
     def copy(self) -> LiveValues:
-        """The same values, which change by themselves."""
+        """A copy whose values change independently."""
         return copy(self)
 
     @property

@@ -58,7 +58,7 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
 
     The default is `DEFAULT`, or `ONE_STEP` if the motion has events or samples: a method that uses earlier steps would
-    begin anew after each of them. It is also `ONE_STEP` if the rates are `TRIVIAL`.
+    restart after each of them. It is also `ONE_STEP` if the rates are `TRIVIAL`.
 
     The rates are those at the start, and at rest in the start configuration, where regularized friction is stiffest.
 

@@ -112,7 +112,7 @@ class MovingPoint:
         return compiled.bound(memory.clock, (memory.y, memory.inputs, self._local), shape, rows)
 
     def _at_rest(self, quantity: str) -> Callable[[], Array]:
-        """The same of a point of ground."""
+        """A quantity of a point of ground."""
         if quantity == "position":
             return self._local.copy
         if quantity == "axes":

@@ -170,7 +170,7 @@ class Simulation(ReadOnlyAttributes):
 
     @classmethod
     def from_text(cls, text: str, **options: Unpack[SimulationOptions]) -> Self:
-        """The same from YAML text."""
+        """Load and build a mechanism from YAML text."""
         with paused_collection():
             return cls(parse_mechanism(text), **options)
 
@@ -326,7 +326,7 @@ class Simulation(ReadOnlyAttributes):
         :param state: a `snapshot()`, which is restored as a whole and alone; or all of that run's `state`.
         :param steps: the `steps` of that run, required with a state alone: they are its time. `inputs`, `start_energy`
             and `live` are of that run too, and stay as they are if they are not given; `live` only names the values
-            in `inputs`. Without `inputs`, the state of contacts is found anew from the positions and speeds. `samples`
+            in `inputs`. Without `inputs`, the state of contacts is determined from the positions and speeds. `samples`
             are that run's, too; without them, measurements under way are lost unless the time goes on. Nor do runs
             with methods `adams11` and `taylor` go on bit for bit without the `history` of that run.
         :raises ValueError: a snapshot of a different run, no `steps` with a state, wrong length, or a value that is
@@ -374,7 +374,7 @@ class Simulation(ReadOnlyAttributes):
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 
     def begin_at(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
-        """Set positions and velocities by name as `set_state` does, and let actuators begin anew, as after a reset.
+        """Set positions and velocities by name as `set_state` does, and let actuators start as after a reset.
 
         :raises CommandError: see `set_state`.
         """

@@ -51,7 +51,7 @@ def is_slower(equations: Equations, time: float, y: Array, inputs: Array, rate: 
 
 
 def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
-    """The same without what the forces within joints contribute to the derivatives."""
+    """The fastest mode without what the forces within joints contribute to the derivatives."""
     nq, nv = equations.layout.nq, equations.layout.nv
     pushed = np.tile(inputs[:, None], nv + 1)  # the last column are the inputs themselves
     pushed[:nv, :nv] += np.eye(nv)  # one effort each: the equations are linear in them

@@ -73,7 +73,7 @@ def _cost(candidate: Any) -> float:
 
 
 def _in_sines(algebra: Algebra, p: Polynomial) -> Polynomial:
-    """The same polynomial with squares of cosines replaced, in place of squares of sines."""
+    """Replace squares of cosines in a polynomial, rather than squares of sines."""
     sines = {argument: number for number, (kind, argument) in algebra.angles.items() if kind == "sin"}
     total: Polynomial = {}
     for monomial, value in p.items():
@@ -106,7 +106,7 @@ def _times(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def _harmonics(algebra: Algebra, p: Polynomial) -> Mapping[Harmonic, Fraction]:
-    """The same polynomial as a sum of sines and cosines of sums of angles."""
+    """Write a polynomial as a sum of sines and cosines of sums of angles."""
     total: dict[Harmonic, Fraction] = {}
     for monomial, value in p.items():
         terms: dict[Harmonic, Fraction] = {("cos", ()): value}

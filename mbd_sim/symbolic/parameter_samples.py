@@ -107,7 +107,7 @@ class _Sampler:
         return Samples(slices, joint) if fewest >= SLICE else None
 
     def at_once(self) -> Samples | None:
-        """The same, built as one mechanism with batches; None where one has to be built by itself.
+        """The samples of `one_by_one`, built as one mechanism with batches; None where one has to be built by itself.
 
         The first and the last are also built by themselves, to be compared.
         """

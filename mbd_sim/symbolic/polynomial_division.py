@@ -11,7 +11,7 @@ MAX_UNKNOWNS = 60  # coefficients of a quotient
 
 
 def without_denominators(algebra: Algebra, p: Polynomial) -> Polynomial:
-    """The same polynomial, with A/s = C s and A/s² = C for each root s whose square divides A, where A = C s²."""
+    """Write A/s = C s and A/s² = C in a polynomial for each root s whose square divides A, where A = C s²."""
     for number, square in list(algebra.squares.items()):
         plain = algebra.expressions[number].is_Symbol or algebra.expressions[number].is_number
         if not plain and number not in algebra.angles and any(dict(m).get(number, 0) < 0 for m in p):

@@ -132,7 +132,7 @@ def _numbers(mechanism: Mechanism) -> Array:
 
 
 def _numbers_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> Array:
-    """The same (k, n) of the k variants of a mechanism whose numbers are batches."""
+    """The numbers (k, n) of the k variants of a mechanism whose numbers are batches."""
     moments = [mass_moments(part) for part in mechanism.parts.values()]
     values = [value for one in moments for value in (one.mass, one.first, one.second)]
     free = [data.free for data in equation_data_of_variants(mechanism, valid)]

@@ -114,7 +114,7 @@ def _mimic(coupling: Coupling, ends: Mapping[str, Mimic], leader: str, follower:
 
 
 def _followed(mimic: Mimic, mimics: Mapping[str, Mimic]) -> Mimic:
-    """The same coordinate by the one that leads the chain of those that it mimics."""
+    """The mimic in terms of the joint that leads the chain of mimics."""
     while (outer := mimics.get(mimic.joint)) is not None:
         offset = mimic.offset + mimic.multiplier * outer.offset
         mimic = replace(mimic, joint=outer.joint, multiplier=mimic.multiplier * outer.multiplier, offset=offset)

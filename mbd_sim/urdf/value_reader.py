@@ -41,7 +41,7 @@ class Reading:
         self._left_out.setdefault(kind, []).append(element)
 
     def leave_out_at(self, kind: str, element: Element, key: str) -> None:
-        """The same, with the line of the element."""
+        """Note that something in an element is not imported, with the line of the element."""
         other = "" if element.file in ("", self.file) else f"{element.file}, "
         self.leave_out(kind, f"{key} ({other}line {element.line})")
 
