@@ -73,7 +73,8 @@ class InputError(MbdSimError, ValueError):
 
     def __str__(self) -> str:
         message, remedy = shortened(self.message, MAX_TEXT), shortened(self.remedy, MAX_TEXT)
-        return printable(f"{message}. {remedy}" if remedy else f"{message}.", keep="\n")
+        text = f"{message}. {remedy}" if remedy else message
+        return printable(text if text.endswith((".", "?")) else f"{text}.", keep="\n")
 
 
 class MechanismError(MbdSimError):
@@ -95,7 +96,7 @@ class DivergedError(MbdSimError):
     """The state became infinite or undefined; the simulation stays at the last finite state."""
 
 
-class CommandError(MbdSimError, ValueError):
+class CommandError(InputError):
     """A command that cannot be applied; no part of it is."""
 
 
@@ -167,7 +168,7 @@ def require_each_once(names: Sequence[str], remedy: str) -> None:
     seen = set[str]()
     for name in names:
         if name in seen:
-            raise CommandError(f"{quoted(name)} is named twice. {remedy}")
+            raise CommandError(f"{quoted(name)} is named twice", remedy)
         seen.add(name)
 
 

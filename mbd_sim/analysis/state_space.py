@@ -142,7 +142,7 @@ def _chosen(names: Iterable[str], possible: Mapping[str, Named], what: str) -> l
     for name in [names] if isinstance(names, str) else names:
         own = [name] if name in possible else [other for other in possible if other.startswith(f"{name}.")]
         if not own:
-            raise CommandError(f"there is no {what} '{name}'. {nearest(name, possible)}")
+            raise CommandError(f"there is no {what} '{name}'", nearest(name, possible))
         found |= {other: possible[other] for other in own}
     return list(found.values())
 
@@ -169,11 +169,11 @@ def _require_drives(full: Equations, chosen: Sequence[LinearInput], values: Arra
     if moving and full.has_contact(values):
         names = listed([one.name for one in moving])
         raise CommandError(
-            f"{names}: drives cannot be inputs while contacts are closed or stick. Choose a state without contact."
+            f"{names}: drives cannot be inputs while contacts are closed or stick", "Choose a state without contact."
         )
     for joint in dict.fromkeys(one.filtered for one in moving if one.filtered):
         if any(one.name == f"drives.{joint}" for one in moving):
-            raise CommandError(f"drives.{joint}: commands of this drive are inputs as well. Choose one or the other.")
+            raise CommandError(f"drives.{joint}: commands of this drive are inputs as well", "Choose one or the other.")
 
 
 def _output_derivatives(full: Equations, mechanism: Mechanism, wanted: Sequence[Output], state: StateSymbols) -> Array:
@@ -190,7 +190,7 @@ def _output_derivatives(full: Equations, mechanism: Mechanism, wanted: Sequence[
         return found
     if any(load < 0 for _, load in loads):
         names = listed([wanted[row].name for row, load in loads if load < 0])
-        raise CommandError(f"{names}: redundant joints share this load. Choose the force and moment of the joint.")
+        raise CommandError(f"{names}: redundant joints share this load", "Choose the force and moment of the joint.")
     reactions = _evaluated(full, ca.vec(state.called(full.reactions)), state)
     multipliers = _evaluated(full, state.called(full.multipliers), state)
     shared = sharing.shared_changes(*state.values, reactions, multipliers)
@@ -211,8 +211,8 @@ def _require_no_contact_forces(full: Equations, wanted: Sequence[Output], values
     rows = set(depends.get_triplet()[0])
     if names := [one.name for row, one in enumerate(wanted) if row in rows]:
         raise CommandError(
-            f"{listed(names)}: outputs that depend on the forces of closed contacts are not linearized. Choose "
-            "positions, velocities, or a state without contact."
+            f"{listed(names)}: outputs that depend on the forces of closed contacts are not linearized",
+            "Choose positions, velocities, or a state without contact.",
         )
 
 

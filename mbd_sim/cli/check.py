@@ -65,9 +65,9 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.report.cached_report import cached_report
 
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
-        raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex.")
+        raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex")
     if options.no_linearization and not options.latex:
-        raise CommandError("--no-linearization chooses what --latex prints: give it with --latex.")
+        raise CommandError("--no-linearization chooses what --latex prints: give it with --latex")
     mechanism = changed_mechanism(options)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):
@@ -130,7 +130,7 @@ def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
     if options.symbols:
         found = {name: matching(mechanism, [name]) if "*" in name else [name] for name in options.symbols}
         if unmatched := [name for name, keys in found.items() if not keys]:
-            raise CommandError(f"--symbols {listed(unmatched)}: no number of the file has such a key.")
+            raise CommandError(f"--symbols {listed(unmatched)}: no number of the file has such a key")
         further = [key for keys in found.values() for key in keys]
         parameters = [*mechanism.parameters, *further]
     equations = symbolic_equations(mechanism, parameters)

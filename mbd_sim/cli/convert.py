@@ -46,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.mechanism_file.yaml_writer import mechanism_text, yaml_text
 
     if options.expand and options.to != "yaml":
-        raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to.")
+        raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")
     mechanism = with_meshes_seen_from(load_mechanism(options.mechanism, options.base), None)
     if options.to != "yaml":
         return write_as(mechanism, options.to)

@@ -117,8 +117,11 @@ class AgentInterface:
         values = np.asarray(action, dtype=float)
         if values.shape != (*members, len(self.actuated)):
             raise CommandError(
-                f"the action has the shape {values.shape}. Give one number for each of: {listed(self.actuated)}"
-                f"{f', in {members[0]} rows' if members else ''}."
+                f"the action has the shape {values.shape}",
+                (
+                    f"Give one number for each of: {listed(self.actuated)}"
+                    f"{f', in {members[0]} rows' if members else ''}."
+                ),
             )
         return np.asarray(np.minimum(np.maximum(values, self._least), self._most))
 

@@ -31,10 +31,10 @@ class Velocity(NamedTuple):
         :raises CommandError: one is not finite, or leads out of the plane.
         """
         if not all(map(math.isfinite, (*linear, *angular))):
-            raise CommandError("the velocity is not finite. Give finite numbers.")
+            raise CommandError("the velocity is not finite", "Give finite numbers.")
         parts = {"linear.z": linear[2], "angular.x": angular[0], "angular.y": angular[1]}
         if wrong := [name for name, value in parts.items() if value]:
-            raise CommandError(f"{listed(wrong)} would lead out of the plane of the base. Set all of them to zero.")
+            raise CommandError(f"{listed(wrong)} would lead out of the plane of the base", "Set all of them to zero.")
         return cls(linear[0], linear[1], angular[2])
 
 
@@ -92,7 +92,7 @@ class Base:
         :raises CommandError: the base cannot move in this direction.
         """
         if wanted.y and self.type != "mecanum":
-            raise CommandError(f"this base cannot move sideways, but linear.y is {wanted.y:g}. Set it to zero.")
+            raise CommandError(f"this base cannot move sideways, but linear.y is {wanted.y:g}", "Set it to zero.")
         takers: dict[str, dict[Channel, float]] = {}
         moved = wanted
         if self.steering and math.isfinite(wanted.yaw / (wanted.x or math.nan)):
@@ -102,7 +102,9 @@ class Base:
                 angle = math.atan2(curvature * one.x, 1.0 - curvature * one.y)
                 takers[one.taker] = {"position": one.sign * angle}
         elif self.steering and wanted.yaw:
-            raise CommandError(f"a car cannot turn on the spot, but angular.z is {wanted.yaw:g}. Set linear.x as well.")
+            raise CommandError(
+                f"a car cannot turn on the spot, but angular.z is {wanted.yaw:g}", "Set linear.x as well."
+            )
         speeds = [sum(rate * part for rate, part in zip(wheel.rates, moved, strict=True)) for wheel in self.wheels]
         scale = min([1.0, *(wheel.limit / abs(v) for wheel, v in zip(self.wheels, speeds, strict=True) if v)])
         for wheel, speed in zip(self.wheels, speeds, strict=True):

@@ -52,7 +52,7 @@ class ActuatorBuffer:
         """
         if len(values) != len(self.map.names):
             names = listed(list(self.map.names)) if self.map.names else "no channel: there are no actuators"
-            raise CommandError(f"{len(values)} commands given. Give one for each of: {names}.")
+            raise CommandError(f"{len(values)} commands given", f"Give one for each of: {names}.")
         return self.map.checked(self.map.names, np.array(values, dtype=float))
 
     def take(self, requested: Array, actuators: Iterable[str], timeout: float | None = None) -> None:

@@ -48,6 +48,9 @@ class CommandRanges:
                 lower, upper = float(self.lower[index]), float(self.upper[index])
                 if value is not None and not lower <= value <= upper:
                     raise CommandError(
-                        f"the {channel} {value:.6g} of '{joint}' at point {number} is beyond the limits of the joint, "
-                        f"{lower:.6g} to {upper:.6g}. Stay within them."
+                        (
+                            f"the {channel} {value:.6g} of '{joint}' at point {number} is beyond the limits of the "
+                            f"joint, {lower:.6g} to {upper:.6g}"
+                        ),
+                        "Stay within them.",
                     )

@@ -76,7 +76,7 @@ class JointCommandRouter:
         if name not in self._takers:
             self._effort_map.require(name)
         remedy = "Give it an actuator with a servo that controls its position."
-        raise CommandError(f"joint '{name}' takes no position, which a trajectory commands. {remedy}")
+        raise CommandError(f"joint '{name}' takes no position, which a trajectory commands", remedy)
 
     def _addressed(self, names: Sequence[str], channel: Channel, count: int) -> Sequence[str]:
         """Those of the names that the entries of an array belong to."""
@@ -85,9 +85,9 @@ class JointCommandRouter:
         takers = [name for name in names if self._takes(name, channel)]
         if self._takers and count == len(takers):
             return takers
-        lengths = f"'name' and '{channel}' differ in length: {len(names)} and {count}."
+        lengths = f"'name' and '{channel}' differ in length: {len(names)} and {count}"
         also = f", or only for {listed(takers)}" if self._takers and takers else ""
-        raise CommandError(f"{lengths} Send one {channel} for each name{also}.")
+        raise CommandError(lengths, f"Send one {channel} for each name{also}.")
 
     def _takes(self, name: str, channel: Channel) -> bool:
         if name in self._takers:
@@ -101,8 +101,8 @@ class JointCommandRouter:
                 return actuator
             taken = listed([cast(str, other) for other in self._takers[name]])
             what = "drive" if name in self._drives else "actuator"
-            raise CommandError(f"the {what} of '{name}' takes no {channel}. Command its {taken}.")
+            raise CommandError(f"the {what} of '{name}' takes no {channel}", f"Command its {taken}.")
         if channel != EFFORT:
             self._effort_map.require(name)
-            raise CommandError(f"joint '{name}' takes no {channel}, as it has no servo. Command its effort.")
+            raise CommandError(f"joint '{name}' takes no {channel}, as it has no servo", "Command its effort.")
         return None

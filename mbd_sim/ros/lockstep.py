@@ -142,7 +142,7 @@ class Lockstep:
     def _send(self, publisher: Publisher, numbers: Sequence[float] | Array, what: str) -> State:
         values = np.asarray(numbers, dtype=float)
         if not np.all(np.isfinite(values)):
-            raise CommandError(f"{what} is not finite: {listed([str(value) for value in values])}.")
+            raise CommandError(f"{what} is not finite: {listed([str(value) for value in values])}")
         publisher.publish(Float64MultiArray(data=values.tolist()))
         return self._state(self._stamp + 1, "the state after the steps (if it rejected the command, its log says why)")
 

@@ -43,7 +43,7 @@ def start_values(text: str, parameters: Mapping[str, Any], model: Model) -> Stat
         names = [name.removeprefix(PREFIX) for name in parameters if name.startswith(PREFIX)]
         if text not in names:
             remedy = nearest(text, names) or "Give joint = value, or define it as a parameter: starts.NAME."
-            raise CommandError(f"start: there is no start '{text}'. {remedy}")
+            raise CommandError(f"start: there is no start '{text}'", remedy)
         text = str(parameters[PREFIX + text])
     positions: dict[str, float] = {}
     speeds: dict[str, float] = {}
@@ -51,18 +51,18 @@ def start_values(text: str, parameters: Mapping[str, Any], model: Model) -> Stat
         name, value, is_speed = _entry(entry, model)
         values = speeds if is_speed else positions
         if name in values:
-            raise CommandError(f"start: {name} is given twice. Give one value.")
+            raise CommandError(f"start: {name} is given twice", "Give one value.")
         values[name] = value
     try:
         return checked_values(model, positions, speeds)
     except CommandError as error:
-        raise CommandError(f"start: {error}") from error
+        raise CommandError(f"start: {error.message}", error.remedy) from error
 
 
 def _entry(text: str, model: Model) -> tuple[str, float, bool]:
     name, value = split_assignment(text)
     if not value:
-        raise CommandError(f"start: '{text.strip()}' is not of the form joint = value.")
+        raise CommandError(f"start: '{text.strip()}' is not of the form joint = value")
     units = coordinate_units(model.mechanism)
     is_speed = name not in units and name.endswith(_SPEED)
     name = name.removesuffix(_SPEED) if is_speed else name
@@ -70,7 +70,7 @@ def _entry(text: str, model: Model) -> tuple[str, float, bool]:
     try:
         return name, parse_value(value, {}, f"{unit}/s" if is_speed and unit else unit), is_speed
     except InputError as error:
-        raise CommandError(f"start: {name} = {quoted(value)}: {error.message}. {error.remedy}") from error
+        raise CommandError(f"start: {name} = {quoted(value)}: {error.message}", error.remedy) from error
 
 
 def bare_angles_of(text: str, parameters: Mapping[str, Any], mechanism: Mechanism) -> list[str]:

@@ -205,12 +205,12 @@ def _state_values(message: JointState) -> StateValues:
     :raises CommandError: the lengths differ, a joint is named twice, or efforts are given.
     """
     if message.effort:
-        raise CommandError("it contains efforts, which are not part of the state. Send them to joint_commands.")
+        raise CommandError("it contains efforts, which are not part of the state", "Send them to joint_commands.")
     require_each_once(message.name, "Give one value for each joint.")
     for key, values in (("position", message.position), ("velocity", message.velocity)):
         if len(values) not in (0, len(message.name)):
             lengths = f"{len(message.name)} and {len(values)}"
-            raise CommandError(f"'name' and '{key}' differ in length: {lengths}. Give one for each name, or none.")
+            raise CommandError(f"'name' and '{key}' differ in length: {lengths}", "Give one for each name, or none.")
     positions, speeds = (
         dict(zip(message.name, values, strict=True)) if values else {}
         for values in (message.position, message.velocity)

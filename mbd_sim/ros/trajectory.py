@@ -43,17 +43,17 @@ class Trajectory:
         :raises CommandError: the trajectory contradicts itself, is not finite, or its start does not fit.
         """
         if not self.joints:
-            raise CommandError("it names no joints. Name those that it moves.")
+            raise CommandError("it names no joints", "Name those that it moves.")
         require_each_once(self.joints, "Name each joint once.")
         if not self.points:
-            raise CommandError("it has no points. Give one or more.")
+            raise CommandError("it has no points", "Give one or more.")
         for number, point in enumerate(self.points, start=1):
             self._check_lengths(number, point)
             self._check_numbers(number, point)
             if point.time_ns < 0 or (number > 1 and point.time <= self.points[number - 2].time):
                 raise CommandError(
-                    f"time_from_start of point {number} is {point.time:.9g} s. It must not be negative, and "
-                    "must increase from point to point."
+                    f"time_from_start of point {number} is {point.time:.9g} s",
+                    "It must not be negative, and must increase from point to point.",
                 )
         self._check_end()
         self._check_start(now_ns)
@@ -61,27 +61,32 @@ class Trajectory:
 
     def _check_lengths(self, number: int, point: TrajectoryPoint) -> None:
         if point.efforts:
-            raise CommandError(f"point {number} has efforts, which a trajectory cannot have. Leave 'effort' empty.")
+            raise CommandError(f"point {number} has efforts, which a trajectory cannot have", "Leave 'effort' empty.")
         if point.accelerations and not point.velocities:
-            raise CommandError(f"point {number} has accelerations without velocities. Give both, or only velocities.")
+            raise CommandError(f"point {number} has accelerations without velocities", "Give both, or only velocities.")
         for key, values in _arrays(point):
             if len(values) != len(self.joints) and (values or key == "positions"):
                 raise CommandError(
-                    f"'joint_names' and '{key}' of point {number} differ in length: {len(self.joints)} and "
-                    f"{len(values)}. Give one for each joint."
+                    (
+                        f"'joint_names' and '{key}' of point {number} differ in length: {len(self.joints)} and "
+                        f"{len(values)}"
+                    ),
+                    "Give one for each joint.",
                 )
 
     def _check_numbers(self, number: int, point: TrajectoryPoint) -> None:
         for key, values in _arrays(point):
             if bad := [name for name, value in zip(self.joints, values, strict=False) if not math.isfinite(value)]:
-                raise CommandError(f"the {key} of {listed(bad)} at point {number} are not finite. Give finite numbers.")
+                raise CommandError(
+                    f"the {key} of {listed(bad)} at point {number} are not finite", "Give finite numbers."
+                )
 
     def _check_end(self) -> None:
         last = zip(self.joints, self.points[-1].velocities, strict=False)  # there may be none
         if moving := [name for name, velocity in last if velocity]:
             raise CommandError(
-                f"{listed(moving)} would move at the last point, but its position is held. Let all velocities be zero "
-                "there."
+                f"{listed(moving)} would move at the last point, but its position is held",
+                "Let all velocities be zero there.",
             )
 
     def _check_start(self, now_ns: int) -> None:
@@ -89,11 +94,11 @@ class Trajectory:
             return
         remedy = "Use simulated time (use_sim_time), or the stamp 0 to start at once."
         if (end := self.start_ns + self.points[-1].time_ns) < now_ns:
-            raise CommandError(f"it ends at {1e-9 * end:.9g} s, before the present {1e-9 * now_ns:.9g} s. {remedy}")
+            raise CommandError(f"it ends at {1e-9 * end:.9g} s, before the present {1e-9 * now_ns:.9g} s", remedy)
         if self.start_ns - now_ns > LARGEST_DELAY_NS:
             raise CommandError(
-                f"it starts at {1e-9 * self.start_ns:.9g} s, more than a day after the present {1e-9 * now_ns:.9g} s. "
-                f"{remedy}"
+                f"it starts at {1e-9 * self.start_ns:.9g} s, more than a day after the present {1e-9 * now_ns:.9g} s",
+                remedy,
             )
 
 

@@ -237,15 +237,15 @@ def _require_joints(request: Any, joints: list[str]) -> None:
     :raises CommandError: it names them.
     """
     if request.multi_dof_trajectory.points or request.multi_dof_trajectory.joint_names:
-        raise CommandError("it has a trajectory of joints with several degrees of freedom. Leave it empty.")
+        raise CommandError("it has a trajectory of joints with several degrees of freedom", "Leave it empty.")
     if request.component_path_tolerance or request.component_goal_tolerance:
-        raise CommandError("it has tolerances of components, which no joint here has. Leave them empty.")
+        raise CommandError("it has tolerances of components, which no joint here has", "Leave them empty.")
     for message in (*request.path_tolerance, *request.goal_tolerance):
         if message.name not in joints:
             remedy = nearest(message.name, joints)
-            raise CommandError(f"its tolerance names '{message.name}', which it does not move. {remedy}")
+            raise CommandError(f"its tolerance names '{message.name}', which it does not move", remedy)
         numbers = (message.position, message.velocity, message.acceleration)
         if not all(map(math.isfinite, numbers)):
-            raise CommandError(f"a tolerance of '{message.name}' is not finite. Give -1 for any deviation.")
+            raise CommandError(f"a tolerance of '{message.name}' is not finite", "Give -1 for any deviation.")
         if message.acceleration > 0.0:
-            raise CommandError(f"accelerations are not watched, as for {listed([message.name])}. Leave them at zero.")
+            raise CommandError(f"accelerations are not watched, as for {listed([message.name])}", "Leave them at zero.")

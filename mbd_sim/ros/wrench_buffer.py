@@ -91,7 +91,7 @@ class WrenchBuffer:
         try:
             name = frame.removeprefix(self._prefix)
             if frame not in GROUND_FRAMES and name not in (*GROUND_FRAMES, *self._parts):
-                raise CommandError(f"there is no frame '{frame}'. {nearest(name, (GROUND, *self._parts))}")
+                raise CommandError(f"there is no frame '{frame}'", nearest(name, (GROUND, *self._parts)))
             self._map.numbers(part, force, couple, point, "ground")
         except CommandError:
             self.rejected += 1

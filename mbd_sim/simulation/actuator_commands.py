@@ -63,7 +63,7 @@ class CommandMap:
         if not isinstance(commands, np.ndarray) and any(isinstance(one, Mapping) for one in commands):
             if len(commands) != count:
                 counts = f"{counted(len(commands), 'command')} for {counted(count, 'member')}"
-                raise CommandError(f"{counts}. Give one mapping for each.")
+                raise CommandError(counts, "Give one mapping for each.")
             pairs = zip(current, commands, strict=True)
             return np.array([self.merged(row, given) for row, given in pairs]).reshape(count, size)
         return _rows(f"{counted(size, 'channel')} ({listed(list(self.names))})", commands, (count, size))
@@ -76,12 +76,12 @@ class CommandMap:
         for name, given in commands.items():
             if name not in self.takers:
                 remedy = nearest(name, self.takers) if self.takers else "This mechanism has no actuators."
-                raise CommandError(f"there is no actuator '{name}'. {remedy}")
+                raise CommandError(f"there is no actuator '{name}'", remedy)
             channels = self.takers[name].channels
             for channel, value in (given if isinstance(given, Mapping) else {channels[0]: given}).items():
                 if (name, channel) not in self._index:
-                    message = f"actuator '{name}' takes no {channel}. Command its {listed(list(channels))}."
-                    raise CommandError(message)
+                    remedy = f"Command its {listed(list(channels))}."
+                    raise CommandError(f"actuator '{name}' takes no {channel}", remedy)
                 yield self._index[name, channel], value
 
     def checked(self, labels: Sequence[str], values: Array) -> Array:
@@ -90,7 +90,7 @@ class CommandMap:
         :raises CommandError: the labels are those of other actuators, or a value is not finite.
         """
         if tuple(labels) != self.names or len(values) != len(self.names) or not np.all(np.isfinite(values)):
-            raise CommandError(f"the commands do not fit: one finite number is needed for {listed(list(self.names))}.")
+            raise CommandError(f"the commands do not fit: one finite number is needed for {listed(list(self.names))}")
         return values
 
 
@@ -102,9 +102,9 @@ def _rows(name: str, value: object, shape: tuple[int, ...]) -> Array:
         rows = np.broadcast_to(np.asarray(value, dtype=float), shape)
     except (TypeError, ValueError) as error:
         counts = f"the commands of {name} do not fit {counted(shape[0], 'member')}: {error}"
-        raise CommandError(f"{counts}. Give numbers for all of them, or one for each.") from error
+        raise CommandError(counts, "Give numbers for all of them, or one for each.") from error
     if not np.all(np.isfinite(rows)):
-        raise CommandError(f"a command of {name} is not finite. Give finite numbers.")
+        raise CommandError(f"a command of {name} is not finite", "Give finite numbers.")
     return rows
 
 
@@ -114,7 +114,7 @@ def _finite(name: str, value: object) -> float:
             raise TypeError(f"{quoted(value)} is a text")
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
-        raise CommandError(f"the command of {name} is not a number ({error}). Give a number.") from error
+        raise CommandError(f"the command of {name} is not a number ({error})", "Give a number.") from error
     if not math.isfinite(number):
-        raise CommandError(f"the command of {name} is not finite. Give a finite number.")
+        raise CommandError(f"the command of {name} is not finite", "Give a finite number.")
     return number

@@ -69,4 +69,4 @@ def require_outside(model: Model, time: float, y: Array, inputs: Array) -> None:
     if found := penetrations(model, time, y, inputs):
         words = [f"{'.'.join(map(str, each.location))}: {each.text}" for each in found[:3]]
         more = f", and {len(found) - 3} more" if len(found) > 3 else ""
-        raise CommandError(f"{'; '.join(words)}{more}. Give positions in which they are apart or touch.")
+        raise CommandError(f"{'; '.join(words)}{more}", "Give positions in which they are apart or touch.")

@@ -19,12 +19,12 @@ class UnknownJointError(CommandError):
     """A command for a joint that does not exist. The nearest name is searched only when the text is needed."""
 
     def __init__(self, name: str, valid: Iterable[str]) -> None:
-        super().__init__(name)
+        super().__init__(f"there is no joint '{name}'")
         self.name, self._valid = name, valid
 
     def __str__(self) -> str:
         remedy = nearest(self.name, self._valid) or "No joint of this mechanism accepts efforts."
-        return printable(f"there is no joint '{self.name}'. {remedy}")
+        return printable(f"{self.message}. {remedy}")
 
 
 class EffortMap:
@@ -57,18 +57,18 @@ class EffortMap:
                     merged[self._index_of(name)] = value
             elif len(efforts) != len(self.names):
                 raise CommandError(
-                    f"{counted(len(self.names), 'effort')} expected, but {len(efforts)} given. "
-                    f"Give one for each of: {listed(self.names)}."
+                    f"{counted(len(self.names), 'effort')} expected, but {len(efforts)} given",
+                    f"Give one for each of: {listed(self.names)}.",
                 )
             else:
                 merged[:] = efforts
         except (TypeError, ValueError) as error:
             if isinstance(error, CommandError):
                 raise
-            raise CommandError(f"an effort is not a number ({error}). Give numbers.") from error
+            raise CommandError(f"an effort is not a number ({error})", "Give numbers.") from error
         if not np.all(np.isfinite(merged)):
             bad = [name for name, value in zip(self.names, merged, strict=True) if not math.isfinite(value)]
-            raise CommandError(f"the effort of {listed(bad)} is not finite. Give finite numbers.")
+            raise CommandError(f"the effort of {listed(bad)} is not finite", "Give finite numbers.")
         return merged
 
     def clamped(self, efforts: Array) -> Array:
@@ -86,8 +86,8 @@ class EffortMap:
     def _index_of(self, name: str) -> int:
         if name in self._driven:
             raise CommandError(
-                f"joint '{name}' is driven: its drive prescribes the motion, so it accepts no effort. "
-                "Command another joint."
+                f"joint '{name}' is driven: its drive prescribes the motion, so it accepts no effort",
+                "Command another joint.",
             )
         if name not in self._index:
             raise UnknownJointError(name, self._index)

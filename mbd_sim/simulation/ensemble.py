@@ -308,7 +308,7 @@ class Ensemble(ReadOnlyAttributes):
                 names = list(self.model.coordinate_names)
                 for name, value in efforts.items():
                     if name not in names:
-                        raise CommandError(f"there is no joint '{name}'. {nearest(name, names)}")
+                        raise CommandError(f"there is no joint '{name}'", nearest(name, names))
                     new[:, names.index(name)] = value
             else:
                 new = np.broadcast_to(np.asarray(efforts, dtype=float), self._limits.shape)
@@ -319,7 +319,7 @@ class Ensemble(ReadOnlyAttributes):
                 f"the efforts do not fit {len(self)} members with {self._limits.shape[1]} joints: {error}"
             ) from error
         if not np.all(np.isfinite(new)):
-            raise CommandError("an effort is not finite. Give finite numbers.")
+            raise CommandError("an effort is not finite", "Give finite numbers.")
         self._groups.put("inputs", np.clip(new, -self._limits, self._limits), self._effort_inputs)
 
     @property

@@ -137,7 +137,7 @@ class LiveValues:
         for name, value in changes.items():
             key = self._key(name)
             if key in wanted:
-                raise CommandError(f"'{key}' is given twice. Remove one of the two.")
+                raise CommandError(f"'{key}' is given twice", "Remove one of the two.")
             wanted[key] = self._number(key, value)
         try:
             given, current, changed = self._with(wanted)
@@ -146,7 +146,7 @@ class LiveValues:
         except MechanismError as error:
             raise CommandError(" ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)) from error
         except StructureError as error:
-            raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
+            raise CommandError(f"{', '.join(changes)}: {error}", "Change the file and start again.") from error
         following = {key: value for key, value in current.items() if value != self.current[key]}
         return PreparedValues({**wanted, **following}, given, current, inputs, changed)
 
@@ -242,7 +242,7 @@ class LiveValues:
         for key in self.current:
             if location and location_of(self._mechanism, key) == location:
                 return key
-        raise CommandError(f"'{name}' is not a live value. {self._remedy(name)}")
+        raise CommandError(f"'{name}' is not a live value", self._remedy(name))
 
     def _number(self, key: str, value: object) -> float:
         """A given value in SI units.
@@ -253,7 +253,7 @@ class LiveValues:
         try:
             return number_at(self._mechanism, key, value, {})
         except InputError as error:
-            raise CommandError(f"{key}: {error.message} (got {quoted(value)}). {error.remedy}".strip()) from error
+            raise CommandError(f"{key}: {error.message} (got {quoted(value)})", error.remedy) from error
 
     def _remedy(self, key: str) -> str:
         """How a value becomes live, or what the key is meant to be."""
@@ -277,5 +277,5 @@ def require_closed(changes: Mapping[str, float], gap: float, before: float) -> N
     """
     if gap > max(LARGEST_GAP, 10.0 * before):
         raise CommandError(
-            f"{', '.join(changes)}: this would open the loops by {gap:.3g}. Start again with the new value."
+            f"{', '.join(changes)}: this would open the loops by {gap:.3g}", "Start again with the new value."
         )

@@ -38,14 +38,14 @@ def checked_values(model: Model, positions: Mapping[str, float], speeds: Mapping
         for name in values:
             if name in model.driven_names:
                 raise CommandError(
-                    f"joint '{name}' is driven: its drive prescribes the motion. Name only other joints."
+                    f"joint '{name}' is driven: its drive prescribes the motion", "Name only other joints."
                 )
             if name not in model.coordinate_names:
-                raise CommandError(f"there is no joint '{name}'. {nearest(name, model.coordinate_names)}".strip())
+                raise CommandError(f"there is no joint '{name}'", nearest(name, model.coordinate_names))
         if bad := [name for name, value in values.items() if not math.isfinite(value)]:
-            raise CommandError(f"the {key} of {listed(bad)} is not finite. Give finite numbers.")
+            raise CommandError(f"the {key} of {listed(bad)} is not finite", "Give finite numbers.")
     if not positions and not speeds:
-        raise CommandError("it sets nothing. Give names, and a position or a velocity for each.")
+        raise CommandError("it sets nothing", "Give names, and a position or a velocity for each.")
     return StateValues(dict(positions), dict(speeds))
 
 
@@ -77,10 +77,12 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         found = dict(zip(names, model.coordinates(closed), strict=True))
         if not free.closed:
             gap = f"a gap of {np.max(np.abs(free.gaps)):.3g} remains"
-            raise CommandError(f"the loops cannot be closed near these positions: {gap}. Give others.")
+            raise CommandError(f"the loops cannot be closed near these positions: {gap}", "Give others.")
         if any(abs(found[name] - value) > ROUNDING for name, value in given.positions.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.positions)
-            raise CommandError(f"the loops cannot be closed with these positions. Name fewer joints, or give {nearby}.")
+            raise CommandError(
+                "the loops cannot be closed with these positions", f"Name fewer joints, or give {nearby}."
+            )
         closure = free
     moved[model.q_range] = closure.q
     fixed = np.array([name in given.speeds for name in names])
@@ -91,7 +93,7 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         found = dict(zip(names, u, strict=True))
         if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
-            raise CommandError(f"the constraints do not allow these speeds. Name fewer joints, or give {nearby}.")
+            raise CommandError("the constraints do not allow these speeds", f"Name fewer joints, or give {nearby}.")
     if u.any() and constraints.rank(time, closure.q) < model.equations.start.rank:
         u = speeds_of_a_branch(constraints, time, closure.q, u, fixed)
     moved[model.u_range] = u
@@ -117,9 +119,15 @@ def require_allowed_speeds(model: Model, y: Array, given: Array, values: Array |
     largest = int(np.argmax(np.abs(change)))
     nearby = ", ".join(f"{name} = {value:.6g}" for name, value in zip(model.coordinate_names, u, strict=True))
     raise CommandError(
-        f"{whose}the constraints do not allow these speeds: the nearest ones that they allow are {nearby}, of which "
-        f"{model.coordinate_names[largest]} differs by {change[largest]:.6g}. Give these; or some by name, "
-        f"u={{'{model.coordinate_names[0]}': …}}, which the others follow; or take the nearest by nearest_speeds=True."
+        (
+            f"{whose}the constraints do not allow these speeds: the nearest ones that they allow are {nearby}, of "
+            f"which {model.coordinate_names[largest]} differs by {change[largest]:.6g}"
+        ),
+        (
+            "Give these; or some by name, "
+            f"u={{'{model.coordinate_names[0]}': …}}, which the others follow; or take the nearest by "
+            "nearest_speeds=True."
+        ),
     )
 
 

@@ -25,7 +25,7 @@ def require_parts(names: Sequence[str], mechanism: Mechanism) -> None:
     """
     for name in names:
         if name not in mechanism.parts:
-            raise CommandError(f"there is no part '{name}'. {nearest(name, mechanism.parts)}")
+            raise CommandError(f"there is no part '{name}'", nearest(name, mechanism.parts))
 
 
 class WrenchMap:
@@ -55,9 +55,9 @@ class WrenchMap:
             numbers.
         """
         if part not in self.slices:
-            raise CommandError(self._unknown(part))
+            raise self._unknown(part)
         if axes not in AXES:
-            raise CommandError(f"the axes of a wrench are 'ground' or 'part', not {axes!r}.")
+            raise CommandError(f"the axes of a wrench are 'ground' or 'part', not {axes!r}")
         wrench = np.concatenate([_vector(force, "force"), _vector(couple, "couple")])
         in_ground, in_part = (wrench, np.zeros(6)) if axes == "ground" else (np.zeros(6), wrench)
         return np.concatenate([in_ground, in_part, self._point(part, at)])
@@ -69,22 +69,23 @@ class WrenchMap:
         if not isinstance(at, str):
             return _vector(at, "point")
         if at not in record.points:
-            raise CommandError(f"part '{part}' has no point '{at}'. {nearest(at, record.points)}")
+            raise CommandError(f"part '{part}' has no point '{at}'", nearest(at, record.points))
         return record.points[at].position
 
-    def _unknown(self, part: str) -> str:
+    def _unknown(self, part: str) -> CommandError:
         if part in self._parts:
-            return f"part '{part}' does not accept wrenches. Build the simulation with wrenches=['{part}']."
-        return f"there is no part '{part}'. {nearest(part, self.slices)}"
+            remedy = f"Build the simulation with wrenches=['{part}']."
+            return CommandError(f"part '{part}' does not accept wrenches", remedy)
+        return CommandError(f"there is no part '{part}'", nearest(part, self.slices))
 
 
 def _vector(values: Sequence[float] | Array, name: str) -> Array:
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise CommandError(f"the {name} is not three numbers ({error}).") from error
+        raise CommandError(f"the {name} is not three numbers ({error})") from error
     if array.shape != (3,):
-        raise CommandError(f"the {name} has the shape {array.shape}. Give three numbers.")
+        raise CommandError(f"the {name} has the shape {array.shape}", "Give three numbers.")
     if not np.all(np.isfinite(array)):
-        raise CommandError(f"the {name} contains a number that is not finite. Give finite numbers.")
+        raise CommandError(f"the {name} contains a number that is not finite", "Give finite numbers.")
     return array

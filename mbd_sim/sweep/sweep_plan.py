@@ -67,7 +67,7 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
     """
     name, rest = split_assignment(text)
     if not rest:
-        raise CommandError(f"'{text}' gives no values. {_EXAMPLES}")
+        raise CommandError(f"'{text}' gives no values", _EXAMPLES)
     _require_number(name, mechanism)
 
     def number(word: str) -> float:
@@ -77,17 +77,17 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
             unit = mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*")
             return parse_value(_plain(word), mechanism.parameters, unit)
         except InputError as error:
-            raise CommandError(f"{text}: '{word.strip()}' {error.message}. {error.remedy}") from error
+            raise CommandError(f"{text}: '{word.strip()}' {error.message}", error.remedy) from error
 
     if called := _CALL.fullmatch(rest):
         return _random(name, called[1], [number(word) for word in called[2].split(",")], text)
     if rest.count(":") == 2:
         start, stop, count = rest.split(":")
         if not count.strip().isdigit() or not 1 <= int(count) <= MAX_RUNS:
-            raise CommandError(f"{text}: the number of values cannot be '{count.strip()}'. {_EXAMPLES}")
+            raise CommandError(f"{text}: the number of values cannot be '{count.strip()}'", _EXAMPLES)
         return Grid(name, tuple(np.linspace(number(start), number(stop), int(count)).tolist()))
     if ":" in rest:
-        raise CommandError(f"{text}: a range needs START:STOP:COUNT. {_EXAMPLES}")
+        raise CommandError(f"{text}: a range needs START:STOP:COUNT", _EXAMPLES)
     return Grid(name, tuple(number(word) for word in rest.split(",")))
 
 
@@ -109,11 +109,11 @@ def plan(variations: Sequence[Grid | Random], draws: int = 1, seed: int = 0) -> 
     names = [one.name for one in variations]
     short = [name.removeprefix("parameters.") for name in names]
     if twice := sorted({name for name in short if short.count(name) > 1}):
-        raise CommandError(f"{listed(twice)} is varied twice. Remove one of the two.")
+        raise CommandError(f"{listed(twice)} is varied twice", "Remove one of the two.")
     grids = [one for one in variations if isinstance(one, Grid)]
     runs = draws * int(np.prod([len(grid.values) for grid in grids], dtype=float))
     if not 1 <= runs <= MAX_RUNS:
-        raise CommandError(f"the number of runs must be between 1 and {MAX_RUNS}, not {runs}.")
+        raise CommandError(f"the number of runs must be between 1 and {MAX_RUNS}, not {runs}")
     points = np.array(list(itertools.product(*(grid.values for grid in grids)))).reshape(runs // draws, len(grids))
     columns = dict(zip((grid.name for grid in grids), np.repeat(points, draws, axis=0).T, strict=True))
     random = np.random.default_rng(seed)
@@ -128,32 +128,32 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
         known = mechanism.coordinate_names
         if name.removeprefix(EFFORT) not in known:
             remedy = nearest(name.removeprefix(EFFORT), known) or "No joint of this mechanism accepts efforts."
-            raise CommandError(f"there is no joint '{name.removeprefix(EFFORT)}'. {remedy}")
+            raise CommandError(f"there is no joint '{name.removeprefix(EFFORT)}'", remedy)
         return
     try:
         value = value_of(mechanism, name)
     except MechanismError as error:
         problem = error.problems[0]
-        raise CommandError(f"'{name}' {problem.message}. {problem.remedy}") from error
+        raise CommandError(f"'{name}' {problem.message}", problem.remedy) from error
     if value is None:
-        raise CommandError(f"'{name}' is not a number in the file. Name a number, for example joints.elbow.damping.")
+        raise CommandError(f"'{name}' is not a number in the file", "Name a number, for example joints.elbow.damping.")
 
 
 def _random(name: str, distribution: str, numbers: list[float], text: str) -> Random:
     if distribution not in _DISTRIBUTIONS:
         known = listed(list(_DISTRIBUTIONS))
-        raise CommandError(f"{text}: there is no distribution '{distribution}'. Valid: {known}.")
+        raise CommandError(f"{text}: there is no distribution '{distribution}'", f"Valid: {known}.")
     if len(numbers) != 2:
-        raise CommandError(f"{text}: write {distribution}({_DISTRIBUTIONS[distribution][0]}).")
+        raise CommandError(f"{text}: write {distribution}({_DISTRIBUTIONS[distribution][0]})")
     first, second = numbers
     if not np.all(np.isfinite(numbers)):
-        raise CommandError(f"{text}: the numbers of a distribution must be finite.")
+        raise CommandError(f"{text}: the numbers of a distribution must be finite")
     if distribution == "uniform" and not first <= second:
-        raise CommandError(f"{text}: uniform needs low <= high.")
+        raise CommandError(f"{text}: uniform needs low <= high")
     if distribution == "loguniform" and not 0.0 < first <= second:
-        raise CommandError(f"{text}: loguniform needs 0 < low <= high.")
+        raise CommandError(f"{text}: loguniform needs 0 < low <= high")
     if distribution == "normal" and second < 0.0:
-        raise CommandError(f"{text}: the deviation must not be negative.")
+        raise CommandError(f"{text}: the deviation must not be negative")
     return Random(name, distribution, first, second)
 
 
