@@ -16,6 +16,7 @@ from mbd_sim.dynamics.actuator_layout import require_continuous
 from mbd_sim.dynamics.assembly import close_loops
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
+from mbd_sim.dynamics.state_scales import natural_units
 from mbd_sim.geometry.pose import Array
 from mbd_sim.short_repr import short_repr
 
@@ -23,7 +24,8 @@ ATTEMPTS = 12  # other configurations from which equilibria are sought
 SCATTER = 0.3  # m or rad, between these
 BALANCED_START = 1e-12  # of the accelerations, in units of gravity: those of round-off
 SAME = 1e-6  # of distances, in sizes of the mechanism
-TIMES = (0.0, 0.137, 0.71, 1.9)  # s, at which accelerations are compared
+TIMES = (0.0, 0.137, 0.71, 1.9)  # in natural units, at which accelerations are compared
+CHANGED = 1e-9  # of what is compared, or of its natural unit, that counts as a change
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +94,15 @@ def equilibria(
 def is_autonomous(equations: Equations) -> bool:
     """Whether accelerations and constraints do not depend on time, judged by their values at the start at `TIMES`."""
     constraints, q = equations.constraints, equations.start.q
-    if any(np.abs(constraints.drift(t, q)).max(initial=0.0) > 1e-9 for t in TIMES):
+    rate = natural_units(equations.mechanism, equations.step).rate
+    times = [time / rate for time in TIMES]
+    if any(np.any(np.abs(constraints.drift(t, q)) > CHANGED * rate * constraints.row_sizes(t, q)) for t in times):
         return False
     y = equations.start_state
     inputs = equations.inputs_without_commands
-    first, *others = (np.array(equations.rates.call([t, y, inputs])[0]) for t in TIMES)
-    return all(np.allclose(first, other, rtol=1e-9, atol=1e-9) for other in others)
+    first, *others = (np.array(equations.rates.call([t, y, inputs])[0]) for t in times)
+    least = CHANGED * (np.abs(first.ravel()) + rate * np.array(equations.scales))
+    return all(np.all(np.abs(other.ravel() - first.ravel()) <= least) for other in others)
 
 
 def growth_of(matrix: Array) -> float:

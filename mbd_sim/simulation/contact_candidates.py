@@ -22,6 +22,7 @@ RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 YIELDING = 1.0 - 1e-8  # of its limit, that friction bears which has just reached it
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
 RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 20)))  # of limits, tried where friction is shared
+REPEATS = 6  # with the normal forces found, which friction at its limit has changed a little
 NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
 SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
 PLIANT = 1e-3  # weight of changes of shared friction beside that of normal forces, which so stay as they are
@@ -195,15 +196,20 @@ class Candidates:
 
     def _with_share(self, share: float, forces: Array, rates: Array) -> tuple[Array, Array] | None:
         """Forces with these accelerations and at most a share of the limits of friction at rest, if there are any."""
-        self._share, self._pressures = share, forces
-        try:
-            found, others = self._forces_and_loads()
-        except NoSolutionError:
-            return None
-        finally:
-            self._share, self._pressures = 1.0, None
-        within = all(self._use(index, found) <= 1.0 for index in self._sticking)
-        return (found, others) if within and np.all(np.abs(others - rates) <= self._unmoved) else None
+        found = forces
+        for _ in range(REPEATS):
+            self._share, self._pressures = share, found
+            try:
+                found, others = self._forces_and_loads()
+            except NoSolutionError:
+                return None
+            finally:
+                self._share, self._pressures = 1.0, None
+            if not np.all(np.abs(others - rates) <= self._unmoved):
+                return None
+            if all(self._use(index, found) <= 0.5 * (1.0 + share) for index in self._sticking):
+                return found, others
+        return None
 
     def _use(self, index: int, forces: Array) -> float:
         """The fraction of its limit that sticking friction bears."""

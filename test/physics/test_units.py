@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.analysis.equilibrium import is_autonomous
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.one_sided import has_one_sided
 from test.generators.mechanisms import KINDS
@@ -76,6 +77,13 @@ def test_contacts_have_the_same_events_in_other_units(name):
         found, others, later = contact_motion(name, units)
         assert others == events and later == pytest.approx(times, rel=1e-12)
         assert np.max(np.abs(found - expected)) <= 1e-12 * np.max(np.abs(expected))
+
+
+@pytest.mark.parametrize(("name", "expected"), [("moving_support_pendulum", False), ("double_rod", True)])
+def test_whether_a_mechanism_depends_on_time_is_the_same_in_other_units(name, expected):
+    """Changes below 1e-9 in m/s² or rad/s² did not count, at times in s."""
+    for units in (Units(), LARGE, SMALL):
+        assert is_autonomous(Simulation(scaled(name, units)).model.equations) is expected
 
 
 OSCILLATOR = """

@@ -163,7 +163,7 @@ def frictions_and_slip(simulation, times, count):
     return np.array(sizes), slips[0].time
 
 
-@pytest.mark.parametrize(("seed", "count"), [(2, 3), (5, 5)])
+@pytest.mark.parametrize(("seed", "count"), [(1, 4), (2, 3), (5, 5)])
 def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes(seed, count):
     """The limit load is the least over all motions, as of plastic bodies; friction depended on the order of the legs."""
     chance = np.random.default_rng(seed)
@@ -175,7 +175,7 @@ def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_
     expected, slip = frictions_and_slip(pushed_table(*given, np.eye(3), range(count)), times, count)
     turn = Rotation.random(random_state=seed).as_matrix()
     sizes, time = frictions_and_slip(pushed_table(*given, turn, chance.permutation(count)), times, count)
-    assert sizes == pytest.approx(expected, abs=1e-7) and time == pytest.approx(slip, rel=5e-6)
+    assert sizes == pytest.approx(expected, abs=1e-7) and time == pytest.approx(slip, rel=1e-6)
     normals = least_normals(legs, RATE * slip * push * height)
     for time, sign in ((slip * (1.0 - 1e-5), 1.0), (slip * (1.0 + 1e-5), -1.0)):
         assert sign * least_margin(legs, normals, RATE * time * push, place) > 0.0
