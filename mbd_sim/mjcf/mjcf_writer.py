@@ -109,7 +109,7 @@ def _add_forces(document: Document, element: Element, written: WrittenJoint) -> 
 def _add_ball_forces(document: Document, element: Element, written: WrittenJoint) -> None:
     """Springs and dampers of a ball or a free joint, which are the same in all directions in MuJoCo."""
     joint = written.joint
-    if joint.name in {bushing.name for bushing in document.mechanism.bushings}:
+    if joint.name in {bushing.name for bushing in document.mechanism.bushings if bushing.in_joint}:
         document.leave_out("springs of spherical and free joints", joint.name)
     damping = joint.damping[-3:] if written.kind == "ball" else joint.damping
     if np.any(damping) and np.all(damping == damping[0]):

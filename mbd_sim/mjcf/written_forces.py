@@ -56,8 +56,7 @@ def add_elements(document: Document) -> None:
         _add_spring(document, spring)
     for damper in mechanism.dampers:
         _add_damper(document, damper)
-    joints = mechanism.all_joints
-    own = [bushing.name for bushing in mechanism.bushings if bushing.name not in joints]
+    own = [bushing.name for bushing in mechanism.bushings if not bushing.in_joint]
     applied = [*(one.name for one in mechanism.applied), *(one.name for one in mechanism.efforts)]
     for name in (*applied, *(one.name for one in mechanism.potentials), *own):
         document.leave_out("forces, efforts, potentials and bushings", name)

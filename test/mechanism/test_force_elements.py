@@ -76,3 +76,9 @@ def test_the_report_and_the_exports_name_it(kind):
 @pytest.mark.parametrize("kind", KEYS)
 def test_the_reference_page_describes_it(kind):
     assert f"`{kind}`" in (ROOT / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
+
+
+def test_a_bushing_with_the_name_of_a_joint_is_not_the_spring_of_that_joint():
+    mechanism = parse_mechanism(FILE.format(element=f"hinge: {{type: bushing, {KEYS['bushing']}}}"))
+    assert left_out(mechanism) == ("springs, dampers and forces: hinge",)
+    assert to_mjcf(mechanism).left_out == ("forces, efforts, potentials and bushings: hinge",)
