@@ -18,8 +18,8 @@ EXAMPLE_PROGRAMS = {
     if "\ndef main(" in module.read_text(encoding="utf-8")
 }
 ROS_PROGRAMS = {
-    "sim_node": f"{START}ros.sim_node.main",
-    "replay_node": f"{START}ros.replay_node.main",
+    "sim_node": f"{START}ros.node.sim_node.main",
+    "replay_node": f"{START}ros.replay.replay_node.main",
     **EXAMPLE_PROGRAMS,
 }
 
@@ -84,7 +84,7 @@ setup(
         "Typing :: Typed",
     ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "fmu/sources/*"]},
+    package_data={NAME: ["py.typed", "exports/fmu/sources/*"]},
     data_files=data_files,
     zip_safe=True,
     python_requires=">=3.11",

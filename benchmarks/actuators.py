@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping
 
 from mbd_sim import Simulation
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 
 ROUNDS, STEPS = 31, 1000
 DC = "type: dc_motor, torque_constant: 0.05, resistance: 1.2, gear_ratio: 10, rotor_inertia: 2e-5, voltage_limit: 24"

@@ -112,7 +112,7 @@ def calls_of_gymnasium() -> Calls:
         import gymnasium  # noqa: F401
     except ImportError:
         return {}
-    from mbd_sim.gym import TASKS, MechanismEnv
+    from mbd_sim.many.gym import TASKS, MechanismEnv
 
     env = MechanismEnv(**(TASKS["DoublePendulumSwingUp"] | {"frame_skip": 1}))
     env.reset(seed=1)

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks.node_process import Measured, running
-from mbd_sim.recording import cdr
+from mbd_sim.recordings.messages import cdr
 
 BENCH = """
 mechanism: bench

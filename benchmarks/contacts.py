@@ -15,7 +15,7 @@ import yaml
 
 from benchmarks.contact_models import SYSTEMS, System, text
 from mbd_sim import Simulation
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 
 STEPS, MANY = 3000, 100
 METHODS = ("tsitouras8", "rk4")  # the default of mechanisms with contacts, and a short one

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim import MbdSimError, Simulation
-from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.simulation.method_choice import DEFAULT, ONE_STEP
+from mbd_sim.files.text.library import shipped
+from mbd_sim.simulation.model.method_choice import DEFAULT, ONE_STEP
 
 OTHER, METHODS = ONE_STEP, (DEFAULT, ONE_STEP)
 STEP, MANY = 1e-3, 100  # s; steps in a call

@@ -19,7 +19,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
-from mbd_sim.gym import TASKS, MechanismVectorEnv
+from mbd_sim.many.gym import TASKS, MechanismVectorEnv
 
 BUDGET = 2.0  # s for each row and round
 

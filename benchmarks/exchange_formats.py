@@ -22,11 +22,11 @@ import mujoco
 import numpy as np
 
 from mbd_sim import MbdSimError, Simulation, load_mechanism
-from mbd_sim.load import parse_mechanism
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.mjcf.mjcf_writer import to_mjcf
-from mbd_sim.sdf.sdf_writer import to_sdf
+from mbd_sim.files.load import parse_mechanism
+from mbd_sim.files.mjcf.writer import to_mjcf
+from mbd_sim.files.sdf.writer import to_sdf
+from mbd_sim.files.text.library import shipped
+from mbd_sim.mechanism.mechanism import Mechanism
 
 REACH = 0.5  # m, rad, m/s and rad/s from the start
 

@@ -33,10 +33,9 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
 from benchmarks.node_process import load
-from mbd_sim.cli.verify import verify_text
-from mbd_sim.recording.bag_recovery import recover_bag
-from mbd_sim.recording.recovery import recover
-from mbd_sim.recording.verification import verify
+from mbd_sim.cli.runs.verify import verify_text
+from mbd_sim.recordings.run.recovery import recover, recover_bag
+from mbd_sim.recordings.run.verification import verify
 from test.shared_builds import share_builds
 from test.system.nodes import SimNodeProcess
 

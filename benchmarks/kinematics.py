@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 
 from mbd_sim import Simulation
-from mbd_sim.analysis.linearization import linearize_at
-from mbd_sim.analysis.load_sharing import LoadSharing
-from mbd_sim.urdf.urdf_writer import to_urdf
+from mbd_sim.analysis.linear.linearization import linearize_at
+from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
+from mbd_sim.files.urdf.writer import to_urdf
 
 ROUNDS, CALLS = 31, 3000
 TOOL = "tool"

@@ -1,7 +1,7 @@
 """Lockstep between two processes: calls per second and time per call, at 1, 10 and 100 steps per call.
 
 `python -m benchmarks.lockstep [mechanism] [calls]`, in the environment of the tests. A command that triggers its steps,
-until the resulting state has been read (`mbd_sim.ros.lockstep`); the service `~/step`, until its reply, without a
+until the resulting state has been read (`mbd_sim.ros.node.lockstep`); the service `~/step`, until its reply, without a
 command or a state; each beside the same exchange with a node that computes nothing (`benchmarks/bare_echo.py`), which
 bounds it. Ours and the bare ones alternate in rounds of 100 calls. Last, the same loop on a `Simulation` in one
 process, without ROS.
@@ -26,7 +26,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from mbd_sim import Simulation
-from mbd_sim.ros.lockstep import Lockstep
+from mbd_sim.ros.node.lockstep import Lockstep
 
 STEPS = (1, 10, 100)
 ROUND = 100  # calls of one kind, before those of the next
@@ -100,7 +100,7 @@ def started(*words: str) -> subprocess.Popen[bytes]:
 
 def over_dds(mechanism: str, count: int) -> None:
     """Print the rows of the exchanges over DDS."""
-    node = started("mbd_sim.ros.sim_node", "--ros-args", "-p", f"mechanism:={mechanism}", "-p", "record:=false")
+    node = started("mbd_sim.ros.node.sim_node", "--ros-args", "-p", f"mechanism:={mechanism}", "-p", "record:=false")
     echo = started("benchmarks.bare_echo")
     try:
         for steps in STEPS:

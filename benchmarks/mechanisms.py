@@ -25,7 +25,7 @@ def rods(count: int) -> str:
 
 def shipped(name: str) -> str:
     """The file of a mechanism that comes with `mbd_sim`."""
-    from mbd_sim.mechanism_file.library import find
+    from mbd_sim.files.text.library import find
 
     return find(name).read_text(encoding="utf-8")
 

@@ -71,7 +71,7 @@ def running(parameters: Sequence[str] = (), domain: int = 96) -> Iterator[Measur
     """A node that publishes every step of 1 ms, observed from this process; `parameters` are `name:=value`."""
     os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     rclpy.init(args=[])
-    command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
+    command = [sys.executable, "-m", "mbd_sim.ros.node.sim_node", "--ros-args"]
     for parameter in ("publish_rate:=1000.0", f"record_dir:={FOLDER}", *parameters):
         command += ["-p", parameter]
     child = subprocess.Popen(command)

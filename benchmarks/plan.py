@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from benchmarks.tape import Tape, tape_of
 
 if TYPE_CHECKING:
-    from mbd_sim.geometry.pose import Pose
-    from mbd_sim.mechanism.records import Joint, Part
+    from mbd_sim.base.geometry.pose import Pose
+    from mbd_sim.mechanism.elements.parts import Joint, Part
 
 Array = NDArray[np.float64]
 GROUND = -1
@@ -111,7 +111,7 @@ def plan_of(text: str) -> Plan:
     :raises ValueError: the mechanism has elements that plans do not support.
     """
     from mbd_sim import Simulation
-    from mbd_sim.geometry.pose import identity_pose
+    from mbd_sim.base.geometry.pose import identity_pose
 
     sim = Simulation.from_text(text)
     mechanism = sim.mechanism
@@ -138,7 +138,7 @@ def robot_plan(text: str) -> Plan:
     :raises ValueError: the mechanism has other joints, loops or constraints.
     """
     from mbd_sim import Simulation
-    from mbd_sim.mjcf.mjcf_writer import to_mjcf
+    from mbd_sim.files.mjcf.writer import to_mjcf
 
     sim = Simulation.from_text(text)
     mechanism = sim.mechanism
@@ -156,8 +156,8 @@ def robot_plan(text: str) -> Plan:
 
 def _frames(joint: Joint) -> tuple[Pose, Pose]:
     """The joint's frame with its axis along z, in the axes of the inboard part and in those of the outboard part."""
-    from mbd_sim.geometry.pose import Pose
-    from mbd_sim.geometry.rotation import aligning_z
+    from mbd_sim.base.geometry.pose import Pose
+    from mbd_sim.base.geometry.rotation import aligning_z
 
     simple = joint.type in ("revolute", "prismatic") and not joint.drive
     if not simple or joint.spring or joint.damper or joint.friction:
@@ -170,7 +170,7 @@ def _frames(joint: Joint) -> tuple[Pose, Pose]:
 
 
 def _body(joint: Joint, part: Part, parent: int, placed: Pose, frame: Pose) -> Body:
-    from mbd_sim.geometry.rotation import to_quaternion
+    from mbd_sim.base.geometry.rotation import to_quaternion
 
     inertia = frame.rotation.T @ part.inertia @ frame.rotation
     return Body(

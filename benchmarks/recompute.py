@@ -9,10 +9,10 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from mbd_sim.cli.verify import verify_text
-from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.recording.verification import verify
-from test.recording.runs import record_run
+from mbd_sim.cli.runs.verify import verify_text
+from mbd_sim.files.text.library import shipped
+from mbd_sim.recordings.run.verification import verify
+from test.recordings.runs import record_run
 
 METHODS = ["dop853", "rk4", "rosenbrock"]
 

@@ -17,13 +17,13 @@ from mcap.reader import make_reader
 
 from benchmarks.node_process import load, running
 from mbd_sim import Simulation
-from mbd_sim.messages import qos, state_messages
-from mbd_sim.messages.recorded_topic import Topic
-from mbd_sim.messages.snapshot import Snapshot
-from mbd_sim.messages.topics import TOPICS
-from mbd_sim.recording.recorder import Recorder
-from mbd_sim.recording.recording_paths import new_recording_paths
-from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.recordings.messages import definitions, states
+from mbd_sim.recordings.messages.definitions import Topic
+from mbd_sim.recordings.messages.states import Snapshot
+from mbd_sim.recordings.messages.topics import TOPICS
+from mbd_sim.recordings.run.metadata import run_metadata
+from mbd_sim.recordings.run.paths import new_recording_paths
+from mbd_sim.recordings.run.recorder import Recorder
 
 QUEUE_LIMIT = 4e6  # bytes that may wait, so that nothing is dropped
 
@@ -72,13 +72,13 @@ def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, Topic], S
     """The messages of the node for two seconds of a motion, and its topics."""
     simulation = Simulation.from_file(mechanism)
     model = simulation.model
-    writers = {"joint_states": state_messages.joint_states(model), "energies": state_messages.energies(model)}
+    writers = {"joint_states": states.joint_states(model), "energies": states.energies(model)}
     messages = []
     for tick in range(2000):
         simulation.step()
         snapshot = Snapshot(tick, tick * 1_000_000, simulation.time, simulation.snapshot())
         messages += [(key, writer.payload(snapshot, simulation.energies)) for key, writer in writers.items()]
-    profile = qos.offered_qos_profiles(qos.STATE)
+    profile = definitions.offered_qos_profiles(definitions.STATE)
     topics = {
         topic.name: Topic(f"/{topic.name}", topic.message_type, profile) for topic in TOPICS if topic.name in writers
     }

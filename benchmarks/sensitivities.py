@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.optimization import CasadiFunctions, SensitivityModel, trajectory
+from mbd_sim.studies.optimization import CasadiFunctions, SensitivityModel, trajectory
 
 ROUNDS, STEPS, STEP, METHOD = 9, 200, 1e-3, "tsitouras8"
 CASES: Sequence[tuple[str, Sequence[str], bool]] = (

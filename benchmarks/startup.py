@@ -115,7 +115,7 @@ def rows(folder: Path, robots: Path | None) -> list[Row]:
     def first_step(file: str) -> tuple[str, str]:
         return timed(FIRST_STEP.format(file=file))
 
-    node = ("-m", "mbd_sim.ros.sim_node", "--ros-args", "-p", "record:=false")
+    node = ("-m", "mbd_sim.ros.node.sim_node", "--ros-args", "-p", "record:=false")
     check = ("-c", "from mbd_sim.programs import command; command.cli.main.main()", "check", "double_rod")
     found = [
         Row("interpreter", timed("pass")),

@@ -22,7 +22,7 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmarks.node_process import Measured, load, percentiles, running
 from mbd_sim import Simulation
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 
 RATE = 5000  # messages per second
 

@@ -18,9 +18,8 @@ from collections.abc import Sequence
 import dask
 import numpy as np
 
-from mbd_sim.load import load_mechanism
-from mbd_sim.sweep.execution import sweep
-from mbd_sim.sweep.sweep_runs import Chunk, Settings, chunks, compute
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.many.sweep.runs import Chunk, Settings, chunks, compute, sweep
 
 ROUNDS, WORKERS = 3, (1, 2)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.simulation import Simulation
+    from mbd_sim.simulation.run.simulation import Simulation
 
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "ASSIGN": lambda x: x,

@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 
 from mbd_sim import Simulation
-from mbd_sim.viewer import Viewer
+from mbd_sim.pictures.rerun import Viewer
 
 ROWS = 50  # in each batch: those of a run at 1 kHz
 

@@ -56,8 +56,8 @@ def turn(rate: float, seconds: float) -> dict[str, float]:
     import rclpy
     from rclpy.experimental import EventsExecutor
 
-    from mbd_sim.ros import realtime
-    from mbd_sim.ros.sim_node import SimNode
+    from mbd_sim.ros.node.sim_node import SimNode
+    from mbd_sim.ros.stepping import realtime
 
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["--ros-args", "--log-level", "ERROR", "-p", "record:=false", "-p", "publish_rate:=1000.0"]

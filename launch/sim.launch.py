@@ -9,8 +9,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
-from mbd_sim.ros.launch_arguments import argument_rows
-from mbd_sim.ros.sim_parameters import PARAMETERS
+from mbd_sim.ros.node.help import argument_rows
+from mbd_sim.ros.node.sim_parameters import PARAMETERS
 
 ARGUMENTS = argument_rows(PARAMETERS)  # all parameters of the node: name, default, meaning, type
 OTHERS = [
@@ -85,8 +85,8 @@ def rviz(context):
 
 def described(context):
     """The URDF of the mechanism, from the same file as the node's."""
-    from mbd_sim.load import load_mechanism
-    from mbd_sim.urdf.urdf_writer import to_urdf
+    from mbd_sim.files.load import load_mechanism
+    from mbd_sim.files.urdf.writer import to_urdf
 
     return to_urdf(load_mechanism(LaunchConfiguration("mechanism").perform(context)))
 

@@ -7,7 +7,7 @@ sim.set_efforts({"elbow": 2.0})
 sim.run(until=10.0)
 print(sim.q, sim.energies.residual)
 
-This page has the whole Python interface, apart from the learning environments in `mbd_sim.gym`:
+This page has the whole Python interface, apart from the learning environments in `mbd_sim.many.gym`:
 
 - mechanisms: `load_mechanism`, `parse_mechanism`, `Mechanism`
 - motion: `Simulation` and `Ensemble`, and what they return: `Energies`, `EnsembleEnergies`, `Violation`, `DriveState`,
@@ -28,14 +28,12 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mbd_sim.analysis.equilibrium import Equilibrium, equilibria, equilibrium, nearest_equilibrium
-    from mbd_sim.analysis.inertia_split import InertiaSplit, inertia_split
-    from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-    from mbd_sim.analysis.kinematics import Kinematics
-    from mbd_sim.analysis.linearization import Linearization, Mode, linearize, modes
-    from mbd_sim.analysis.regulator import lqr
-    from mbd_sim.analysis.state_space import StateSpace
-    from mbd_sim.errors import (
+    from mbd_sim.analysis.equilibria.equilibrium import Equilibrium, equilibria, equilibrium, nearest_equilibrium
+    from mbd_sim.analysis.linear.linearization import Linearization, Mode, linearize, modes
+    from mbd_sim.analysis.linear.state_space import StateSpace, lqr
+    from mbd_sim.analysis.mechanics.inverse_dynamics import InertiaSplit, InverseDynamics, inertia_split
+    from mbd_sim.analysis.mechanics.kinematics import Kinematics
+    from mbd_sim.base.errors import (
         CommandError,
         DivergedError,
         InputError,
@@ -44,18 +42,25 @@ if TYPE_CHECKING:
         NoInertiaError,
         Problem,
     )
-    from mbd_sim.geometry.pose import Pose
-    from mbd_sim.load import load_mechanism, parse_mechanism
-    from mbd_sim.mechanism.records import Mechanism
-    from mbd_sim.notebook.runs import RunPicture
-    from mbd_sim.notebook.simulation import Simulation
-    from mbd_sim.recording.run_recorder import RunRecorder
-    from mbd_sim.simulation.compiled_model import Model
-    from mbd_sim.simulation.ensemble import Ensemble
-    from mbd_sim.simulation.motions import PartMotion
-    from mbd_sim.simulation.sensor_model import SensorReading
-    from mbd_sim.simulation.state_records import DriveState, Energies, EnsembleEnergies, Reaction, Violation
-    from mbd_sim.symbolic import SymbolicEquations, symbolic_equations, to_latex
+    from mbd_sim.base.geometry.pose import Pose
+    from mbd_sim.files.load import load_mechanism, parse_mechanism
+    from mbd_sim.mechanism.mechanism import Mechanism
+    from mbd_sim.recordings.notebook.runs import RunPicture
+    from mbd_sim.recordings.notebook.simulation import Simulation
+    from mbd_sim.recordings.run.run_recorder import RunRecorder
+    from mbd_sim.simulation.ensemble.ensemble import Ensemble
+    from mbd_sim.simulation.kernel.sensors import SensorReading
+    from mbd_sim.simulation.model.model import Model
+    from mbd_sim.simulation.model.state_records import (
+        DriveState,
+        Energies,
+        EnsembleEnergies,
+        PartMotion,
+        Reaction,
+        Violation,
+    )
+    from mbd_sim.studies.symbolic.equations import SymbolicEquations, symbolic_equations
+    from mbd_sim.studies.symbolic.latex import to_latex
 
 __version__ = "0.4.0"
 
@@ -104,14 +109,29 @@ __all__ = [
 ]
 
 _MODULES = {
-    "mbd_sim.analysis.equilibrium": ("Equilibrium", "equilibria", "equilibrium", "nearest_equilibrium"),
-    "mbd_sim.analysis.inertia_split": ("InertiaSplit", "inertia_split"),
-    "mbd_sim.analysis.inverse_dynamics": ("InverseDynamics",),
-    "mbd_sim.analysis.kinematics": ("Kinematics",),
-    "mbd_sim.analysis.linearization": ("Linearization", "Mode", "linearize", "modes"),
-    "mbd_sim.analysis.regulator": ("lqr",),
-    "mbd_sim.analysis.state_space": ("StateSpace",),
-    "mbd_sim.errors": (
+    "mbd_sim.analysis.equilibria.equilibrium": (
+        "Equilibrium",
+        "equilibria",
+        "equilibrium",
+        "nearest_equilibrium",
+    ),
+    "mbd_sim.analysis.mechanics.inverse_dynamics": (
+        "InertiaSplit",
+        "InverseDynamics",
+        "inertia_split",
+    ),
+    "mbd_sim.analysis.mechanics.kinematics": ("Kinematics",),
+    "mbd_sim.analysis.linear.linearization": (
+        "Linearization",
+        "Mode",
+        "linearize",
+        "modes",
+    ),
+    "mbd_sim.analysis.linear.state_space": (
+        "StateSpace",
+        "lqr",
+    ),
+    "mbd_sim.base.errors": (
         "CommandError",
         "DivergedError",
         "InputError",
@@ -120,18 +140,31 @@ _MODULES = {
         "NoInertiaError",
         "Problem",
     ),
-    "mbd_sim.geometry.pose": ("Pose",),
-    "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
-    "mbd_sim.mechanism.records": ("Mechanism",),
-    "mbd_sim.notebook.runs": ("RunPicture",),
-    "mbd_sim.recording.run_recorder": ("RunRecorder",),
-    "mbd_sim.simulation.compiled_model": ("Model",),
-    "mbd_sim.simulation.ensemble": ("Ensemble",),
-    "mbd_sim.simulation.motions": ("PartMotion",),
-    "mbd_sim.simulation.sensor_model": ("SensorReading",),
-    "mbd_sim.notebook.simulation": ("Simulation",),
-    "mbd_sim.simulation.state_records": ("DriveState", "Energies", "EnsembleEnergies", "Reaction", "Violation"),
-    "mbd_sim.symbolic": ("SymbolicEquations", "symbolic_equations", "to_latex"),
+    "mbd_sim.base.geometry.pose": ("Pose",),
+    "mbd_sim.files.load": (
+        "load_mechanism",
+        "parse_mechanism",
+    ),
+    "mbd_sim.mechanism.mechanism": ("Mechanism",),
+    "mbd_sim.recordings.notebook.runs": ("RunPicture",),
+    "mbd_sim.recordings.run.run_recorder": ("RunRecorder",),
+    "mbd_sim.simulation.model.model": ("Model",),
+    "mbd_sim.simulation.ensemble.ensemble": ("Ensemble",),
+    "mbd_sim.simulation.model.state_records": (
+        "DriveState",
+        "Energies",
+        "EnsembleEnergies",
+        "PartMotion",
+        "Reaction",
+        "Violation",
+    ),
+    "mbd_sim.simulation.kernel.sensors": ("SensorReading",),
+    "mbd_sim.recordings.notebook.simulation": ("Simulation",),
+    "mbd_sim.studies.symbolic": (
+        "SymbolicEquations",
+        "symbolic_equations",
+        "to_latex",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -149,6 +182,6 @@ def __dir__() -> list[str]:
 
 
 if "IPython" in sys.modules and (_shell := sys.modules["IPython"].get_ipython()) is not None:
-    from mbd_sim.notebook.formatters import register
+    from mbd_sim.recordings.notebook.formatters import register
 
     register(_shell.display_formatter.formatters)

@@ -2,7 +2,8 @@
 
 A program imports its libraries for up to a second. Ctrl-C in that time would print a traceback, in the middle of an
 import, and SIGTERM would end a node with an error. A console script such as
-`sim_node = mbd_sim.programs:node.ros.sim_node.main` calls the function `main` of the module `mbd_sim.ros.sim_node`.
+`sim_node = mbd_sim.programs:node.ros.node.sim_node.main` calls the function `main` of the module
+`mbd_sim.ros.node.sim_node`.
 
 Only the start of the interpreter itself, of about 0.1 s, comes before: SIGTERM then has its default effect, and Python
 reports Ctrl-C in its own way.
@@ -44,11 +45,11 @@ class EntryPoint:
         """Import the module and call the function; its return value is the exit code."""
         _handle(lambda number, _: os._exit(self._exit_code(number)))
         atexit.register(_handle, signal.SIG_IGN)  # when the interpreter ends, it restores the default of other handlers
-        from mbd_sim.plain_output import use_plain_characters
+        from mbd_sim.base.plain_output import use_plain_characters
 
         use_plain_characters()
         main = self._imported()
-        from mbd_sim.interrupts import raise_interrupt, repeat_interrupt
+        from mbd_sim.base.interrupts import raise_interrupt, repeat_interrupt
 
         sys.unraisablehook = repeat_interrupt
         received: list[int] = []
@@ -92,7 +93,7 @@ class EntryPoint:
         try:
             return cast("Callable[[], int]", getattr(importlib.import_module(".".join(("mbd_sim", *module))), function))
         except ModuleNotFoundError as error:
-            from mbd_sim.packages import missing_package
+            from mbd_sim.base.packages import missing_package
 
             if (explained := missing_package(error)) is None:
                 raise

@@ -17,9 +17,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from mbd_sim.compiler import machine_code
-from mbd_sim.compiler.machine_code import LONG
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.compiler.code import machine_code
+from mbd_sim.compiler.code.machine_code import LONG
+from mbd_sim.files.text.library import shipped
 from test import shared_builds
 from test.shared_memory import remove_unused_shared_memory
 
@@ -27,40 +27,22 @@ from test.shared_memory import remove_unused_shared_memory
 # starting a process. The kernels of all other folders are those that users run; test/compiler compares the two.
 QUICKLY_COMPILED = {
     "analysis",
-    "appearance",
     "benchmarks",
-    "c_code",
     "cli",
-    "contact",
     "docs",
-    "drawing",
     "dynamics",
-    "exact_geometry",
     "examples",
-    "fmu",
-    "gym",
+    "exports",
+    "files",
     "integrators",
-    "kinematic_analysis",
-    "linear_analysis",
+    "many",
     "mechanism",
-    "mechanism_file",
-    "messages",
-    "mjcf",
-    "notebook",
-    "optimization",
     "physics",
-    "playback",
-    "recording",
-    "report",
+    "pictures",
+    "recordings",
     "ros",
-    "sdf",
-    "sensing",
     "simulation",
-    "sweep",
-    "symbolic",
-    "synthesis",
-    "urdf",
-    "viewer",
+    "studies",
 }
 WAITING = {"system", "examples"}  # whose tests start nodes and wait for them
 LONG_TESTS = {

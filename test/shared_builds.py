@@ -13,20 +13,20 @@ from typing import Any
 
 import mbd_sim.dynamics.equations
 import mbd_sim.dynamics.lagrange
-import mbd_sim.load
-import mbd_sim.simulation.compiled_model
-from mbd_sim.compiler import machine_code
-from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
-from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.simulation.live_values import LiveParameters
-from mbd_sim.symbolic import symbolic_equations
+import mbd_sim.files.load
+import mbd_sim.simulation.model.model
+from mbd_sim.compiler.code import machine_code
+from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
+from mbd_sim.files.text.library import shipped
+from mbd_sim.simulation.model.live_values import LiveParameters
+from mbd_sim.studies.symbolic import symbolic_equations
 
 MOST = 380  # mechanisms, models and equations that are kept; those not used for longest go
 BUILDERS = (
-    mbd_sim.load.load_mechanism,
+    mbd_sim.files.load.load_mechanism,
     mbd_sim.dynamics.equations.derive,
     mbd_sim.dynamics.lagrange.lagrange_equations,
-    mbd_sim.simulation.compiled_model.build_model,
+    mbd_sim.simulation.model.model.build_model,
     symbolic_equations,
 )
 

@@ -1,45 +1,154 @@
-"""How the code is built: imports without circles, functions that fit on a screen. The order of folders: test_docs."""
+"""How the code is built: imports without circles and downward only, small folders, functions that fit on a screen."""
 
 import ast
 import functools
+import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+LARGEST_FOLDER = 12  # modules
 LONGEST = 60  # lines of a function
 LONGEST_DERIVE = 40  # lines of code of `derive`, the table of contents of the equations of motion
+# From above to below; a module imports only from its own folder and from those after it.
+ORDER = (
+    "__main__", "programs", "cli", "examples", "ros", "many", "exports", "recordings", "studies", "pictures", "simulation",
+    "files", "analysis", "dynamics", "compiler", "integrators", "mechanism", "base",
+)  # fmt: skip
+TEXT = re.compile(r"\bmbd_sim(?:\.\w+)+")
 
 
 @functools.cache
 def modules():
-    """The syntax tree of each module of the package, by name."""
+    """The syntax tree of each module of the package by name, without `mbd_sim.`; a folder has that of its __init__."""
     found = {}
-    for path in (ROOT / "mbd_sim").rglob("*.py"):
-        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        found[name.removesuffix(".__init__")] = ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted((ROOT / "mbd_sim").rglob("*.py")):
+        name = ".".join(path.relative_to(ROOT / "mbd_sim").with_suffix("").parts)
+        found[name.removesuffix("__init__").removesuffix(".")] = ast.parse(path.read_text(encoding="utf-8"))
     return found
 
 
+@functools.cache
+def folders():
+    return {name.rpartition(".")[0] for name in modules()} | {""}
+
+
+def module_of(dotted):
+    """The module that a dotted name such as `mbd_sim.base.errors.InputError` is in, or None."""
+    parts = dotted.split(".")[1:]
+    while parts and ".".join(parts) not in modules():
+        parts.pop()
+    return ".".join(parts) or None
+
+
+def exporter(folder, name):
+    """The module from which a folder's __init__ exports a name, or the folder itself."""
+    for node in ast.walk(modules()[folder]):
+        if isinstance(node, ast.ImportFrom) and any((alias.asname or alias.name) == name for alias in node.names):
+            return module_of(node.module) or folder
+    return folder
+
+
+@functools.cache
 def imports_of(name):
-    """The modules of the package that one imports anywhere, in functions too, but not for type checking alone."""
-    tree = modules()[name]
-    skipped = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-        for inner in ast.walk(node)
+    """The modules that one imports: at the top, in functions, for type checking alone, and by names in texts."""
+    tree, found = modules()[name], set()
+    documentation = {
+        id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }
     for node in ast.walk(tree):
-        if node in skipped:
-            continue
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name in modules())
-        elif isinstance(node, ast.ImportFrom) and node.module in modules():
+            found |= {module_of(alias.name) for alias in node.names if alias.name.startswith("mbd_sim.")}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "mbd_sim":
             for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                yield inner if inner in modules() else node.module
+                inner = module_of(f"{node.module}.{alias.name}")
+                if inner in folders():
+                    inner = exporter(inner, alias.name)
+                elif inner is None and node.module == "mbd_sim":
+                    inner = exporter("", alias.name)
+                found.add(inner)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documentation:
+            found |= {module_of(text) for text in TEXT.findall(node.value)}
+    return found - {name, None, ""}
+
+
+def graph():
+    """The imports of all modules but those of the folders' __init__, which export what is below them."""
+    return {name: imports_of(name) for name in modules() if name and name not in folders()}
+
+
+def fail_at_a_circle(edges):
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        pytest.fail(" → ".join(error.args[1]))
+
+
+def test_no_module_imports_itself_over_others():
+    fail_at_a_circle(graph())
+
+
+def test_no_folder_imports_itself_over_others():
+    edges = {}
+    for name, imported in graph().items():
+        here = name.rpartition(".")[0]
+        there = {other if other in folders() else other.rpartition(".")[0] for other in imported}
+        edges.setdefault(here, set()).update(there - {here})
+    fail_at_a_circle(edges)
+
+
+def test_imports_go_downward_only():
+    wrong = [
+        f"{name} imports {other}"
+        for name in modules()
+        if name
+        for other in imports_of(name)
+        if ORDER.index(other.split(".")[0]) < ORDER.index(name.split(".")[0])
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from mbd_sim.cli.main import main",
+        "import mbd_sim.cli.main",
+        "from mbd_sim.cli import main",
+        "def late():\n    from mbd_sim.cli import main",
+        "if TYPE_CHECKING:\n    from mbd_sim.cli.main import main",
+        "import_module('mbd_sim.cli.main')",
+    ],
+)
+def test_every_kind_of_import_is_seen(text, monkeypatch):
+    monkeypatch.setitem(modules(), "base.invented", ast.parse(text))
+    assert imports_of.__wrapped__("base.invented") == {"cli.main"}
+
+
+def test_names_of_the_public_interface_count_as_their_modules(monkeypatch):
+    monkeypatch.setitem(modules(), "base.invented", ast.parse("from mbd_sim import Simulation"))
+    assert imports_of.__wrapped__("base.invented") == {"recordings.notebook.simulation"}
+
+
+def test_folders_are_small():
+    sizes = {}
+    for name in modules():
+        if name and name not in folders():
+            sizes.setdefault(name.rpartition(".")[0], []).append(name)
+    assert not {folder: len(names) for folder, names in sizes.items() if len(names) > LARGEST_FOLDER}
+    assert set(sizes[""]) == {"__main__", "programs"}
+
+
+def test_tests_mirror_the_folders_of_the_package():
+    own = {"benchmarks", "docs", "generators", "oracles", "physics", "ros_interfaces", "system"}
+    tested = {path.parent.relative_to(ROOT / "test") for path in (ROOT / "test").rglob("test_*.py")}
+    strange = [
+        str(folder)
+        for folder in sorted(tested)
+        if folder.parts and folder.parts[0] not in own and ".".join(folder.parts) not in folders()
+    ]
+    assert not strange
 
 
 def functions(tree):
@@ -48,14 +157,6 @@ def functions(tree):
 
 def length(function):
     return function.end_lineno - function.lineno + 1
-
-
-def test_no_module_imports_itself_over_others():
-    graph = {name: set(imports_of(name)) - {name, "mbd_sim"} for name in modules()}  # mbd_sim itself imports lazily
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as error:
-        pytest.fail(" → ".join(error.args[1]))
 
 
 def test_functions_fit_on_a_screen():
@@ -69,6 +170,6 @@ def test_functions_fit_on_a_screen():
 
 
 def test_derive_is_a_table_of_contents():
-    (derive,) = (one for one in functions(modules()["mbd_sim.dynamics.equations"]) if one.name == "derive")
+    (derive,) = (one for one in functions(modules()["dynamics.equations"]) if one.name == "derive")
     code = derive.body[1:]  # after the docstring
     assert code[-1].end_lineno - code[0].lineno + 1 <= LONGEST_DERIVE

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from mbd_sim.cli.main import build_parser, main
-from mbd_sim.ros.realtime import SWITCH_INTERVAL
-from mbd_sim.simulation.moving_points import MovingFrame, MovingPoint
-from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.ros.stepping.realtime import SWITCH_INTERVAL
+from mbd_sim.simulation.run.moving_points import MovingFrame, MovingPoint
+from mbd_sim.simulation.run.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [

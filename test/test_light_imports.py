@@ -25,8 +25,8 @@ def test_a_first_step_from_the_cache_traces_and_compiles_nothing(file, live, tmp
     own = {name.removeprefix("mbd_sim.") for name in warm if name.startswith("mbd_sim.")}
     needed = {name for name in own if name.partition(".")[0] in ("dynamics", "compiler", "integrators")}
     assert needed == {
-        "compiler", "compiler.bound_kernel", "compiler.external_symbols", "compiler.machine_code", "compiler.object_code",
-        "compiler.python_callable", "dynamics", "dynamics.audit_states", "dynamics.coordinate_layout",
-        "dynamics.input_layout",
+        "compiler", "compiler.code", "compiler.code.machine_code", "compiler.code.object_code", "compiler.python",
+        "compiler.python.bound_kernel", "compiler.python.callable", "dynamics", "dynamics.layouts",
+        "dynamics.layouts.coordinates", "dynamics.layouts.inputs",
     }  # fmt: skip
     assert not {"casadi", "pydantic", "yaml", "logging"} & set(warm)

@@ -54,7 +54,9 @@ def test_every_shipped_mechanism_is_in_the_wheel(wheel):
 
 
 def test_the_sources_of_fmus_are_in_the_wheel(wheel):
-    assert {"mbd_sim/fmu/sources/fmi3_functions.c", "mbd_sim/fmu/sources/fmi3_types.h"} <= set(wheel.namelist())
+    assert {"mbd_sim/exports/fmu/sources/fmi3_functions.c", "mbd_sim/exports/fmu/sources/fmi3_types.h"} <= set(
+        wheel.namelist()
+    )
 
 
 def test_the_version_is_the_same_everywhere(wheel):
@@ -114,7 +116,7 @@ def evaluated_setup():
 def test_entry_points_exist(evaluated_setup):
     scripts = "\n".join(evaluated_setup[0]["console_scripts"])
     modules = [f"mbd_sim.{path}" for path in re.findall(r"= mbd_sim\.programs:\w+\.([\w.]+)\.main", scripts)]
-    assert {"mbd_sim.cli.main", "mbd_sim.ros.sim_node", "mbd_sim.ros.replay_node"} <= set(modules)
+    assert {"mbd_sim.cli.main", "mbd_sim.ros.node.sim_node", "mbd_sim.ros.replay.replay_node"} <= set(modules)
     for module in modules:
         source = ROOT / f"{module.replace('.', '/')}.py"
         assert "\ndef main(" in source.read_text(encoding="utf-8")
@@ -184,19 +186,18 @@ def test_what_few_runs_need_is_loaded_by_them_alone():
     """The readers of URDF, the viewer, the checks of damaged files and LLVM's own process are not part of warm starts."""
     rare = {
         "from mbd_sim import Simulation": [
-            "mbd_sim.mechanism.actuators", "mbd_sim.mechanism.tables", "mbd_sim.mechanism_file.parameters",
+            "mbd_sim.mechanism.elements.actuators", "mbd_sim.files.text.parameters",
         ],
         "import mbd_sim; sim = mbd_sim.Simulation.from_file('double_rod'); sim.step()": [
-            "mbd_sim.compiler.compile_process", "mbd_sim.urdf.robot_reader", "mbd_sim.dynamics.potentials",
-            "mbd_sim.simulation.undefined_expressions", "mbd_sim.analysis.load_sharing",
+            "mbd_sim.compiler.code.compile_process", "mbd_sim.files.urdf.reader", "mbd_sim.dynamics.math.piecewise",
+            "mbd_sim.simulation.run.undefined_expressions", "mbd_sim.analysis.mechanics.load_sharing",
         ],
         # The first build of a mechanism with joints alone.
         "import mbd_sim; from mbd_sim.dynamics.equations import derive; derive(mbd_sim.load_mechanism('double_rod'))": [
-            "mbd_sim.mechanism.actuators", "mbd_sim.mechanism.contacts", "mbd_sim.mechanism.sensors",
-            "mbd_sim.dynamics.actuator_forces", "mbd_sim.dynamics.symbolic_fields",
+            "mbd_sim.dynamics.actuators.forces", "mbd_sim.dynamics.contact.rows",
         ],
-        "import mbd_sim.ros.sim_node": [
-            "mbd_sim.viewer", "mbd_sim.urdf.robot_reader", "mbd_sim.recording.mcap_check", "numpy.polynomial",
+        "import mbd_sim.ros.node.sim_node": [
+            "mbd_sim.pictures.rerun", "mbd_sim.files.urdf.reader", "mbd_sim.recordings.mcap.check", "numpy.polynomial",
             "casadi", "mbd_sim.dynamics.equations", "mbd_sim.compiler.kernel", "pydantic",
         ],
     }  # fmt: skip

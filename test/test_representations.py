@@ -11,7 +11,7 @@ import pytest
 import mbd_sim
 from mbd_sim import Ensemble, Simulation, load_mechanism
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.kinematic_analysis import driven_motion
+from mbd_sim.studies.kinematic_analysis import driven_motion
 from test.generators.mechanisms import SHIPPED
 
 
@@ -45,7 +45,8 @@ def test_studies(simulation):
 
 PACKAGES = [
     mbd_sim, *(importlib.import_module(f"mbd_sim.{name}") for name in (
-        "gym", "kinematic_analysis", "linear_analysis", "optimization", "symbolic", "synthesis", "viewer"))
+        "many.gym", "studies.kinematic_analysis", "studies.linear_analysis", "studies.optimization", "studies.symbolic",
+        "studies.synthesis", "pictures.rerun"))
 ]  # fmt: skip
 PUBLIC = sorted(
     {

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from mbd_sim.drawing.gallery import WATCH, Entry, entries
-from mbd_sim.drawing.gallery_animation import description
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.text.library import shipped
+from mbd_sim.pictures.drawing.gallery import WATCH, Entry, description, entries
 from site_pages.links import DOCS
 
 HEADER = """# Gallery

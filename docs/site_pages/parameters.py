@@ -34,5 +34,6 @@ def pages() -> dict[str, str]:
 def _declared():
     packages = ["rclpy", "rcl_interfaces", "builtin_interfaces", "rosgraph_msgs", "std_msgs", "std_srvs", "sensor_msgs"]
     with mock(packages):
-        from mbd_sim.ros import replay_node, sim_parameters
+        from mbd_sim.ros.node import sim_parameters
+        from mbd_sim.ros.replay import replay_node
     return {"sim_node": sim_parameters.PARAMETERS, "replay_node": replay_node.PARAMETERS}

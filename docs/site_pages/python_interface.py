@@ -21,15 +21,15 @@ GROUPS = {
     "Errors": ("MbdSimError", "MechanismError", "CommandError", "DivergedError", "InputError", "NoInertiaError", "Problem"),
 }  # fmt: skip
 PACKAGES = {
-    "Learning environments": "mbd_sim.gym",
-    "Kinematic analysis": "mbd_sim.kinematic_analysis",
-    "Synthesis of linkages": "mbd_sim.synthesis",
-    "Linear analysis": "mbd_sim.linear_analysis",
-    "Optimization": "mbd_sim.optimization",
+    "Learning environments": "mbd_sim.many.gym",
+    "Kinematic analysis": "mbd_sim.studies.kinematic_analysis",
+    "Synthesis of linkages": "mbd_sim.studies.synthesis",
+    "Linear analysis": "mbd_sim.studies.linear_analysis",
+    "Optimization": "mbd_sim.studies.optimization",
 }
 INDEX = """# Python
 
-The public interface is in `mbd_sim`; what one task needs is in packages of their own, such as `mbd_sim.gym` and `mbd_sim.kinematic_analysis`.
+The public interface is in `mbd_sim`; what one task needs is in packages of their own, such as `mbd_sim.many.gym` and `mbd_sim.studies.kinematic_analysis`.
 Units are SI and vectors have three components
 in the axes of ground unless the text says otherwise. No page of it needs ROS.
 """

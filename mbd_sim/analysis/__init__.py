@@ -1,1 +1,1 @@
-"""Analyses of a mechanism at a state: mobility, integrability, small motions, inverse dynamics, and regulators."""
+"""What is computed from a model on request."""

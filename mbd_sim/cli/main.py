@@ -9,32 +9,13 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from mbd_sim import __version__
-from mbd_sim.cli import (
-    bode,
-    c_code,
-    check,
-    convert,
-    export,
-    fmu,
-    kinematics,
-    linearize,
-    list_mechanisms,
-    modes,
-    optimize,
-    plot,
-    recover,
-    rerun_with,
-    run,
-    schema,
-    sweep,
-    urdf,
-    verify,
-    view,
-)
-from mbd_sim.cli.common import Waiting, find_temporary_folder
-from mbd_sim.cli.completion import complete
-from mbd_sim.errors import MbdSimError, quoted
-from mbd_sim.packages import missing_package
+from mbd_sim.base.errors import MbdSimError, quoted
+from mbd_sim.base.packages import missing_package
+from mbd_sim.cli.mechanisms import c_code, check, convert, fmu, list_mechanisms, schema, urdf
+from mbd_sim.cli.runs import export, plot, recover, rerun_with, run, sweep, verify, view
+from mbd_sim.cli.shared.common import Waiting, find_temporary_folder
+from mbd_sim.cli.shared.completion import complete
+from mbd_sim.cli.studies import bode, kinematics, linearize, modes, optimize
 
 
 class Command(Protocol):

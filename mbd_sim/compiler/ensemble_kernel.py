@@ -13,18 +13,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.compiler.adams_history import history_size
-from mbd_sim.compiler.bound_kernel import Kernel
-from mbd_sim.compiler.host_module import compile_module, new_module
+from mbd_sim.compiler.code.host_module import compile_module, new_module
+from mbd_sim.compiler.code.machine_code import MachineCode
 from mbd_sim.compiler.kernel import PartialSystem, emit_system, step_of
-from mbd_sim.compiler.lowering import lower
-from mbd_sim.compiler.machine_code import MachineCode
-from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
-from mbd_sim.compiler.schedule import arranged
-from mbd_sim.compiler.stepping import emit_advance_members
+from mbd_sim.compiler.lists.lowering import lower
+from mbd_sim.compiler.lists.schedule import arranged
+from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.compiler.steps.adams_history import history_size
+from mbd_sim.compiler.steps.loop import emit_advance_members
+from mbd_sim.compiler.steps.rosenbrock import emit_partial_system
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.estimate import Scales
 from mbd_sim.integrators.methods import StepMethod
+from mbd_sim.integrators.tableau import Scales
 
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]

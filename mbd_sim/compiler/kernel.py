@@ -1,4 +1,7 @@
-"""A system of differential equations to a kernel: its steps, and functions of its state."""
+"""A system of differential equations to a kernel: its steps, and functions of its state.
+
+The size of what a method keeps of earlier steps, in memory behind the inputs of the system.
+"""
 
 from __future__ import annotations
 
@@ -8,32 +11,34 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
 
-from mbd_sim.compiler.adams_step import adams_step
-from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
-from mbd_sim.compiler.fastcall import emit_call
-from mbd_sim.compiler.host_module import compile_module, new_module
-from mbd_sim.compiler.instruction_list import Instructions, passed_on
-from mbd_sim.compiler.ir import Function, Module
-from mbd_sim.compiler.like_operations import Branch
-from mbd_sim.compiler.lowering import export, instruction_count, lower
-from mbd_sim.compiler.packed_lowering import lower_packed
-from mbd_sim.compiler.packing import Packing, packed
-from mbd_sim.compiler.runge_kutta_step import explicit_step
-from mbd_sim.compiler.samples import emit_samples
-from mbd_sim.compiler.schedule import arranged
-from mbd_sim.compiler.step_emitter import Prepare, System
-from mbd_sim.compiler.stepping import emit_advance
+from mbd_sim.compiler.code.host_module import compile_module, new_module
+from mbd_sim.compiler.ir.module import Function, Module
+from mbd_sim.compiler.lists.instruction_list import Instructions, passed_on
+from mbd_sim.compiler.lists.like_operations import Branch
+from mbd_sim.compiler.lists.lowering import export, instruction_count, lower
+from mbd_sim.compiler.lists.packed_lowering import lower_packed
+from mbd_sim.compiler.lists.packing import Packing, packed
+from mbd_sim.compiler.lists.schedule import arranged
+from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
+from mbd_sim.compiler.python.step_call import emit_call
+from mbd_sim.compiler.steps.adams import adams_step
+from mbd_sim.compiler.steps.adams_history import history_size as adams_size
+from mbd_sim.compiler.steps.emitter import Prepare, System, emit_samples
+from mbd_sim.compiler.steps.loop import emit_advance
+from mbd_sim.compiler.steps.runge_kutta import explicit_step
+from mbd_sim.compiler.taylor.history import expansion_size
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.estimate import Scales
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method, StepMethod
 from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.tableau import Scales
 from mbd_sim.integrators.taylor import Taylor
 
 if TYPE_CHECKING:
-    from mbd_sim.compiler.guarded_system import OneSidedSystem
-    from mbd_sim.compiler.rosenbrock_w_step import PartialFunctions
+    from mbd_sim.compiler.steps.active_rows import OneSidedSystem
+    from mbd_sim.compiler.steps.rosenbrock import PartialFunctions
+
 
 INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop
 # Instructions of the rates up to which the arrays of a step are kept in registers: that saves up to 40 % of a step.
@@ -110,7 +115,7 @@ def _emit_advance(
 ) -> Function:
     """Emit the loop over steps."""
     if isinstance(method, Taylor):
-        from mbd_sim.compiler.taylor_step import emit_taylor_advance
+        from mbd_sim.compiler.taylor.step import emit_taylor_advance
 
         if one_sided is not None or system.samples is not None:
             raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
@@ -118,7 +123,7 @@ def _emit_advance(
     step = step_of(method, rates, core, partial)
     if one_sided is None:
         return emit_advance(module, system, step)
-    from mbd_sim.compiler.guarded_system import emit_one_sided
+    from mbd_sim.compiler.steps.active_rows import emit_one_sided
 
     return emit_one_sided(module, system, program, step, one_sided)
 
@@ -128,7 +133,7 @@ def _emit_partial_system(
 ) -> PartialFunctions | None:
     if system is None:
         return None
-    from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
+    from mbd_sim.compiler.steps.rosenbrock import emit_partial_system
 
     return emit_partial_system(*system, emit)
 
@@ -183,20 +188,26 @@ def step_of(method: StepMethod, rates: ca.Function, core: slice, partial: Partia
     """What emits the steps of a method: see `compile_kernel`."""
     # What few mechanisms need is imported only for these.
     if isinstance(method, Rosenbrock) and method.joints_only:
-        from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
+        from mbd_sim.compiler.steps.rosenbrock import rosenbrock_w_step
 
         if partial is None:
             raise ValueError(f"method {method.name} needs a partial system")
         return rosenbrock_w_step(method, partial)
     if isinstance(method, Rosenbrock):
-        from mbd_sim.compiler.linearized_system import linearize_rates
-        from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
+        from mbd_sim.compiler.steps.rosenbrock import linearize_rates, rosenbrock_step
 
         return rosenbrock_step(method, linearize_rates(rates, core))
     if isinstance(method, Gauss):
-        from mbd_sim.compiler.gauss_step import gauss_step
+        from mbd_sim.compiler.steps.gauss import gauss_step
 
         return gauss_step(method)
     if isinstance(method, Adams):
         return adams_step(method)
     return explicit_step(method)
+
+
+def history_size(method: Method, size: int, inputs_size: int) -> int:
+    """The numbers of the history of a method, for a state and inputs of these sizes; 0 for methods without one."""
+    if isinstance(method, Taylor):
+        return expansion_size(method, size, inputs_size)
+    return adams_size(method, size, inputs_size)

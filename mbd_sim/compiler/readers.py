@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.compiler.bound_call import ALL, Call, Clock, CompiledFunction
-from mbd_sim.compiler.host_module import compile_module, new_module
-from mbd_sim.compiler.lowering import export, lower
-from mbd_sim.compiler.python_callable import function_of_addresses
-from mbd_sim.short_repr import short_repr
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.compiler.code.host_module import compile_module, new_module
+from mbd_sim.compiler.lists.lowering import export, lower
+from mbd_sim.compiler.python.bound_call import ALL, Call, Clock, CompiledFunction
+from mbd_sim.compiler.python.callable import function_of_addresses
 
 
 class CompiledReaders:

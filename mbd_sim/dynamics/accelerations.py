@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
-from mbd_sim.dynamics.commanded_drives import driven_motion
-from mbd_sim.dynamics.constraint_equations import ConstraintEquations
-from mbd_sim.dynamics.coordinate_forces import coordinate_forces
-from mbd_sim.dynamics.element_forces import ElementForces, element_forces
-from mbd_sim.dynamics.external_wrenches import external_wrenches
-from mbd_sim.dynamics.joint_forces import JointForces, joint_forces
-from mbd_sim.dynamics.multipliers import ConstraintSolver
-from mbd_sim.dynamics.reactions import transmitted_wrenches
-from mbd_sim.dynamics.state_variables import StateVariables
-from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.dynamics.constraints.equations import ConstraintEquations
+from mbd_sim.dynamics.forces.elements import ElementForces, element_forces
+from mbd_sim.dynamics.forces.joints import JointForces, coordinate_forces, joint_forces
+from mbd_sim.dynamics.kinematics.drives import driven_motion
+from mbd_sim.dynamics.kinematics.state_variables import StateVariables
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.kinematics.wrenches import external_wrenches
+from mbd_sim.dynamics.recursion.articulated_body import Accelerations, FactorizedMassMatrix
+from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
+from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.actuator_forces import ActuatorForces
+    from mbd_sim.dynamics.actuators.forces import ActuatorForces
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +74,7 @@ def applied_forces(traced: TracedMechanism) -> AppliedForces:
     if not mechanism.actuators:
         return AppliedForces(joints, elements, None)
     # What few mechanisms need is imported only for these.
-    from mbd_sim.dynamics.actuator_forces import actuator_forces, with_actuators
+    from mbd_sim.dynamics.actuators.forces import actuator_forces, with_actuators
 
     actuators = actuator_forces(traced)
     return AppliedForces(*with_actuators(traced, joints, elements, actuators), actuators)

@@ -21,16 +21,16 @@ from mbd_sim.dynamics.accelerations import (
     coupling_forces,
     drive_table,
 )
-from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
-from mbd_sim.dynamics.constraint_equations import ConstraintEquations, joined
-from mbd_sim.dynamics.contact_equations import OneSidedEquations
-from mbd_sim.dynamics.contact_readings import gap_values, one_sided_readings
-from mbd_sim.dynamics.joint_loads import JointLoad, transmitted_force
-from mbd_sim.dynamics.kinematics import normalized_quaternions
-from mbd_sim.dynamics.multipliers import ConstraintSolver
-from mbd_sim.dynamics.reactions import transmitted_wrenches
-from mbd_sim.dynamics.separation import separated
-from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.dynamics.constraints.equations import ConstraintEquations, joined
+from mbd_sim.dynamics.contact.equations import OneSidedEquations
+from mbd_sim.dynamics.contact.readings import gap_values, one_sided_readings
+from mbd_sim.dynamics.contact.rows import JointLoad, transmitted_force
+from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.math.spatial import separated
+from mbd_sim.dynamics.recursion.articulated_body import Accelerations, FactorizedMassMatrix
+from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
+from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
 
 ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
@@ -40,7 +40,7 @@ class SolvedPair:
     """`system(t, y, inputs)` gives a memory (m,), a matrix (n, n), right sides (n, k), and perhaps a margin.
 
     `result(memory, solution)` takes the solution (n, k) of the active rows, with zeros for all others. Where friction
-    depends on the loads of joints, the system also gives these loads: see `mbd_sim.compiler.active_rows.Load`.
+    depends on the loads of joints, the system also gives these loads: see `mbd_sim.compiler.steps.active_rows.Load`.
     """
 
     system: ca.Function

@@ -3,6 +3,8 @@
 The integrated state y is q (nq,), u (nv,), and three energies of the audit in J: the work of the applied forces, the
 work of the drives, and the dissipated energy (`AUDIT_STATES`). With one-sided elements two of their losses come before
 these, see `audit_states`; the states of actuators come right after u, see `ActuatorLayout`.
+
+The derivatives of the rates by the state and the inputs, from which small motions are described.
 """
 
 from __future__ import annotations
@@ -10,11 +12,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.errors import quoted
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
     ConstrainedMotion,
@@ -22,39 +29,95 @@ from mbd_sim.dynamics.accelerations import (
     audit_rates,
     solve_accelerations,
 )
-from mbd_sim.dynamics.actuator_layout import ActuatorLayout
-from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
-from mbd_sim.dynamics.audit_states import AUDIT_STATES
-from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.constraint_rows import ConstraintRow
-from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
-from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
-from mbd_sim.dynamics.drive_commands import hold_drives
-from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
-from mbd_sim.dynamics.input_layout import InputLayout
+from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
+from mbd_sim.dynamics.constraints.rows import ConstraintRow
+from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly, assemble
+from mbd_sim.dynamics.forces.distant_springs import DistantSprings, distant_springs
 from mbd_sim.dynamics.joint_linearization import JointLinearization
 from mbd_sim.dynamics.kernel_functions import KernelFunctions, kernel_functions, without_commands
-from mbd_sim.dynamics.like_branches import like_branches
+from mbd_sim.dynamics.kinematics.drives import hold_drives
+from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
+from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
+from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, CoordinateLayout
+from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.state_scales import state_scales
 from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
+from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.dynamics.measurements import Measurements
-from mbd_sim.dynamics.multipliers import ConstraintSolver, TypicalMatrices, typical_matrices
+from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.recursion.like_branches import like_branches
+from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver, TypicalMatrices, typical_matrices
 from mbd_sim.dynamics.regular_start import require_regular_start, start_with_actuators
-from mbd_sim.dynamics.state_derivatives import DerivativeLayout, derivative_layout, rate_derivatives
-from mbd_sim.dynamics.state_scales import state_scales
-from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
-from mbd_sim.dynamics.time_functions import require_smooth
-from mbd_sim.dynamics.tracing import TracedMechanism, trace
-from mbd_sim.errors import quoted
-from mbd_sim.geometry.pose import Array
-from mbd_sim.interrupts import interruptible_tracing
-from mbd_sim.mechanism.one_sided import has_one_sided
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.short_repr import short_repr
+from mbd_sim.mechanism.contents import has_one_sided
+from mbd_sim.mechanism.elements.joint_types import STATES
+from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
-    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
+    from mbd_sim.dynamics.actuators.functions import ActuatorFunctions
+    from mbd_sim.dynamics.contact.compliant import CushionFunctions
     from mbd_sim.dynamics.contact_functions import OneSidedFunctions
+
+
+@dataclass(frozen=True)
+class DerivativeLayout:
+    """Where the derivatives of several quantities are in a matrix: its columns, one for each variable.
+
+    `displacements` (nv,) are ν, which change q by N ν, with q' = N u. `speeds` (nv,) are u, and `states` those of
+    actuators. `acting` are the inputs in `InputLayout.acting`, and `drives` the states of commanded drives.
+    """
+
+    displacements: slice
+    speeds: slice
+    states: slice
+    acting: slice
+    drives: slice
+
+    @property
+    def size(self) -> int:
+        """The number of columns."""
+        return int(self.drives.stop)
+
+
+def derivative_layout(equations: Equations) -> DerivativeLayout:
+    """The columns of the derivatives of a mechanism."""
+    nq, nv = equations.layout.nq, equations.layout.nv
+    states, drives = equations.core.stop - nq - nv, STATES * len(equations.layout.drives)
+    ends = accumulate([nv, nv, states, len(equations.inputs.acting), drives], initial=0)
+    return DerivativeLayout(*(slice(start, stop) for start, stop in pairwise(ends)))
+
+
+def rate_derivatives(equations: Equations) -> ca.Function:
+    """(t, y, inputs) -> the derivatives of several quantities, with the columns of `DerivativeLayout`, row by row.
+
+    These are u' and the rates of the states of actuators, then those of the states of commanded drives, and G u + b.
+    """
+    t, y, inputs = (ca.SX.sym(name, equations.rates.size_in(index)) for index, name in enumerate("tye"))
+    rates = equations.rates.call([t, y, inputs])[0]
+    nq = equations.layout.nq
+    quantities = [rates[equations.core], rates[nq - STATES * len(equations.layout.drives) : nq]]
+    if equations.rows:
+        given = [t, y, inputs][: equations.violation.n_in()]
+        quantities.append(equations.violation.call(given)[0][:, 1])
+    return derivative_function(equations, "derivatives", (t, y, inputs), ca.vertcat(*quantities))
+
+
+def derivative_function(
+    equations: Equations, name: str, symbols: tuple[ca.SX, ca.SX, ca.SX], quantities: ca.SX
+) -> ca.Function:
+    """(t, y, inputs) -> the derivatives of `quantities` (n,), expressions of `symbols`: see `rate_derivatives`."""
+    _, y, inputs = symbols
+    nq, nv = equations.layout.nq, equations.layout.nv
+    kinematic = ca.jacobian(equations.rates.call(list(symbols))[0][:nq], y[nq : nq + nv])
+    by_state, by_inputs = ca.jacobian(quantities, y), ca.jacobian(quantities, inputs)
+    drives = nq - STATES * len(equations.layout.drives)
+    columns = [
+        by_state[:, :nq] @ kinematic,
+        by_state[:, nq : equations.core.stop],
+        by_inputs[:, equations.inputs.acting],
+        by_state[:, drives:nq],
+    ]
+    return ca.Function(name, list(symbols), [ca.densify(ca.horzcat(*columns).T)], {"cse": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,14 +290,14 @@ def derive(
     """
     require_smooth(mechanism)
     if mechanism.contacts:
-        from mbd_sim.dynamics.cam_check import require_followable_cams
+        from mbd_sim.dynamics.contact.cams import require_followable_cams
 
         require_followable_cams(mechanism)
     traced = trace(mechanism, loaded, parameters, step, disturb=disturb)
     contacts = None
     if has_one_sided(mechanism):
         # Contacts are imported only where they are needed: their modules take a fifth of the time of a start.
-        from mbd_sim.dynamics.contact_equations import one_sided_equations, with_contact_inputs
+        from mbd_sim.dynamics.contact.equations import one_sided_equations, with_contact_inputs
 
         contacts = one_sided_equations(traced)
         traced = with_contact_inputs(traced, contacts)

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.accelerations import AppliedForces
-from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
-from mbd_sim.dynamics.common_subexpressions import merged_function
-from mbd_sim.dynamics.constraint_equations import ConstraintEquations
-from mbd_sim.dynamics.multipliers import ConstraintSolver, TypicalMatrices
-from mbd_sim.dynamics.separation import separated
-from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.dynamics.constraints.equations import ConstraintEquations
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.math.spatial import merged_function, separated
+from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver, TypicalMatrices
 
 
 @dataclass(frozen=True, eq=False)

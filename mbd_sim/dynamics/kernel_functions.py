@@ -1,4 +1,7 @@
-"""The expressions of the equations of motion as the functions that kernels are compiled from."""
+"""The expressions of the equations of motion as the functions that kernels are compiled from.
+
+The projection of a state onto unit quaternions and onto the constraints.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,29 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from mbd_sim.dynamics.accelerations import AppliedForces, ConstrainedMotion
-from mbd_sim.dynamics.common_subexpressions import merged_function
-from mbd_sim.dynamics.energy import gravitational_potential
-from mbd_sim.dynamics.initial_conditions import Assembly
-from mbd_sim.dynamics.multipliers import ConstraintSolver
-from mbd_sim.dynamics.state_projection import projected_state
-from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.dynamics.constraints.start import Assembly
+from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
+from mbd_sim.dynamics.kinematics.state_variables import gravitational_potential
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.math.spatial import merged_function
+from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
+    from mbd_sim.dynamics.contact.compliant import CushionFunctions
+
+
+def projected_state(traced: TracedMechanism, solver: ConstraintSolver | None) -> ca.SX | None:
+    """The state y after projection: first the coordinates, then the speeds at the new position.
+
+    Returns None where there are neither quaternions nor constraints.
+    """
+    state = traced.state
+    q, u = state.q, state.u
+    if solver is not None:
+        displacement, u_change = solver.corrections(state)
+        q, u = q + ca.jacobian(state.q_rates, state.u) @ displacement, u + u_change
+    projected = ca.vertcat(normalized_quaternions(traced.links, q), u, traced.actuator_states, traced.audit)
+    return None if ca.is_equal(projected, traced.y) else projected
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +101,6 @@ def kernel_functions(
 def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | None:
     if not forces.elements.cushions:
         return None
-    from mbd_sim.dynamics.compliant_contacts import cushion_functions
+    from mbd_sim.dynamics.contact.compliant import cushion_functions
 
     return cushion_functions(inputs, forces.elements.cushions)

@@ -3,6 +3,8 @@
 With q' = N(q) u the equations d/dt(∂T/∂q') - ∂T/∂q = Q are projected onto the speeds by Nᵀ and read
 M(q) u' + h(q, u) = Q + Gᵀ λ. G follows from the constraints by differentiation and by virtual velocities. This
 derivation is slow, general, and independent of the recursions; tests compare the two.
+
+Mass, first and second moments of parts, which are polynomials in masses and lengths also for composite parts.
 """
 
 from __future__ import annotations
@@ -13,30 +15,75 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.body_symbols import BodySymbols, flat_pose
-from mbd_sim.dynamics.bushing_forces import bushing_potential
-from mbd_sim.dynamics.compliant_contacts import PlacedFrame, cushion_force
-from mbd_sim.dynamics.constraint_equations import coordinates_by_name
-from mbd_sim.dynamics.constraint_rows import constraint_rows
-from mbd_sim.dynamics.coordinate_layout import coordinate_layout
-from mbd_sim.dynamics.element_forces import damper_force, force_vector, spring_force
-from mbd_sim.dynamics.joint_forces import joint_dissipation, joint_forces
-from mbd_sim.dynamics.kinematics import SymbolicPose, joint_motion, part_poses
-from mbd_sim.dynamics.links import Link, build_links
-from mbd_sim.dynamics.mass_moments import MassMoments
-from mbd_sim.dynamics.motion import quaternion_rotation
-from mbd_sim.dynamics.shape_contacts import touch
-from mbd_sim.dynamics.spatial_algebra import constant, is_absent
-from mbd_sim.dynamics.state_variables import StateVariables
-from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters, with_symbols
-from mbd_sim.dynamics.time_functions import function_of
-from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import CoordinatePort
-from mbd_sim.mechanism.contacts import Contact, Cushion
-from mbd_sim.mechanism.cylinders import Cylinder
-from mbd_sim.mechanism.force_elements import Bushing
-from mbd_sim.mechanism.laws import Varying
-from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism, Part
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.dynamics.constraints.equations import coordinates_by_name
+from mbd_sim.dynamics.constraints.rows import constraint_rows
+from mbd_sim.dynamics.contact.compliant import PlacedFrame, cushion_force
+from mbd_sim.dynamics.contact.shapes import touch
+from mbd_sim.dynamics.forces.bushings import bushing_potential
+from mbd_sim.dynamics.forces.elements import damper_force, force_vector, spring_force
+from mbd_sim.dynamics.forces.joints import joint_dissipation, joint_forces
+from mbd_sim.dynamics.kinematics.bodies import BodySymbols, flat_pose
+from mbd_sim.dynamics.kinematics.joint_motions import quaternion_rotation
+from mbd_sim.dynamics.kinematics.links import Link, build_links
+from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, with_symbols
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose, joint_motion, part_poses
+from mbd_sim.dynamics.kinematics.state_variables import StateVariables
+from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.math.expressions import function_of
+from mbd_sim.dynamics.math.spatial import constant, is_absent, skew
+from mbd_sim.mechanism.elements.actuators import CoordinatePort, Cylinder
+from mbd_sim.mechanism.elements.contacts import Contact, Cushion
+from mbd_sim.mechanism.elements.forces import Bushing
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Part
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.laws import Varying
+
+
+@dataclass(frozen=True, eq=False)
+class MassMoments:
+    """Of a part about the origin of its frame, in its axes.
+
+    `mass` in kg, `first` (3,) = m c in kg·m with the center of mass c, and `second` (3, 3), the inertia tensor, in
+    kg·m².
+    """
+
+    mass: float | ca.SX
+    first: Array | ca.SX
+    second: Array | ca.SX
+
+
+def mass_moments(part: Part) -> MassMoments:
+    """Those of a part in numbers (Huston & Liu, sec. 7.6: the parallel axis theorem)."""
+    c = part.center
+    return MassMoments(part.mass, part.mass * c, part.inertia + part.mass * (c @ c * np.eye(3) - np.outer(c, c)))
+
+
+def with_springs(mechanism: Mechanism, part: str, moments: MassMoments) -> MassMoments:
+    """The moments of a part with those of springs with mass between it and ground: m/3 at the end of each spring."""
+    mass, first, second = ca.SX(moments.mass), constant(moments.first), constant(moments.second)
+    for spring in mechanism.springs:
+        for end in (spring.first, spring.second):
+            if end.part == part:
+                point, third = constant(end.point), spring.mass / 3.0
+                mass, first = mass + third, first + third * point
+                second += third * (ca.dot(point, point) * ca.SX.eye(3) - point @ point.T)
+    return MassMoments(mass, first, second)
+
+
+def spatial_inertia(moments: MassMoments, X_LB: Pose) -> ca.SX:
+    """The spatial inertia (6, 6) about the origin of a frame L, in its axes (Featherstone, eq. 2.63).
+
+    :param X_LB: the pose in L of the frame B whose moments are given.
+    """
+    p, rotation = constant(X_LB.position), constant(X_LB.rotation)
+    mass, first = ca.SX(moments.mass), rotation @ constant(moments.first)
+    own = rotation @ constant(moments.second) @ rotation.T
+    both = p @ first.T + first @ p.T
+    across = mass * (ca.dot(p, p) * ca.SX.eye(3) - p @ p.T) + 2.0 * ca.dot(p, first) * ca.SX.eye(3) - both
+    s = skew(mass * p + first)
+    return ca.sparsify(ca.vertcat(ca.horzcat(own + across, s), ca.horzcat(-s, mass * ca.SX.eye(3))))
+
 
 RANK = 1e-11  # singular values below this fraction of the largest count as zero
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.accelerations import ConstrainedMotion, coupling_forces, drive_table
-from mbd_sim.dynamics.initial_conditions import Assembly
-from mbd_sim.dynamics.reactions import joint_reactions, joint_springs, wrenches_of_multipliers
-from mbd_sim.dynamics.tracing import TracedMechanism
-from mbd_sim.geometry.pose import Array
+from mbd_sim.dynamics.constraints.start import Assembly
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs, wrenches_of_multipliers
 
 
 def reactions_at(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:

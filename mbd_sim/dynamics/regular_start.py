@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.accelerations import AppliedForces
-from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
-from mbd_sim.dynamics.assembly_errors import undefined_constraints
-from mbd_sim.dynamics.evaluation import evaluated
-from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly
-from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
-from mbd_sim.dynamics.tracing import TracedMechanism
-from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_forces
-from mbd_sim.geometry.pose import Array
+from mbd_sim.dynamics.constraints.errors import undefined_constraints
+from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly
+from mbd_sim.dynamics.forces.undefined import StartOfForces, require_defined_forces
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.recursion.mass_matrix_check import require_definite, require_independent
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
+    from mbd_sim.dynamics.actuators.functions import ActuatorFunctions
 
 
 def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
@@ -32,7 +32,7 @@ def start_with_actuators(
     y = _start_state(traced, start)
     if forces.actuators is None:
         return y, None
-    from mbd_sim.dynamics.actuator_functions import actuator_functions, require_within_strokes
+    from mbd_sim.dynamics.actuators.functions import actuator_functions, require_within_strokes
 
     functions = actuator_functions(traced, forces.actuators)
     functions.hold(traced.numeric.actuators, y)

@@ -13,11 +13,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from mbd_sim.geometry.pose import Array
-from mbd_sim.load import load_mechanism
-from mbd_sim.ros.node_parameters import ParameterSpec
-from mbd_sim.ros.node_program import ProgramNode, run_node
-from mbd_sim.ros.program_help import Rows, program_help
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.ros.node.help import Rows, program_help
+from mbd_sim.ros.node.parameters import ParameterSpec
+from mbd_sim.ros.node.program import ProgramNode, run_node
 
 CONTROL_TOPICS = (
     ("joint_states", "sensor_msgs/msg/JointState, subscribed: the state; each message is answered with efforts"),

@@ -7,9 +7,8 @@ from fractions import Fraction
 from math import comb, prod
 from typing import ClassVar
 
-from mbd_sim.integrators.estimate import Coefficients
-from mbd_sim.integrators.tableau import EXPLICIT, Tableau
-from mbd_sim.short_repr import short_repr
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.integrators.tableau import EXPLICIT, Coefficients, Tableau
 
 
 @dataclass(frozen=True)

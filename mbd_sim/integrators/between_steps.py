@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mbd_sim.short_repr import short_repr
+from mbd_sim.base.short_repr import short_repr
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
-from mbd_sim.short_repr import short_repr
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.integrators.tableau import Coefficients, ErrorEstimate
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mbd_sim.integrators import rodas5p, ros34pw2
-from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
-from mbd_sim.short_repr import short_repr
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.integrators.coefficients import rodas5p, ros34pw2
+from mbd_sim.integrators.tableau import Coefficients, ErrorEstimate
 
 
 @dataclass(frozen=True)

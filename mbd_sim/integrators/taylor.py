@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mbd_sim.base.short_repr import short_repr
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
-from mbd_sim.short_repr import short_repr
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""A mechanism as plain records, which all other packages read."""
+"""A mechanism as plain records."""

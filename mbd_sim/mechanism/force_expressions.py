@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import assert_never
 
-from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import (
+from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
     AppliedForce,
     AppliedPotential,
@@ -16,9 +15,11 @@ from mbd_sim.mechanism.force_elements import (
     ForceElement,
     Spring,
 )
-from mbd_sim.mechanism.laws import Expressed, Varying
-from mbd_sim.mechanism.records import Joint, Mechanism
-from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism.elements.parts import Joint
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.expression import TimeExpression
+from mbd_sim.mechanism.values.laws import Expressed, Varying
+from mbd_sim.mechanism.values.source import Location
 
 
 @dataclass(frozen=True, slots=True)

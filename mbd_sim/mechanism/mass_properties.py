@@ -2,6 +2,8 @@
 
 An inertia is a symmetric matrix (3, 3) in kg·m² about the mass center: I = ∫ (r·r 1 - r rᵀ) dm, so its products
 are I_xy = -∫ x y dm.
+
+The numbers that the names in an expression stand for at a state, for messages and pictures.
 """
 
 from __future__ import annotations
@@ -11,10 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.errors import InputError
-from mbd_sim.geometry import rotation as rot
-from mbd_sim.geometry.batch import fsum
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.base.errors import InputError
+from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.geometry.batch import fsum
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.mechanism.contents import commanded_drives
+from mbd_sim.mechanism.elements.joint_types import STATES, CommandedDrive
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.expression import TIME, StateName, TimeExpression
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,3 +75,54 @@ def inertia_defect(inertia: Array) -> str | None:
     if defect is None:
         return None
     return f"{defect} (principal moments {', '.join(f'{moment:.6g}' for moment in moments)} kg·m²)"
+
+
+DIFFERENCE = 1e-6  # s, for the speeds of driven joints
+
+
+def state_numbers(mechanism: Mechanism, expression: TimeExpression, time: float, y: Array) -> dict[str, float]:
+    """The time and the coordinates and speeds in an expression, by the names that it uses.
+
+    :param y: the state of the mechanism, which begins with its coordinates and speeds.
+    """
+    found = {TIME: time} if TIME in expression.variables else {}
+    for name in expression.state:
+        found[name.written] = _number(mechanism, name, time, y)
+    return found
+
+
+def _number(mechanism: Mechanism, name: StateName, time: float, y: Array) -> float:
+    moving = [joint for joint in mechanism.joints.values() if not joint.drive]
+    owner = next((joint for joint in mechanism.joints.values() if name.coordinate in joint.motion_names), None)
+    if owner is None:
+        return float("nan")
+    index = owner.motion_names.index(name.coordinate)
+    drives = list(commanded_drives(mechanism))
+    coordinates = sum(joint.kind.nq for joint in moving)
+    if isinstance(owner.drive, CommandedDrive):
+        return float(y[coordinates + STATES * drives.index(owner.name) + name.speed])
+    if owner.drive:
+        return _driven(owner.drive[index], name.speed, time)
+    before = moving[: moving.index(owner)]
+    if name.speed:
+        start = coordinates + STATES * len(drives) + sum(joint.kind.nv for joint in before)
+    else:
+        start = sum(joint.kind.nq for joint in before)
+    return float(y[start + index])
+
+
+def _driven(drive: TimeExpression, speed: bool, time: float) -> float:
+    try:
+        if not speed:
+            return drive.at(time)
+        return (drive.at(time + DIFFERENCE) - drive.at(time - DIFFERENCE)) / (2.0 * DIFFERENCE)
+    except InputError:
+        return float("nan")
+
+
+def value_at(mechanism: Mechanism, expression: TimeExpression, time: float, y: Array) -> float:
+    """The value of an expression of the time and the state.
+
+    :raises InputError: it has no finite value.
+    """
+    return expression.value(state_numbers(mechanism, expression, time, y))

@@ -1,4 +1,9 @@
-"""The spanning tree of a mechanism: which joint leads to which part from ground outwards, and which close loops."""
+"""The spanning tree of a mechanism: which joint leads to which part from ground outwards, and which close loops.
+
+Parts at the ends of a spanning tree that their joints move without inertia.
+
+References to parts and to their points, written as `part` or `part.point`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +11,13 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mbd_sim.mechanism.records import GROUND, Joint, Part
+import numpy as np
+
+from mbd_sim.base.errors import InputError, may_suggest, nearest, quoted
+from mbd_sim.base.geometry.batch import per_variant
+from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part
+from mbd_sim.mechanism.values.names import in_quotes, readings
 
 
 @dataclass(frozen=True)
@@ -137,3 +148,126 @@ def _forest(joints: Mapping[str, Joint], preferred: Sequence[str]) -> frozenset[
             leader[first] = second
             chosen.add(name)
     return frozenset(chosen)
+
+
+ROUND_OFF = 1e-13  # of an inertia, relative to the largest that the mass could have in the joint
+
+
+def ends_without_inertia(parts: Mapping[str, Part], joints: Mapping[str, Joint], tree: SpanningTree) -> list[str]:
+    """The joints that move nothing but one part of a loop, which has no inertia in some motion of the joint.
+
+    Such as a particle on the axis of a hinge. The coordinate of such a joint has no equation of motion of its own.
+    """
+    carriers = {inboard(joints[name], part) for name, part in tree.outboard.items()}
+    closed = {part for name in tree.closing for part in (joints[name].parent, joints[name].child)}
+    ends = [(joints[name], parts[part]) for name, part in tree.outboard.items() if part in closed - carriers]
+    return [joint.name for joint, part in ends if not joint.drive and moves_no_inertia(joint, part)]
+
+
+def inboard(joint: Joint, outboard: str) -> str:
+    """The other part of a joint."""
+    return joint.parent if outboard == joint.child else joint.child
+
+
+def moves_no_inertia(joint: Joint, part: Part) -> bool:
+    """Whether a part has no inertia in some motion of a joint that connects it, in all positions."""
+    is_child = part.name == joint.child
+    coordinates = joint.kind.coordinates
+    if joint.type == "universal":  # only one of its axes does not move in the part
+        coordinates = tuple(coordinate for coordinate in coordinates if coordinate.on_child == is_child)
+    if not coordinates:
+        return False
+    pose = joint.child_pose if is_child else joint.parent_pose
+    rotations = [coordinate.rotation for coordinate in coordinates]
+    directions = [joint.direction(coordinate) for coordinate in coordinates]
+    travel = joint.lead / (2.0 * np.pi) if joint.type == "screw" else 0.0
+    least = _least_inertia(
+        part.mass, part.center, part.inertia, pose.position, pose.rotation, directions, rotations, travel
+    )
+    return bool(least <= ROUND_OFF)
+
+
+@per_variant
+def _least_inertia(
+    mass: float,
+    center: Array,
+    inertia: Array,
+    position: Array,
+    rotation: Array,
+    directions: Sequence[Array],
+    rotations: Sequence[bool],
+    travel: float,
+) -> float:
+    """The least principal value of the part's inertia in the speeds of the joint, relative to the largest possible.
+
+    :param position: of the joint's frame in the part, with its axes `rotation`.
+    :param directions: of the speeds in that frame; `rotations` says which of these are angular.
+    :param travel: along its direction per rad, of a screw.
+    """
+    turning, moving, largest = [], [], []
+    arm = center - position
+    reach = np.linalg.norm(center) + np.linalg.norm(position) + abs(travel)
+    for direction, rotates in zip(directions, rotations, strict=True):
+        axis = rotation @ direction
+        turning.append(axis if rotates else np.zeros(3))
+        moving.append(np.cross(axis, arm) + travel * axis if rotates else axis)
+        largest.append(np.trace(inertia) + mass * reach**2 if rotates else mass)
+    if min(largest) <= 0.0:
+        return 0.0
+    w, v = np.array(turning), np.array(moving)
+    matrix = (w @ inertia @ w.T + mass * v @ v.T) / np.sqrt(np.outer(largest, largest))
+    return float(np.linalg.eigvalsh(matrix)[0])
+
+
+GROUND_WORDS = ("world", "earth", "environment", "inertial")
+PointsByPart = Mapping[str, Mapping[str, Pose] | None]  # None: the part's points are unknown, any name is accepted
+
+
+def resolve_reference(text: str, points_by_part: PointsByPart) -> tuple[str, Pose]:
+    """The part that a reference names, and the pose of the point in the part's frame (the identity without a point).
+
+    :raises InputError: there is no such part or point, or there are two.
+    """
+    part, point = split_reference(text, points_by_part)
+    points = points_by_part[part]
+    return part, identity_pose() if point is None or points is None else points[point]
+
+
+def split_reference(
+    text: str, names_by_part: Mapping[str, Mapping[str, object] | None], what: str = "point"
+) -> tuple[str, str | None]:
+    """The part that a reference names, and `what` of the part it names, if it does.
+
+    :raises InputError: there is no such part or name, or there are two.
+    """
+    possible = [(part, name) for part, name in readings(text) if part in names_by_part]
+    valid = [one for one in possible if one[1] is None or _has(names_by_part[one[0]], one[1])]
+    if len(valid) > 1:
+        written = " or ".join(f"{in_quotes(part)}.{name}" if name else in_quotes(part) for part, name in valid)
+        raise InputError(f"{quoted(text)} can mean two things", f"Put the name of the part in quotes: {written}.")
+    if valid:
+        return valid[0]
+    if possible:
+        part, name = possible[-1]
+        known = nearest(name or "", names_by_part[part] or ()) or f"'{part}' has no points: add one under its 'points'."
+        missing = (
+            f"'{part}' has no {what} {quoted(name)}" if name else f"no {what} is named after the '.' of {quoted(text)}"
+        )
+        raise InputError(missing, known)
+    part, dot, _ = (word.strip() for word in text.partition("."))
+    if not part:
+        raise InputError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
+    raise InputError(f"there is no part {quoted(part)}", _known_part(part, names_by_part, may_be_point=not dot))
+
+
+def _has(names: Mapping[str, object] | None, name: str) -> bool:
+    return names is None or name in names
+
+
+def _known_part(name: str, names_by_part: Mapping[str, Mapping[str, object] | None], may_be_point: bool) -> str:
+    """A remedy for the unknown name of a part, which may be that of a point."""
+    if may_be_point and may_suggest():
+        for part, points in names_by_part.items():
+            if name in (points or {}):
+                return f"Did you mean its point '{part}.{name}'?"
+    return "Did you mean 'ground'?" if name.lower() in GROUND_WORDS else nearest(name, names_by_part)

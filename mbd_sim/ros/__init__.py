@@ -1,1 +1,1 @@
-"""The ROS 2 nodes."""
+"""The nodes for ROS 2."""

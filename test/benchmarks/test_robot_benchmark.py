@@ -12,7 +12,7 @@ from benchmarks.measure import STEP, difference
 from benchmarks.mechanisms import shipped
 from benchmarks.plan import robot_plan
 from benchmarks.robots import POSITION, SPEED, started
-from mbd_sim.load import parse_mechanism
+from mbd_sim.files.load import parse_mechanism
 
 LINK = '<link name="{}"><inertial><mass value="{}"/><origin xyz="0.1 0.2 -0.3"/><inertia {}/></inertial></link>'
 ROUND = 'ixx="0.01" iyy="0.02" izz="0.02" ixy="0.001" ixz="0" iyz="0.002"'

@@ -10,12 +10,8 @@ from pathlib import Path
 import pytest
 
 from mbd_sim import __version__
-from mbd_sim.cli import list_mechanisms
 from mbd_sim.cli.main import COMMANDS, main
-
-SHARED = {  # by several commands
-    *("common", "completion", "plot_options", "recorded_run", "run_outputs", "setup_options", "working_point"),
-}
+from mbd_sim.cli.mechanisms import list_mechanisms
 
 FAR = """mechanism: far
 parts: {wheel: {mass: 1, inertia: [1, 1, 1]}}
@@ -145,7 +141,7 @@ def test_the_command_itself_prints_the_schema_and_urdf():
 
 def test_every_module_of_cli_is_a_command():
     folder = Path(sys.modules[main.__module__].__file__).parent
-    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "main", *SHARED}
+    modules = {path.stem for path in folder.glob("*/*.py") if path.parent.name != "shared"} - {"__init__"}
     assert {command.__name__.rpartition(".")[2] for command in COMMANDS.values()} == modules
 
 

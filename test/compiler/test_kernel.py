@@ -13,16 +13,17 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.compiler import ir, machine_code
 from mbd_sim.compiler import kernel as kernel_module
-from mbd_sim.compiler.adams_history import history_size
+from mbd_sim.compiler.code import machine_code
+from mbd_sim.compiler.ir import module
 from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.compiler.schedule import arranged
+from mbd_sim.compiler.lists.schedule import arranged
+from mbd_sim.compiler.steps.adams_history import history_size
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.integrators.tableau import EXPLICIT
-from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.simulation.compiled_model import build_model
+from mbd_sim.simulation.model.model import build_model
 from test.generators import mechanisms
 from test.generators.mechanisms import AUDITED, FLOATING
 from test.oracles.instruction_interpreter import fma, interpret
@@ -112,7 +113,7 @@ def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
             continue  # large inlined loops only take long to compile
         monkeypatch.setattr(machine_code, "LEVEL", level)
         monkeypatch.setattr(kernel_module, "INLINED", inlined)
-        monkeypatch.setattr(ir, "UNROLLED", unrolled)
+        monkeypatch.setattr(module, "UNROLLED", unrolled)
         monkeypatch.setattr(kernel_module, "FEW", few)
         found.append(bits(run(*compile_model(name, method), 300)))
     assert len(found) >= 5
@@ -176,7 +177,7 @@ def test_a_step_is_the_formula_of_the_method(method):
 @pytest.mark.parametrize("bad", [0, 1, 2])
 def test_divergence_leaves_the_state_as_it_was(monkeypatch, unrolled, bad):
     """y' = y² is infinite at t = 1 from y = 1; whichever component it is, none is written."""
-    monkeypatch.setattr(ir, "UNROLLED", unrolled)
+    monkeypatch.setattr(module, "UNROLLED", unrolled)
     t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y", 3), ca.SX.sym("e", 1)
     slopes = [ca.SX(1.0)] * 3
     slopes[bad] = y[bad] * y[bad]

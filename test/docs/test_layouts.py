@@ -5,8 +5,8 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from mbd_sim.messages.topics import TOPICS
-from mbd_sim.simulation.compiled_model import Energies
+from mbd_sim.recordings.messages.topics import TOPICS
+from mbd_sim.simulation.model.model import Energies
 
 LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 NAMES = {topic.name.lstrip("/") for topic in TOPICS}

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from mbd_sim.compiler.lowering import instruction_count
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.errors import MechanismError
-from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 from test.generators.loops import random_mechanisms, state_near_start
 from test.generators.mechanisms import (
     AUDITED,

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from mbd_sim import Ensemble, Simulation, load_mechanism, parse_mechanism
-from mbd_sim.dynamics.dynamics_terms import mass_matrix
-from mbd_sim.dynamics.initial_conditions import given_start
+from mbd_sim.dynamics.constraints.start import given_start
+from mbd_sim.dynamics.kinematics.tracing import trace
 from mbd_sim.dynamics.regular_start import start_mass_matrix
-from mbd_sim.dynamics.tracing import trace
+from mbd_sim.dynamics.terms import mass_matrix
 from test.generators.two_linkages import two_linkages
 
 

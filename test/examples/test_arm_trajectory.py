@@ -9,10 +9,10 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mbd_sim.examples.arm_trajectory.arm_trajectory import HOME, POSES
-from mbd_sim.recording import cdr
-from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.verification import verify
-from mbd_sim.ros.joint_curve import CurvePoint, JointCurve
+from mbd_sim.recordings.messages import cdr
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.verification import verify
+from mbd_sim.ros.commands.trajectory import CurvePoint, JointCurve
 from test.examples.programs import beside
 
 OPTIONS = {

@@ -21,7 +21,7 @@ from mbd_sim.examples.control_node import Answered
 from mbd_sim.examples.imu_balance.imu_balance import Balance
 from mbd_sim.examples.pd_hold.pd_hold import PdHold, PdHoldNode
 from mbd_sim.examples.swing_up.swing_up import SwingUp
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.verification import verify
 from test.examples.programs import beside, lockstep
 from test.system.growing_recordings import recorded_states
 from test.system.nodes import nanoseconds, new_domain

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.text.library import shipped
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 CONTROL = ROOT / "docs" / "control.md"
@@ -47,6 +47,6 @@ def test_every_example_has_programs_a_page_a_picture_and_a_launch_file(folder):
 @pytest.mark.parametrize("block", BLOCKS)
 def test_the_code_of_the_page_runs(block):
     values = {}
-    exec(block.replace('"async"', '"sync"'), values)  # test/gym starts processes
+    exec(block.replace('"async"', '"sync"'), values)  # test/many/gym starts processes
     if "envs" in values:
         values["envs"].close()

@@ -12,8 +12,8 @@ from scipy.interpolate import PchipInterpolator
 from mbd_sim import Simulation
 from mbd_sim.examples.engine.engine import Dynamometer
 from mbd_sim.examples.hydraulic_lift.hydraulic_lift import LevelControl
-from mbd_sim.load import load_mechanism
-from mbd_sim.recording.verification import verify
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.recordings.run.verification import verify
 from test.examples.programs import beside, lockstep
 from test.system.growing_recordings import recorded_states
 from test.system.nodes import nanoseconds

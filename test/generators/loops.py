@@ -10,11 +10,11 @@ import numpy as np
 from hypothesis import seed, settings
 from hypothesis import strategies as st
 
-from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
-from mbd_sim.dynamics.coordinate_layout import coordinate_layout
-from mbd_sim.dynamics.initial_conditions import given_start
-from mbd_sim.geometry import rotation as rot
-from mbd_sim.load import parse_mechanism
+from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.dynamics.constraints.assembly import close_loops, nearest_speeds
+from mbd_sim.dynamics.constraints.start import given_start
+from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.files.load import parse_mechanism
 from test.generators.mechanisms import random_trees
 from test.oracles import kane
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mbd_sim.errors import MechanismError
-from mbd_sim.load import parse_mechanism
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.load import parse_mechanism
 
 PENDULUM = """\
 mechanism: pendulum

@@ -8,11 +8,11 @@ import re
 import numpy as np
 from hypothesis import strategies as st
 
-from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
+from mbd_sim.dynamics.constraints.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.load import parse_mechanism
-from mbd_sim.mechanism.joint_types import JOINT_KINDS
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.load import parse_mechanism
+from mbd_sim.files.text.library import shipped
+from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
 
 # All smooth ones whose state is q, u and the energies: the oracles know neither contacts nor actuators.
 SHIPPED = tuple(

@@ -1,6 +1,6 @@
 """Random names as CAD programs, URDF, SDF and MJCF write them, and mechanisms with such names."""
 
-from mbd_sim.mechanism.names import in_expression, is_name, reference
+from mbd_sim.mechanism.values.names import in_expression, is_name, reference
 
 LETTERS = "ab1_-/.: '\"\\()[],=<>&*+#@%$!?~^;|`éß日🤖"
 

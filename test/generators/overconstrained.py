@@ -11,7 +11,7 @@ import json
 
 import numpy as np
 
-from mbd_sim.geometry import rotation as rot
+from mbd_sim.base.geometry import rotation as rot
 
 X, Y, Z = np.eye(3)
 

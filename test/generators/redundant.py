@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.geometry import rotation as rot
+from mbd_sim.base.geometry import rotation as rot
 
 KINDS = ("shaft", "door", "telescope", "carriage", "welds", "strut", "plane", "coupling", "four_bar", "spatial")
 

@@ -8,18 +8,17 @@ import ast
 import typing
 from dataclasses import dataclass, replace
 
-from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.joint_types import JOINT_KINDS
-from mbd_sim.mechanism_file.builders.cylinder_builder import TRANSITION
-from mbd_sim.mechanism_file.builders.mechanism_builder import build
-from mbd_sim.mechanism_file.expression_field import ExpressionField
-from mbd_sim.mechanism_file.library import find
-from mbd_sim.mechanism_file.quantity import Quantity
-from mbd_sim.mechanism_file.repetition import expanded
-from mbd_sim.mechanism_file.schema import actuator_schema, constraint_schema, contact_schema, force_schema, law_schema
-from mbd_sim.mechanism_file.schema.base_schema import Spec
-from mbd_sim.mechanism_file.validation import validate
-from mbd_sim.mechanism_file.yaml_reader import parse_source
+from mbd_sim.files.builders.actuators import TRANSITION
+from mbd_sim.files.builders.mechanism import build
+from mbd_sim.files.checks.repetition import expanded
+from mbd_sim.files.checks.validation import validate
+from mbd_sim.files.schema import actuators, constraints, contacts, forces, laws
+from mbd_sim.files.schema.base import Spec
+from mbd_sim.files.schema.fields import ExpressionField, Quantity
+from mbd_sim.files.text.library import find
+from mbd_sim.files.text.yaml_reader import parse_source
+from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
+from mbd_sim.mechanism.values.expression import TimeExpression
 
 VOLTAGE_CONTROLS = {"voltage": "V", "current": "A", "opening": ""}
 
@@ -123,31 +122,31 @@ class _Scaler:
         """The fields whose units depend on others."""
         factor, units = self.units.factor, self.unit_of
         match spec:
-            case law_schema.TorqueCurveSpec() if spec.force is not None:
+            case laws.TorqueCurveSpec() if spec.force is not None:
                 return {"force": self.expression(spec.force, "N*m", "rad")}
-            case force_schema.DamperSpec() | law_schema.LinearPowerSpec():
+            case forces.DamperSpec() | laws.LinearPowerSpec():
                 return {"coefficient": spec.coefficient * factor("N") / factor("m/s") ** spec.exponent}
-            case law_schema.TorsionPowerSpec():
+            case laws.TorsionPowerSpec():
                 return {"coefficient": spec.coefficient * factor("N*m") / factor("rad/s") ** spec.exponent}
-            case force_schema.EffortSpec():
+            case forces.EffortSpec():
                 unit = "N*m" if units[spec.coordinate] == "rad" else "N"
                 return {"effort": self.expression(spec.effort, unit)}
-            case force_schema.BushingSpec():
+            case forces.BushingSpec():
                 return {
                     key: self.matrix(getattr(spec, key), time)
                     for key, time in (("stiffness_matrix", ""), ("damping_matrix", "*s"))
                 }
-            case constraint_schema.CouplingSpec() | constraint_schema.ClutchSpec():
+            case constraints.CouplingSpec() | constraints.ClutchSpec():
                 return self.coupling(spec)
-            case constraint_schema.OnSurfaceSpec():
+            case constraints.OnSurfaceSpec():
                 one, two = spec.equation, spec.equations
                 return {
                     "equation": one and self.expression(one, "m"),
                     "equations": two and tuple(self.expression(equation, "m") for equation in two),
                 }
-            case contact_schema.ContactSpec() if spec.stiffness is not None:
+            case contacts.ContactSpec() if spec.stiffness is not None:
                 return {"stiffness": spec.stiffness * factor("N") / factor("m") ** spec.exponent}
-            case actuator_schema.ActuatorSpec():
+            case actuators.ActuatorSpec():
                 return self.actuator(spec)
         return {}
 
@@ -158,7 +157,7 @@ class _Scaler:
         found = {
             "terms": {name: value if self.unit_of[name] == "m" else value * scale for name, value in spec.terms.items()}
         }
-        if isinstance(spec, constraint_schema.ClutchSpec):
+        if isinstance(spec, constraints.ClutchSpec):
             unit = "N" if is_length else "N*m"
             return found | {"capacity": spec.capacity and self.expression(spec.capacity, unit)}
         if spec.slip is not None:
@@ -194,7 +193,7 @@ class _Scaler:
         if getattr(spec, "torque_speed", None) is not None:
             pair = (self.units.factor(f"{angle}/s"), self.units.factor(effort))
             found["torque_speed"] = [(float(a) * pair[0], float(b) * pair[1]) for a, b in spec.torque_speed]
-        if isinstance(spec, actuator_schema.CylinderSpec) and spec.transition is None:
+        if isinstance(spec, actuators.CylinderSpec) and spec.transition is None:
             found["transition"] = TRANSITION[spec.type] * self.units.factor("Pa")
         if spec.servo is not None:
             position = spec.servo.controls == "position"
@@ -212,9 +211,9 @@ class _Scaler:
 
 
 def _control(spec) -> str:
-    if isinstance(spec, actuator_schema.EffortActuatorSpec):
+    if isinstance(spec, actuators.EffortActuatorSpec):
         return "effort"
-    return spec.control if isinstance(spec, actuator_schema.DcMotorSpec) else "opening"
+    return spec.control if isinstance(spec, actuators.DcMotorSpec) else "opening"
 
 
 class _Substituted(ast.NodeTransformer):

@@ -2,8 +2,8 @@
 
 import dataclasses
 
-from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.text.library import shipped
 
 
 def features(record):

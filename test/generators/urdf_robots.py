@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from mbd_sim.geometry.rotation import about, from_quaternion, from_rpy
+from mbd_sim.base.geometry.rotation import about, from_quaternion, from_rpy
 
 
 def inertial(mass, xyz, rpy, moments):

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.compiler.adams_history import COUNT, VECTORS, history_size
 from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.compiler.steps.adams_history import COUNT, VECTORS, history_size
 from mbd_sim.integrators.adams import ADAMS, LOWER, adams
 from mbd_sim.integrators.tableau import EXPLICIT
 

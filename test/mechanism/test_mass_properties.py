@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbd_sim.geometry.pose import Pose
-from mbd_sim.geometry.rotation import from_rpy
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.base.geometry.rotation import from_rpy
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from test.generators.mechanism_texts import part_of
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.errors import MechanismError
-from mbd_sim.load import parse_mechanism
+from mbd_sim.files.load import parse_mechanism
 from test.generators.mechanisms import accelerations
 
 BODY = {"mass": 1, "inertia": [1, 1, 1]}

@@ -8,7 +8,7 @@ from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from mbd_sim.geometry.rotation import from_quaternion
+from mbd_sim.base.geometry.rotation import from_quaternion
 
 
 class DrakeOracle:

@@ -8,8 +8,8 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from mbd_sim.compiler.instruction_list import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, instructions_of
-from mbd_sim.compiler.lowering import shared_divisions
+from mbd_sim.compiler.lists.instruction_list import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, instructions_of
+from mbd_sim.compiler.lists.lowering import shared_divisions
 
 
 def fma(x, y, z):

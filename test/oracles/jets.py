@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from mbd_sim.mechanism.arithmetic import FUNCTIONS, Arithmetic
-from mbd_sim.mechanism.expression import evaluate_with
+from mbd_sim.mechanism.values.expression import FUNCTIONS, Arithmetic, evaluate_with
 
 
 class Jet:

@@ -1,9 +1,9 @@
 """Kane's equations in numpy, from a mechanism's records: an oracle for the equations of motion.
 
 It shares no code with `mbd_sim.dynamics`, `mbd_sim.compiler` or `mbd_sim.simulation`. It does share what comes before
-them: the built mechanism (`mbd_sim.mechanism_file` and the records of `mbd_sim.mechanism`, with the choice of the
+them: the built mechanism (`mbd_sim.files` and the records of `mbd_sim.mechanism`, with the choice of the
 spanning tree, the meaning of units and axes, and the inertia of shapes) and the parser of expressions
-(`mbd_sim.mechanism.expression`). An error in those is invisible here; the closed forms in test/physics cover them.
+(`mbd_sim.mechanism.values.expression`). An error in those is invisible here; the closed forms in test/physics cover them.
 
 Every quantity is a jet: its value and its first and second time derivatives, by the rules of differentiation.
 Partial velocities are the velocities at unit speeds (Huston & Liu, sec. 11.4), and the equations are
@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor, EffortMotor, SumPort, WrenchPort
-from mbd_sim.mechanism.laws import GreenStrain, Varying
+from mbd_sim.mechanism.elements.actuators import CoordinatePort, DcMotor, EffortMotor, SumPort, WrenchPort
+from mbd_sim.mechanism.values.laws import GreenStrain, Varying
 from test.oracles.jets import Jet, expression_jet
 from test.oracles.kane_actuators import effort as actuator_effort
 from test.oracles.kane_laws import dry_friction, elastic, power_law

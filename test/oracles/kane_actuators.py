@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from mbd_sim.mechanism.actuators import DcMotor, EffortMotor
-from mbd_sim.mechanism.cylinders import Gas
+from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor, Gas
 
 
 def effort(actuator, commands, states, x, v):

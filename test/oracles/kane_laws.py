@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from mbd_sim.mechanism.expression import evaluate
-from mbd_sim.mechanism.laws import Expressed, Piecewise
+from mbd_sim.mechanism.values.expression import evaluate
+from mbd_sim.mechanism.values.laws import Expressed
+from mbd_sim.mechanism.values.tables import Piecewise
 
 
 def elastic(law, x):

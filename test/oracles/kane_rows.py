@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.elements import constraints as c
 from test.oracles.jets import Jet, expression_jet
 
 GROUND = "ground"

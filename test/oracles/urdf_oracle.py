@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from mbd_sim.geometry.rotation import from_quaternion
+from mbd_sim.base.geometry.rotation import from_quaternion
 
 
 class Oracle:

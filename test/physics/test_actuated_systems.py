@@ -5,7 +5,7 @@ import math
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.text.library import shipped
 
 ACTUATED = [
     name

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 from test.generators.mechanisms import accelerations, derived
 
 G = 9.81

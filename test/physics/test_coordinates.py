@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.geometry.rotation import from_quaternion, to_quaternion, unit
+from mbd_sim.base.geometry.rotation import from_quaternion, to_quaternion, unit
 from test.generators.mechanisms import accelerations
 from test.oracles import kane
 

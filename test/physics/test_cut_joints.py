@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.geometry import rotation as rot
-from mbd_sim.geometry.pose import Pose
-from mbd_sim.load import parse_mechanism
+from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.files.load import parse_mechanism
 
 FREEDOMS = {"revolute": 1, "prismatic": 1, "screw": 1, "cylindrical": 2, "universal": 2, "planar": 3, "spherical": 3}
 LOOPS = [

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 
 # name: speeds of the tree, equations, and their rank. The files give the reasons.
 COUNTS = {

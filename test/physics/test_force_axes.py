@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism_file.library import find
+from mbd_sim.files.text.library import find
 from test.generators.mechanisms import accelerations
 from test.oracles import kane
 

@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.files.checks.override import with_values
 from test.generators.mechanisms import accelerations
 
 G = 9.81

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 from test.generators.mechanisms import consistent_state, random_state
 
 G = 9.81

@@ -10,8 +10,8 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.text.library import shipped
 from test.generators.mechanisms import accelerations, consistent_state, derived, violation
 
 G = 9.81

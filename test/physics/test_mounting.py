@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.base.geometry.rotation import from_quaternion, unit
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.geometry.rotation import from_quaternion, unit
-from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 from test.generators.loops import state_near_start
 from test.generators.mechanisms import KINDS, accelerations, random_state
 

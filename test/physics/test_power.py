@@ -1,6 +1,6 @@
 """The power theorem along motions, and the power of constraints and drives: at every step, by exact differentiation.
 
-test/dynamics/test_reactions.py checks the theorem at random states.
+test/dynamics/recursion/test_reactions.py checks the theorem at random states.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 from test.generators.loops import state_near_start
 from test.generators.mechanisms import KINDS, accelerations, random_state
 from test.oracles import kane

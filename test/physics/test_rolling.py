@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.geometry.rotation import from_quaternion
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 from test.generators.mechanisms import accelerations, consistent_state
 
 G, R = 9.81, 0.5

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.text.library import shipped
 from test.generators.mechanisms import violation
 
 # Lengths of ground, crank, coupler and rocker in m, and start angles in degrees.

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.geometry.rotation import from_quaternion
-from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.text.library import shipped
 from test.generators.mechanisms import SHIPPED, accelerations, random_state
 from test.oracles import kane
 

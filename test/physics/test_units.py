@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.analysis.equilibrium import is_autonomous
-from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.mechanism.one_sided import has_one_sided
+from mbd_sim.analysis.equilibria.equilibrium import is_autonomous
+from mbd_sim.files.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism.contents import has_one_sided
 from test.generators.mechanisms import KINDS
 from test.generators.scaled_mechanisms import Units, scaled
 

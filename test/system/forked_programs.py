@@ -26,7 +26,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 PR_SET_PDEATHSIG = 1
-PROGRAMS = ("mbd_sim.ros.sim_node", "mbd_sim.ros.replay_node")
+PROGRAMS = ("mbd_sim.ros.node.sim_node", "mbd_sim.ros.replay.replay_node")
 
 
 class ForkedProcess:

@@ -13,8 +13,8 @@ from mcap.stream_reader import StreamReader
 from std_srvs.srv import SetBool
 
 from mbd_sim import Simulation, parse_mechanism
-from mbd_sim.recording.cdr import JointStates
-from mbd_sim.recording.reader import open_recording
+from mbd_sim.recordings.messages.cdr import JointStates
+from mbd_sim.recordings.run.reader import open_recording
 from test.system.nodes import Listener, nanoseconds
 
 STEP_NS, STEPS_PER_STATE = 1_000_000, 10  # of a node with default parameters

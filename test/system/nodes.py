@@ -32,10 +32,10 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim import Simulation
-from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.ros.sim_parameters import PARAMETERS
-from mbd_sim.simulation.live_search import names_with_matches
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.ros.node.sim_parameters import PARAMETERS
+from mbd_sim.simulation.model.live_values import names_with_matches
 from test.system.forked_programs import ForkedProcess
 from test.waiting import PATIENCE, wait_until
 
@@ -73,7 +73,7 @@ def new_domain() -> int:
 class SimNodeProcess:
     """`sim_node` in a process of its own, with its output."""
 
-    program = "mbd_sim.ros.sim_node"
+    program = "mbd_sim.ros.node.sim_node"
     defaults = (("record", False),)
 
     def __init__(

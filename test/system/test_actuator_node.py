@@ -10,8 +10,8 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import running
 
 ARM = """

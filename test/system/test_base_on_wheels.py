@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 
-from mbd_sim.geometry.pose import Array
-from mbd_sim.recording.cdr import joint_states
-from mbd_sim.recording.reader import Recording, open_recording
-from mbd_sim.recording.verification import verify
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.recordings.messages.cdr import joint_states
+from mbd_sim.recordings.run.reader import Recording, open_recording
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import running
 
 

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Duration
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.verification import verify
 from test.system.growing_recordings import recorded_states
 from test.system.nodes import running
 

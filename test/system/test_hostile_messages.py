@@ -27,8 +27,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from mbd_sim.recording.reader import open_recording
-from test.recording.runs import record_run
+from mbd_sim.recordings.run.reader import open_recording
+from test.recordings.runs import record_run
 from test.system.nodes import Listener, as_in_the_node, nanoseconds, new_domain, running
 from test.system.raw_requests import raw_requests
 from test.system.test_replay import Audience, ReplayProcess

@@ -84,7 +84,9 @@ ENTRY = "import sys; from mbd_sim.programs import {0}; print('ready', flush=True
 
 
 @pytest.mark.parametrize(
-    ("program", "expected"), [("node.ros.sim_node.main", 0), ("command.cli.main.main", 130)], ids=["node", "command"]
+    ("program", "expected"),
+    [("node.ros.node.sim_node.main", 0), ("command.cli.main.main", 130)],
+    ids=["node", "command"],
 )
 def test_an_interrupt_while_a_program_imports_prints_nothing(tmp_path: Path, program: str, expected: int) -> None:
     kind, _, path = program.partition(".")
@@ -226,8 +228,8 @@ def test_signals_at_the_end_of_the_interpreter_change_nothing() -> None:
 
 
 PROGRAMS = {
-    "node": ("node.ros.sim_node.main", ["--ros-args", "-p", "record:=false", "--log-level", "ERROR"]),
-    "replay": ("node.ros.replay_node.main", ["--ros-args", "-p", "bag:=none.mcap"]),
+    "node": ("node.ros.node.sim_node.main", ["--ros-args", "-p", "record:=false", "--log-level", "ERROR"]),
+    "replay": ("node.ros.replay.replay_node.main", ["--ros-args", "-p", "bag:=none.mcap"]),
     "run": ("command.cli.main.main", ["run", "double_rod", "--time", "5"]),
 }
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import yaml
 
-from mbd_sim.load import load_mechanism
-from mbd_sim.ros.node_parameters import ParameterSpec
-from mbd_sim.ros.replay_node import PARAMETERS as REPLAY_PARAMETERS
-from mbd_sim.ros.sim_parameters import PARAMETERS as SIM_PARAMETERS
-from test.recording.runs import record_run
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.ros.node.parameters import ParameterSpec
+from mbd_sim.ros.node.sim_parameters import PARAMETERS as SIM_PARAMETERS
+from mbd_sim.ros.replay.replay_node import PARAMETERS as REPLAY_PARAMETERS
+from test.recordings.runs import record_run
 from test.system.launch_runner import ROOT, launched, launching
 from test.system.nodes import Listener, new_domain
 from test.waiting import wait_until

@@ -7,7 +7,7 @@ from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import CommandError
 from mbd_sim.examples.pd_hold.pd_hold import PdHold
-from mbd_sim.ros.lockstep import Lockstep, LockstepError
+from mbd_sim.ros.node.lockstep import Lockstep, LockstepError
 from test.system.nodes import as_in_the_node, nanoseconds, running
 from test.system.test_actuator_node import ARM
 from test.waiting import PATIENCE

@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray, Header, String
 from visualization_msgs.msg import MarkerArray
 
 from mbd_sim import Simulation
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.verification import verify
 from test.ros_interfaces import build
 from test.system.nodes import SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 

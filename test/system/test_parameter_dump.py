@@ -8,7 +8,7 @@ import yaml
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 
-from mbd_sim.ros.sim_parameters import PARAMETERS
+from mbd_sim.ros.node.sim_parameters import PARAMETERS
 from test.system.nodes import Listener, running
 
 GIVEN = {

@@ -11,8 +11,8 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters
 
-from mbd_sim.ros.node_parameters import ParameterSpec
-from mbd_sim.ros.sim_parameters import PARAMETERS
+from mbd_sim.ros.node.parameters import ParameterSpec
+from mbd_sim.ros.node.sim_parameters import PARAMETERS
 from test.system.nodes import Listener, nanoseconds, running
 
 LEAST, SMALL, LARGE = 5e-324, sys.float_info.min, sys.float_info.max

@@ -18,9 +18,9 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.cli.main import main
-from mbd_sim.recording.recovery import recover
-from mbd_sim.recording.verification import verify
-from test.recording.recordings import readable
+from mbd_sim.recordings.run.recovery import recover
+from mbd_sim.recordings.run.verification import verify
+from test.recordings.recordings import readable
 from test.system.growing_recordings import until_recorded
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
 from test.system.test_recording_services import recomputed, state_ticks

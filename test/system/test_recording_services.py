@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim.recording.reader import open_recording
+from mbd_sim.recordings.run.reader import open_recording
 from test.system.growing_recordings import described_run, stop_recording, until_recorded
 from test.system.nodes import Listener, running
 

@@ -23,9 +23,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
-from mbd_sim.recording.reader import open_recording
-from mbd_sim.ros.replay_node import main
-from test.recording.runs import record_run, rewrite
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.ros.replay.replay_node import main
+from test.recordings.runs import record_run, rewrite
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain
 
 LATCHED = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
@@ -36,7 +36,7 @@ EPOCH = 1_700_000_000_000_000_000
 class ReplayProcess(SimNodeProcess):
     """`replay_node` in a process of its own; it starts paused."""
 
-    program = "mbd_sim.ros.replay_node"
+    program = "mbd_sim.ros.replay.replay_node"
     defaults = (("start_paused", True),)
 
 

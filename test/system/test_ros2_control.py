@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sensor_msgs.msg import JointState
 
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import Listener, running
 from test.system.test_actuator_node import ARM
 

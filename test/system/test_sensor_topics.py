@@ -7,8 +7,8 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, JointState, Range
 
 from mbd_sim import load_mechanism, parse_mechanism
-from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain
 
 SENSORS = """

@@ -8,7 +8,7 @@ from pathlib import Path
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import SimNodeProcess, new_domain, running
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from mbd_sim.recording.verification import verify
-from mbd_sim.ros.node_group import members
+from mbd_sim.recordings.run.verification import verify
+from mbd_sim.ros.node.sim_node import members
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain
 
 MECHANISMS = {"left": "double_rod", "right": "rod_pendulum"}

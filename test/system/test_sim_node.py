@@ -16,8 +16,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
-from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.verification import verify
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.verification import verify
 from test.system.nodes import SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 from test.waiting import PATIENCE
 
@@ -253,7 +253,7 @@ def test_a_wrong_start_is_reported_and_ends_the_program(
     [(["-p", "mechanism:=rod_pendulum"], "-p mechanism:=rod_pendulum"), (["--ros-args", "-p", "step=1"], "step=1")],
 )
 def test_arguments_that_ros_would_pass_over_end_the_node_with_the_right_way(arguments: list[str], word: str) -> None:
-    command = [sys.executable, "-m", "mbd_sim.ros.sim_node", *arguments]
+    command = [sys.executable, "-m", "mbd_sim.ros.node.sim_node", *arguments]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert ended.returncode == 1
     assert word in ended.stderr

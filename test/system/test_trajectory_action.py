@@ -15,10 +15,10 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mbd_sim import Simulation
-from mbd_sim.ros.command_buffer import CommandBuffer
-from mbd_sim.ros.rates import Rates
-from mbd_sim.ros.stepping_thread import SteppingThread
-from mbd_sim.ros.trajectory_action import TrajectoryAction
+from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.node.trajectory_action import TrajectoryAction
+from mbd_sim.ros.stepping.clock import Rates
+from mbd_sim.ros.stepping.thread import SteppingThread
 from test.system.nodes import Listener, SimNodeProcess, new_domain, running
 from test.system.test_optional_interfaces import packages, variables  # noqa: F401
 

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mbd_sim.examples.control_node import NEWEST, declare, run
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 JOINTS = ("base", "shoulder", "elbow", "wrist_roll", "wrist_bend", "flange")
 HOME = (0.0, 0.35, -0.52, 0.0, 0.7, 0.0)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+from mbd_sim.analysis.mechanics.inverse_dynamics import InverseDynamics
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.examples.control_node import CONTROL_TOPICS, ControlNode, mechanism_parameter, run
-from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 TOPICS = (
     *CONTROL_TOPICS,

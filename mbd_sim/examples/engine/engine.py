@@ -11,9 +11,9 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
-from mbd_sim.geometry.pose import Array
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 TOPICS = (
     ("joint_states", "sensor_msgs/msg/JointState, subscribed: the state; each message is answered with a torque"),

@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.examples.control_node import ControlNode, end_program, mechanism_parameter, run
-from mbd_sim.geometry.pose import Array
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 SINES = 8
 

@@ -1,7 +1,7 @@
 """`ros2 run mbd_sim example_identify run.mcap inertia=0.03 damping=0.01`: identifies parameters from a recording.
 
 The recording holds the states, and the efforts with the steps at which they took effect: what `identify` of
-`mbd_sim.optimization` needs.
+`mbd_sim.studies.optimization` needs.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from mbd_sim.errors import MbdSimError, counted
-from mbd_sim.geometry.pose import Array
-from mbd_sim.load import parse_mechanism
-from mbd_sim.optimization import Identification, MeasuredRun, identify
-from mbd_sim.simulation.events import RESTARTS, parse_event
+from mbd_sim.base.errors import MbdSimError, counted
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.files.load import parse_mechanism
+from mbd_sim.simulation.run.events import RESTARTS, parse_event
+from mbd_sim.studies.optimization.identification import Identification, identify
+from mbd_sim.studies.optimization.measured_runs import MeasuredRun
 
 WORDS = "recordings of the same mechanism, and a guess for each parameter to identify"
 TYPES = {"joint_states": JointState, "applied_efforts": Float64MultiArray, "events": String}

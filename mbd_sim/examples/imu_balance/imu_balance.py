@@ -10,13 +10,13 @@ import numpy as np
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool
 
-from mbd_sim.analysis.linearization import linearize
-from mbd_sim.analysis.regulator import lqr
+from mbd_sim.analysis.linear.linearization import linearize
+from mbd_sim.analysis.linear.state_space import lqr
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
-from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 STATE_COST, EFFORT_COST = np.diag([4.0, 20.0, 2.0, 1.0]), np.array([[0.1]])  # of x, angle and their rates; of the force
 FILTER_TIME = 1.0  # s: below 1/FILTER_TIME in rad/s the tilt is that of gravity, above that of the rate gyro

@@ -9,11 +9,11 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+from mbd_sim.analysis.mechanics.inverse_dynamics import InverseDynamics
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
-from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 
 class PdHold:

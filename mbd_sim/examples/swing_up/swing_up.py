@@ -7,12 +7,12 @@ import sys
 
 import numpy as np
 
-from mbd_sim.analysis.linearization import linearize
-from mbd_sim.analysis.regulator import lqr
+from mbd_sim.analysis.linear.linearization import linearize
+from mbd_sim.analysis.linear.state_space import lqr
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
-from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.mechanism import Mechanism
 
 CATCH_ANGLE, LOSE_ANGLE = 0.35, 0.8  # rad from upright: balancing starts within the first, has failed beyond the second
 CATCH_SPEED = 4.0  # rad/s below which balancing may start

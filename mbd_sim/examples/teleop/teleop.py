@@ -15,9 +15,9 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Joy
 
-from mbd_sim.errors import nearest
+from mbd_sim.base.errors import nearest
 from mbd_sim.examples.control_node import NEWEST, declare, end_program, run
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.node.parameters import ParameterSpec
 
 TOPICS = (
     ("joint_states", "sensor_msgs/msg/JointState, subscribed: the names of the joints"),

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from mbd_sim import Simulation
-from mbd_sim.compiler.lowering import instruction_count
-from mbd_sim.compiler.schedule import arranged
+from mbd_sim.compiler.lists.lowering import instruction_count
+from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.load import load_mechanism
+from mbd_sim.files.load import load_mechanism
 from test.generators.mechanisms import violation
 
 G = 9.81

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from mbd_sim import Simulation
-from mbd_sim.geometry.rotation import from_quaternion
-from mbd_sim.load import load_mechanism
+from mbd_sim.base.geometry.rotation import from_quaternion
+from mbd_sim.files.load import load_mechanism
 
 G = 9.81
 WEIGHT, TRANSVERSE, AXIAL = 15.0 * G, 0.234375 + 15.0, 0.46875  # of the heavy top, about its point

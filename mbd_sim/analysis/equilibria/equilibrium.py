@@ -1,0 +1,215 @@
+"""Equilibria: configurations near the start in which a mechanism can stay at rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from mbd_sim.analysis.equilibria.rest_balance import Rest, RestBalance, displacement_between
+from mbd_sim.analysis.equilibria.rest_path import balanced, equilibria_along, settled
+from mbd_sim.analysis.linear.linearization import linearize, size_of_zeros
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.dynamics.constraints.assembly import close_loops
+from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
+from mbd_sim.dynamics.equations import Equations, require_equations
+from mbd_sim.dynamics.layouts.actuators import require_continuous
+from mbd_sim.dynamics.layouts.state_scales import natural_units
+
+ATTEMPTS = 12  # other configurations from which equilibria are sought
+SCATTER = 0.3  # m or rad, between these
+BALANCED_START = 1e-12  # of the accelerations, in units of gravity: those of round-off
+SAME = 1e-6  # of distances, in sizes of the mechanism
+TIMES = (0.0, 0.137, 0.71, 1.9)  # in natural units, at which accelerations are compared
+CHANGED = 1e-9  # of what is compared, or of its natural unit, that counts as a change
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Coordinates q (nq,) and `states` of actuators (s,) in which a mechanism can stay at rest.
+
+    `displacement` (nv,) leads there from the start, along the speeds: in m and rad. `distance` is its size in m: the
+    displacement of each coordinate, weighted with its inertia at the start, relative to the mass of the mechanism.
+    Small motions grow with the rate `growth` in 1/s; 0 at a stable equilibrium, nan where they are not smooth,
+    because a contact is about to change.
+    """
+
+    q: Array
+    states: Array
+    displacement: Array
+    distance: float
+    growth: float
+
+    __repr__ = short_repr
+
+    @property
+    def stable(self) -> bool:
+        """Whether no small motion about it grows."""
+        return self.growth == 0.0
+
+
+def equilibrium(equations: Equations, inputs: Array | None = None, q: Array | None = None) -> Array | None:
+    """Coordinates (nq,) in which the mechanism can stay at rest, or None if none are found: see `nearest_equilibrium`.
+
+    :raises TypeError: `equations` are none, for example a simulation.
+    """
+    found = nearest_equilibrium(equations, inputs, q)
+    return None if found is None else found.q
+
+
+def nearest_equilibrium(
+    equations: Equations, inputs: Array | None = None, q: Array | None = None, states: Array | None = None
+) -> Equilibrium | None:
+    """The equilibrium nearest to a configuration, stable or not, or None if none is found.
+
+    A configuration without accelerations is the equilibrium. From any other one, two paths of rest are followed (see
+    `mbd_sim.analysis.equilibria.rest_path`), and the nearer of the equilibria to which they lead is taken; of two at
+    the same distance, the stabler one. Directions in which nothing changes, such as that of a cart on a level rail,
+    keep their coordinates. If neither path leads to an equilibrium, the nearest one of `equilibria` is taken.
+
+    :param inputs: all inputs of the equations, for efforts, wrenches, commands and live values; by default there are no
+        efforts and wrenches, commands are those at the start, and live values those of the mechanism.
+    :param q: (nq,) the configuration, which satisfies the constraints; by default the start.
+    :param states: (s,) states of actuators near those at the equilibrium; by default those at the start.
+    :raises TypeError: `equations` are none, for example a simulation.
+    :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
+    """
+    return _Search(equations, inputs, q, states).nearest()
+
+
+def equilibria(
+    equations: Equations, inputs: Array | None = None, q: Array | None = None, states: Array | None = None
+) -> list[Equilibrium]:
+    """The equilibria that are found near a configuration, the nearest first: see `nearest_equilibrium`.
+
+    They are sought along the paths of rest from it, and from other configurations around it. There may be more.
+    """
+    return _Search(equations, inputs, q, states).all()
+
+
+def is_autonomous(equations: Equations) -> bool:
+    """Whether accelerations and constraints do not depend on time, judged by their values at the start at `TIMES`."""
+    constraints, q = equations.constraints, equations.start.q
+    rate = natural_units(equations.mechanism, equations.step).rate
+    times = [time / rate for time in TIMES]
+    if any(np.any(np.abs(constraints.drift(t, q)) > CHANGED * rate * constraints.row_sizes(t, q)) for t in times):
+        return False
+    y = equations.start_state
+    inputs = equations.inputs_without_commands
+    first, *others = (np.array(equations.rates.call([t, y, inputs])[0]) for t in times)
+    least = CHANGED * (np.abs(first.ravel()) + rate * np.array(equations.scales))
+    return all(np.all(np.abs(other.ravel() - first.ravel()) <= least) for other in others)
+
+
+def growth_of(matrix: Array) -> float:
+    """The largest real part in 1/s of the eigenvalues of a matrix (n, n); zero where none is positive."""
+    values = np.linalg.eigvals(matrix)
+    growth = float(np.max(values.real, initial=0.0))
+    return growth if growth > size_of_zeros(values) else 0.0
+
+
+class _Search:
+    """The search for equilibria around a configuration."""
+
+    def __init__(self, equations: Equations, inputs: Array | None, q: Array | None, states: Array | None) -> None:
+        require_equations(equations)
+        require_continuous(equations.mechanism, equations.actuator_layout, "has no equilibrium that can be found")
+        self._equations = equations
+        self._inputs = equations.inputs_without_commands if inputs is None else inputs
+        held = slice(equations.layout.nq + equations.layout.nv, equations.core.stop)
+        self._states = equations.start_state[held] if states is None else states
+        self._balance = self._balance_at(equations.start.q if q is None else q)
+
+    def _balance_at(self, q: Array) -> RestBalance:
+        return RestBalance(self._equations, q, self._states, self._inputs)
+
+    def nearest(self) -> Equilibrium | None:
+        """The nearer of the first equilibria on the two paths; of two at the same distance, the stabler one."""
+        balance = self._balance
+        if balance.imbalance <= BALANCED_START:
+            return self._described(balance.start)
+        found: list[Equilibrium] = []
+        for direction in (1.0, -1.0):
+            within = (1.0 + SAME) * min((one.distance for one in found), default=math.inf)
+            found += [self._described(rest) for rest in islice(equilibria_along(balance, direction, within), 1)]
+        found += self._settled()
+        if not found:
+            return next(iter(self._around()), None)
+        least = min(one.distance for one in found)
+        return min((one for one in found if one.distance <= (1.0 + SAME) * least), key=lambda one: one.growth)
+
+    def all(self) -> list[Equilibrium]:
+        """All that are found, the nearest first."""
+        balance = self._balance
+        found = [self._described(balance.start)] if balance.imbalance <= BALANCED_START else []
+        for direction in (1.0, -1.0):
+            found += [self._described(rest) for rest in islice(equilibria_along(balance, direction), ATTEMPTS)]
+        return self._distinct([*found, *self._settled(), *self._around()])
+
+    def _settled(self) -> list[Equilibrium]:
+        rest = settled(self._balance)
+        return [] if rest is None else [self._described(rest)]
+
+    def _around(self) -> list[Equilibrium]:
+        """Those that are found from other configurations, the nearest first."""
+        balance, random = self._balance, np.random.default_rng(2)
+        found = []
+        for attempt in range(1, ATTEMPTS):
+            q = _scattered(balance.constraints, balance.start.q, random, 2 * attempt)
+            nearest = next(equilibria_along(self._balance_at(q), 1.0), None)
+            near = None if nearest is None else balanced(balance, nearest)
+            if near is not None:
+                found.append(self._described(near))
+        return self._distinct(found)
+
+    def _described(self, rest: Rest) -> Equilibrium:
+        equations, balance = self._equations, self._balance
+        rest = self._unwound(rest)
+        efforts, zeros = self._inputs[equations.inputs.efforts], np.zeros(equations.layout.nv)
+        small = linearize(equations, rest.q, zeros, efforts, inputs=self._inputs, states=rest.states)
+        displacement = displacement_between(equations, balance.start.q, rest.q)
+        return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth_of(small.a))
+
+    def _unwound(self, rest: Rest) -> Rest:
+        """A configuration without whole turns since the start, if that is an equilibrium as well."""
+        equations, balance = self._equations, self._balance
+        turns = np.round(displacement_between(equations, balance.start.q, rest.q) / (2.0 * math.pi))
+        turns[~balance.rotations] = 0.0
+        if not turns.any():
+            return rest
+        q = balance.constraints.displaced(rest.q, -2.0 * math.pi * turns)
+        return balanced(balance, replace(rest, q=q)) or rest
+
+    def _distinct(self, found: Sequence[Equilibrium]) -> list[Equilibrium]:
+        """Each of them once, the nearest first."""
+        distinct: list[Equilibrium] = []
+        for one in sorted(found, key=lambda one: one.distance):
+            size = SAME * (1.0 + float(np.linalg.norm(self._balance.weighted(one.displacement))))
+            if all(self._apart(one, other) > size for other in distinct):
+                distinct.append(one)
+        return distinct
+
+    def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
+        """The distance between two equilibria, without dimension and without whole turns."""
+        difference, rotations = one.displacement - other.displacement, self._balance.rotations
+        difference[rotations] = np.remainder(difference[rotations] + math.pi, 2.0 * math.pi) - math.pi
+        return float(np.linalg.norm(self._balance.weighted(difference)))
+
+
+def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Generator, steps: int) -> Array:
+    """A configuration (nq,) some steps away from q, in a random free direction."""
+    all_free, direction = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool), None
+    for _ in range(steps):
+        free = constraints.free_directions(0.0, q)
+        components = random.normal(size=free.shape[1]) if direction is None else free.T @ direction
+        direction = free @ components
+        direction *= SCATTER / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
+        closing = close_loops(constraints, 0.0, constraints.displaced(q, direction), all_free)
+        if not closing.closed:
+            break
+        q = closing.q
+    return q

@@ -1,0 +1,1 @@
+"""Mobility, inverse dynamics, the sharing of loads, positions without masses."""

@@ -1,0 +1,104 @@
+"""The configurations of a mechanism without its dynamics, so that no part needs a mass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.base.errors import InputError, nearest
+from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
+from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.dynamics.constraints.assembly import close_loops
+from mbd_sim.dynamics.constraints.start import assemble
+from mbd_sim.dynamics.kinematics.tracing import trace
+from mbd_sim.dynamics.math.expressions import require_smooth
+from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
+from mbd_sim.mechanism.spanning_tree import split_reference
+
+
+class Kinematics:
+    """The poses of the parts and the positions of their points as functions of the coordinates.
+
+    It needs neither masses nor inertias, and compiles nothing. `start` holds the coordinates q (nq,) at t = 0, in the
+    order of `Simulation.q`, with all loops closed.
+
+    >>> import numpy as np
+    >>> from mbd_sim import Kinematics, load_mechanism
+    >>> arm = Kinematics(load_mechanism("six_axis_arm"))
+    >>> arm.poses(np.zeros(6))["tool"].position.shape
+    (3,)
+    """
+
+    __repr__ = short_repr
+
+    @interruptible_tracing()
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Trace the positions and close the loops.
+
+        :raises MechanismError: the loops cannot be closed, or nothing can move.
+        """
+        require_smooth(require_mechanism(mechanism))
+        traced = trace(mechanism)
+        assembly = assemble(traced)
+        self.mechanism, self.layout = mechanism, traced.layout
+        self.rows, self.constraints = tuple(assembly.equations.rows), assembly.functions
+        self.assembled = assembly.start
+        self.start = assembly.start.q
+        self.part_names = traced.part_names
+        inputs = [traced.state.t, traced.state.q, traced.parameters.symbols]
+        self._poses = ca.Function("poses", inputs, [traced.flat_poses[: 12 * len(self.part_names)]])
+        self._values = traced.parameters.base
+
+    def poses(self, q: Sequence[float] | Array | None = None, time: float = 0.0) -> Mapping[str, Pose]:
+        """The pose of each part in ground's frame.
+
+        :param q: (nq,) the coordinates, by default those at the start.
+        :param time: in s, on which drives depend.
+        :raises ValueError: the number of coordinates is wrong.
+        """
+        rows = np.array(self._poses(time, self._coordinates(q), self._values)).reshape(-1, 12)
+        positions, rotations = unpack_poses(rows)
+        return {
+            name: Pose(position.copy(), rotation.copy())
+            for name, position, rotation in zip(self.part_names, positions, rotations, strict=True)
+        }
+
+    def point(self, name: str, q: Sequence[float] | Array | None = None, time: float = 0.0) -> Array:
+        """The position (3,) in m, in ground's frame, of a point `part.point`, or of the origin of a part.
+
+        :raises ValueError: there is no such part or point, or the number of coordinates is wrong.
+        """
+        known = {GROUND: self.mechanism.ground_points, **{p.name: p.points for p in self.mechanism.parts.values()}}
+        try:
+            part, point = split_reference(name, known)
+        except InputError as error:
+            valid = [text for owner, points in known.items() for text in (owner, *(f"{owner}.{p}" for p in points))]
+            raise ValueError(f"there is no point '{name}'. {nearest(name, valid)}") from error
+        local = known[part][point].position if point else np.zeros(3)
+        if part == GROUND:
+            return np.array(local)
+        pose = self.poses(q, time)[part]
+        return np.asarray(pose.position + pose.rotation @ local)
+
+    def closed(self, q: Sequence[float] | Array, time: float = 0.0) -> Array:
+        """The coordinates (nq,) near q that close the loops at a time.
+
+        :raises ValueError: there are none, or the number of coordinates is wrong.
+        """
+        closing = close_loops(self.constraints, time, self._coordinates(q), np.ones(self.layout.nv, dtype=bool))
+        if not closing.closed:
+            raise ValueError(
+                f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
+                "remains. Give coordinates closer to a closed configuration."
+            )
+        return closing.q
+
+    def _coordinates(self, q: Sequence[float] | Array | None) -> Array:
+        given = self.start if q is None else np.asarray(q, dtype=float)
+        if given.shape != self.start.shape or not np.all(np.isfinite(given)):
+            raise ValueError(f"q must be {len(self.start)} finite numbers.")
+        return given

@@ -1,0 +1,1 @@
+"""Poses and rotations, also of many variants at once."""

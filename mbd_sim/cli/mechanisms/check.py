@@ -1,0 +1,166 @@
+"""`mbd_sim check`: report on a mechanism without running it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+from mbd_sim.base.errors import CommandError, NoInertiaError, listed
+from mbd_sim.base.plain_output import print_file
+from mbd_sim.cli.shared.common import add_mechanism, print_undrawn_meshes
+from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.base.errors import NoInertiaError
+    from mbd_sim.mechanism.mechanism import Mechanism
+
+HELP = "report parts, joints, degrees of freedom, constraints and energies of a mechanism"
+DESCRIPTION = (
+    "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies. The status is 1 "
+    "if it has problems, or if its dynamics is not defined because something has no mass."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    add_set(
+        parser, "change a value of the mechanism file, such as l=0.16 or joints.elbow.position='30 deg'; repeatable"
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    parser.add_argument(
+        "--inertia",
+        action="store_true",
+        help="add the center of mass, inertia tensor and principal axes of each part and of the whole mechanism",
+    )
+    parser.add_argument("--draw", metavar="PICTURE", help="draw the initial configuration to a .png, .svg or .pdf file")
+    parser.add_argument(
+        "--latex",
+        action="store_true",
+        help="print energies, equations, constraints and sensors as LaTeX instead of the report (small mechanisms)",
+    )
+    parser.add_argument(
+        "--numbers", action="store_true", help="with --latex: numbers in place of the file's parameters"
+    )
+    parser.add_argument(
+        "--symbols",
+        metavar="KEY",
+        nargs="+",
+        help="with --latex: further numbers of the file as symbols, by their keys or patterns: 'parts.*.mass'",
+    )
+    parser.add_argument(
+        "--no-linearization",
+        action="store_true",
+        help="with --latex: without the linearized equations about an equilibrium",
+    )
+    parser.add_argument("--cost", action="store_true", help="add the number of instructions per time step, by kind")
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Print the report, or the equations as LaTeX.
+
+    :raises CommandError: options that have no effect.
+    """
+    from mbd_sim.studies.report.cached_report import cached_report
+
+    if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
+        raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex")
+    if options.no_linearization and not options.latex:
+        raise CommandError("--no-linearization chooses what --latex prints: give it with --latex")
+    mechanism = changed_mechanism(options)
+    try:
+        if not (options.draw or options.latex or options.inertia or options.cost):
+            return _print_report(cached_report(mechanism), options)
+        return _report_with_more(mechanism, options)
+    except NoInertiaError as error:
+        return _without_dynamics(mechanism, error, options)
+
+
+def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
+    from mbd_sim.simulation.run.simulation import Simulation
+
+    simulation = Simulation(mechanism)
+    if options.draw:
+        from mbd_sim.pictures.drawing.picture import draw
+
+        draw(simulation.mechanism, simulation.poses(), options.draw)
+        print_undrawn_meshes(simulation.mechanism)
+    if options.latex:
+        print_file(_latex(simulation.mechanism, options))
+        return 0
+
+    from mbd_sim.analysis.mechanics.instruction_cost import cost
+    from mbd_sim.studies.report.elements import inertia_report
+    from mbd_sim.studies.report.mechanism_report import report
+
+    content = report(simulation)
+    if options.inertia:
+        content["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())
+    if options.cost:
+        content["cost"] = cost(simulation.model.equations, simulation.model.method)
+    return _print_report(content, options)
+
+
+def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
+    from mbd_sim.studies.report.text import report_text
+
+    if options.json:
+        print(json.dumps(content, indent=2))
+        return 0
+    print(report_text(content))
+    if options.inertia:
+        from mbd_sim.studies.report.elements import inertia_text
+
+        print(f"\n{inertia_text(content['inertia'])}")
+    if options.cost:
+        from mbd_sim.analysis.mechanics.instruction_cost import cost_text
+
+        print(f"\n{cost_text(content['cost'])}")
+    if options.draw:
+        print(f"wrote {options.draw}")
+    return 0
+
+
+def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
+    from mbd_sim.files.checks.override import matching
+    from mbd_sim.studies.symbolic.equations import symbolic_equations
+    from mbd_sim.studies.symbolic.latex import to_latex
+    from mbd_sim.studies.symbolic.linearization import linearized
+
+    parameters: list[str] | None = [] if options.numbers else None
+    if options.symbols:
+        found = {name: matching(mechanism, [name]) if "*" in name else [name] for name in options.symbols}
+        if unmatched := [name for name, keys in found.items() if not keys]:
+            raise CommandError(f"--symbols {listed(unmatched)}: no number of the file has such a key")
+        further = [key for keys in found.values() for key in keys]
+        parameters = [*mechanism.parameters, *further]
+    equations = symbolic_equations(mechanism, parameters)
+    return to_latex(equations, None if options.no_linearization else linearized(mechanism, equations))
+
+
+def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argparse.Namespace) -> int:
+    """Report what needs no masses; the status is 1, because the mechanism cannot be run.
+
+    :raises NoInertiaError: more was requested.
+    """
+    from mbd_sim.analysis.mechanics.kinematics import Kinematics
+    from mbd_sim.studies.report.elements import inertia_report, inertia_text
+    from mbd_sim.studies.report.mechanism_report import kinematic_report
+    from mbd_sim.studies.report.text import kinematic_text
+
+    if options.latex or options.cost:
+        raise error
+    kinematics = Kinematics(mechanism)
+    if options.draw:
+        from mbd_sim.pictures.drawing.picture import draw
+
+        draw(mechanism, kinematics.poses(), options.draw)
+        print_undrawn_meshes(mechanism)
+    content = kinematic_report(kinematics, error.problems)
+    if options.inertia:
+        content["inertia"] = inertia_report(mechanism.parts, kinematics.poses())
+    print(json.dumps(content, indent=2) if options.json else kinematic_text(content))
+    if options.inertia and not options.json:
+        print(f"\n{inertia_text(content['inertia'])}")
+    return 1

@@ -1,0 +1,85 @@
+"""`mbd_sim convert`: a mechanism in another format."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from mbd_sim.base.errors import CommandError, listed
+from mbd_sim.base.plain_output import print_file
+from mbd_sim.cli.shared.common import add_mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.mechanism import Mechanism
+
+HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF, MJCF or SDF"
+DESCRIPTION = (
+    "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes one "
+    "self-contained mechanism file in YAML; with --to, any mechanism becomes URDF, MJCF or SDF. What the other format "
+    "cannot express is listed in the file and printed to standard error. Paths of meshes become absolute, so that the "
+    "output may be written to any folder."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    parser.add_argument(
+        "--to", choices=["yaml", "urdf", "mjcf", "sdf"], default="yaml", help="format to write (default: yaml)"
+    )
+    parser.add_argument(
+        "--base",
+        choices=["fixed", "free"],
+        help="how the root link of a URDF or SDF is attached to ground (default: fixed; SDF: as the file says)",
+    )
+    parser.add_argument("--expand", action="store_true", help="write out the entries that are repeated with 'for'")
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Print the file.
+
+    :raises CommandError: `--expand` with another format.
+    """
+    from mbd_sim.files.load import load_mechanism
+    from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
+    from mbd_sim.files.text.yaml_writer import mechanism_text, yaml_text
+
+    if options.expand and options.to != "yaml":
+        raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")
+    mechanism = with_meshes_seen_from(load_mechanism(options.mechanism, options.base), None)
+    if options.to != "yaml":
+        return write_as(mechanism, options.to)
+    source = mechanism.source
+    if options.expand and source.template is not None:
+        print_file(yaml_text(source.data))
+        return 0
+    print_file(mechanism_text(source))
+    if source.ros2_control and source.text is None:
+        blocks = listed([block.attributes.get("name", "") for block in source.ros2_control])
+        remedy = "To keep them, write a mechanism file with 'urdf: FILE' instead."
+        print(f"note: not in this file: <ros2_control>: {blocks}. {remedy}", file=sys.stderr)
+    return 0
+
+
+def write_as(mechanism: Mechanism, to: str) -> int:
+    """Print a mechanism in another format, and to standard error what is left out."""
+    if to == "urdf":
+        from mbd_sim.files.urdf.writer import left_out, to_urdf
+
+        print_file(to_urdf(mechanism))
+        missing = left_out(mechanism)
+    else:
+        if to == "mjcf":
+            from mbd_sim.files.mjcf.writer import to_mjcf
+
+            written = to_mjcf(mechanism)
+        else:
+            from mbd_sim.files.sdf.writer import to_sdf
+
+            written = to_sdf(mechanism)
+        print_file(written.text)
+        missing = written.left_out
+    for note in missing:
+        print(f"note: not in this file: {note}", file=sys.stderr)
+    return 0

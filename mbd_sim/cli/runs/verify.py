@@ -1,0 +1,142 @@
+"""`mbd_sim verify`: recompute recorded runs and compare every recorded state."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING
+
+from mbd_sim.base.errors import counted, listed
+from mbd_sim.cli.shared.common import ProgressBar, add_quiet, positive_number
+from mbd_sim.cli.shared.recorded_run import add_run, is_recording, recorded_run
+
+if TYPE_CHECKING:
+    from mbd_sim.recordings.run.comparison import Difference, Verification
+
+HELP = "recompute recorded runs and compare them bit for bit"
+DESCRIPTION = (
+    "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare every "
+    "recorded state. If RUN is a mechanism, it is run and recorded first. Checksums, offsets and indexes of the files "
+    "are also checked. The exit code is 1 if any state differs or a file is damaged. A file that was merely truncated "
+    "by a kill is compared up to its end."
+)
+
+NOUNS = {  # singular and plural
+    "joint_states": ("joint state", "joint states"),
+    "energies": ("set of energies", "energies"),
+    "constraint_violation": ("constraint violation", "constraint violations"),
+    "accelerations": ("set of accelerations", "sets of accelerations"),
+    "sensors": ("measurement", "measurements"),
+    "applied_efforts": ("effort", "efforts"),
+    "applied_commands": ("command", "commands"),
+    "applied_wrenches": ("wrench", "wrenches"),
+    "live_values": ("live value", "live values"),
+    "new_states": ("new state", "new states"),
+    "resets": ("reset", "resets"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_run(parser, several=True, recomputed=True)
+    parser.add_argument(
+        "--tolerance",
+        type=positive_number,
+        metavar="X",
+        help="accept deviations up to X * (1 + the largest number of the message), comparing each recorded "
+        "state with the one recomputed from the previous recorded state (default: bit for bit; 1e-9 for recordings "
+        "from another machine or version)",
+    )
+    add_quiet(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Verify all recordings and print a report on each; returns 1 if a state differs or a file is damaged."""
+    from mbd_sim.recordings.run.verification import verify
+
+    all_intact = True
+    for run in options.recordings:
+        with recorded_run(run, options) as path, ProgressBar(f"verify {path.name}", options.quiet) as progress:
+            verifications = verify(path, options.tolerance, progress.show)
+        for verification in verifications:
+            if not is_recording(run):
+                verification.path = Path(run)
+            print(verify_text(verification))
+            all_intact &= verification.is_intact
+    return 0 if all_intact else 1
+
+
+def verify_text(found: Verification) -> str:
+    """Return the report on a file, a few lines."""
+    comparison = "bit for bit" if found.tolerance is None else f"to {found.tolerance:g}"
+    simulated = found.steps * found.step
+    lines = [f"{found.path}: {_verdict(found, comparison)}"]
+    lines += [f"  recorded with    {text}" for text in found.environment_differences]
+    if found.environment_differences:
+        lines.append(
+            "                   The last bits may differ there, so each recorded state is compared with the one"
+        )
+        lines.append("                   recomputed from the previous recorded state.")
+    lines.append(f"  mechanism        {found.mechanism} ({found.method}, {found.step * 1e3:g} ms)")
+    lines.append(f"  compared         {_counted(found.compared)}; commands: {_counted(found.commands) or 'none'}")
+    lines.append(
+        f"  computed         {counted(found.steps, 'step')}, {simulated:.6g} s simulated in {found.wall_time:.3g} s: "
+        f"{simulated / max(found.wall_time, 1e-9):,.0f} × real time"
+    )
+    if found.problem:
+        lines.append(f"  file             {found.problem}; its readable part is compared")
+    if found.index_problem:
+        lines.append(
+            f"  DAMAGED INDEX    {found.index_problem}; to repair it: mbd_sim recover {quote(str(found.path))}"
+        )
+    if found.content_problem:
+        lines.append(f"  DAMAGED          {found.content_problem}")
+    if found.failure:
+        lines.append(f"  ENDS EARLY       {found.failure}")
+    if found.first is not None:
+        lines += _differences(found, found.first)
+    return "\n".join(lines)
+
+
+def _verdict(found: Verification, comparison: str) -> str:
+    if found.first is not None:
+        return f"DIFFERS from step {found.first.tick} on (t = {found.first.time:.9g} s)"
+    if found.failure:
+        return f"agrees {comparison} as far as it can be read"
+    if not found.compared:
+        return "contains no state to compare"
+    if found.index_problem:
+        return f"the states are right, {comparison}, but the index of the file is damaged"
+    if found.content_problem:
+        return f"the states are right, {comparison}, but the file is damaged"
+    return f"verified, {comparison}"
+
+
+def _counted(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} {NOUNS[role][count != 1]}" for role, count in counts.items())
+
+
+def _differences(found: Verification, first: Difference) -> list[str]:
+    lines = [f"  first            {_difference_text(first)}"]
+    if found.largest is not None and found.largest is not first:
+        lines.append(f"  largest          {_difference_text(found.largest)}")
+    lines.append(f"  differ           {found.differing} of {counted(sum(found.compared.values()), 'message')}")
+    return [*lines, f"  likely cause     {_likely_cause(found)}"]
+
+
+def _likely_cause(found: Verification) -> str:
+    if found.differing == 1 and (count := found.agreeing_since):
+        after = "the message after it agrees" if count == 1 else f"the {count} messages after it agree"
+        return f"this record is damaged: {after}"
+    if found.suspected_commands:
+        return f"an earlier command: {listed(found.suspected_commands[::-1], 4)}"
+    return "the start of the run or an earlier state: there is no command after the last state that agrees"
+
+
+def _difference_text(difference: Difference) -> str:
+    recorded, computed = difference.recorded, difference.computed
+    return (
+        f"{difference.topic}, {difference.name}, step {difference.tick}, t = {difference.time:.9g} s: "
+        f"recorded {recorded!r} ({recorded.hex()}), computed {computed!r} ({computed.hex()})"
+    )

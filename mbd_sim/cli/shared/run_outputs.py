@@ -1,0 +1,246 @@
+"""The files that `mbd_sim run` leaves: a recording, a table, a plot, an animation."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbd_sim.base.errors import DivergedError, InputError, counted
+from mbd_sim.cli.shared.common import (
+    COUNT,
+    ProgressBar,
+    positive_in,
+    positive_number,
+    print_undrawn_meshes,
+    read_run_table,
+    temporary_file,
+)
+from mbd_sim.cli.shared.plot_options import (
+    add_coordinates,
+    add_plot_style,
+    add_show,
+    chosen_style,
+    plotted_coordinates,
+    shown_plots,
+)
+from mbd_sim.mechanism.values.names import split_names
+
+if TYPE_CHECKING:
+    from mbd_sim.base.geometry.pose import Pose
+    from mbd_sim.simulation.run.simulation import Simulation
+
+RECORDING = ".mcap"
+SIZE = 600, 400  # px, of an animation
+
+
+def add_outputs(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that name files, and what they contain."""
+    group = parser.add_argument_group("files")
+    group.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="record the run to an .mcap file, or write it as a table: .csv, .parquet or .npz",
+    )
+    group.add_argument(
+        "--plot", type=Path, metavar="FILE", help="plot energies, joints and residual: .png, .svg, .pdf or .html"
+    )
+    add_show(group)
+    add_coordinates(group)
+    add_plot_style(group)
+    group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .webp, .mp4 or .html")
+    group.add_argument(
+        "--trace",
+        action="append",
+        default=[],
+        metavar="POINT",
+        help="draw the path of a part or part.point; repeatable",
+    )
+    group.add_argument(
+        "--pace",
+        type=positive_number,
+        metavar="X",
+        help="seconds of motion in each second of the animation: 0.1 for slow motion (default 1)",
+    )
+    group.add_argument(
+        "--size", type=_size, metavar="WxH", help="of the animation in pixels, such as 1280x720 (default 600x400)"
+    )
+    group.add_argument(
+        "--rate",
+        type=positive_in("Hz"),
+        metavar="HZ",
+        help="recorded states per simulated second (default 100, but at most one per step)",
+    )
+    group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
+    group.add_argument("--violation", action="store_true", help="also record the violation of loops and constraints")
+    group.add_argument(
+        "--poses", metavar="PARTS", default="", help="also record the poses of these parts, separated by commas; *: all"
+    )
+    group.add_argument(
+        "--accelerations",
+        metavar="NAMES",
+        default="",
+        help="also record the accelerations of coordinates, parts and points (part.point), separated by commas; *: all",
+    )
+
+
+def _size(text: str) -> tuple[int, int]:
+    """An argument's width and height."""
+    found = re.fullmatch(r"(\d{2,4})x(\d{2,4})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a width and a height of 10 to 9999 pixels, such as 1280x720")
+    return int(found[1]), int(found[2])
+
+
+class RunOutputs:
+    """The files of one run, as the options name them."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        """Check the options before anything is computed.
+
+        :raises InputError: a file has another suffix, its folder does not exist, an option has no effect without a
+            file, or a package is not installed.
+        """
+        from mbd_sim.pictures.drawing import animation as animation_file
+        from mbd_sim.recordings.views import export, panels, plots
+
+        self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
+        self.written: list[str] = []
+        if options.out is not None:
+            plots.require_suffix(options.out, (RECORDING, *export.SUFFIXES))
+            export.require_packages_for(options.out)
+        self._style, self._shown = chosen_style(options, options.plot), shown_plots(options, options.plot)
+        panels.require_names(self._shown)
+        self._coordinates = plotted_coordinates(options, options.plot)
+        if options.plot is not None:
+            plots.require_suffix(options.plot, plots.PLOT_SUFFIXES)
+            plots.require_plot_packages(options.plot)
+        if options.animate is not None:
+            plots.require_suffix(options.animate, animation_file.SUFFIXES)
+            animation_file.require_animation_packages(options.animate)
+        elif unused := [name for name in ("trace", "pace", "size") if getattr(options, name)]:
+            raise InputError(f"--{unused[0]}: nothing is drawn", "Give --animate too.")
+        self._pace, self._size = options.pace or 1.0, options.size or SIZE
+        if not self.records:
+            unused = [
+                name for name in ("rate", "reactions", "violation", "poses", "accelerations") if getattr(options, name)
+            ]
+            if unused:
+                names = ", ".join(f"--{name}" for name in unused)
+                raise InputError(f"{names}: nothing is recorded", "Give --out or --plot too.")
+
+    @property
+    def frame_rate(self) -> float:
+        """The samples for the animation per simulated second, 0 for none: frames, and points of traced paths."""
+        from mbd_sim.pictures.drawing.animation import TRACE_POINTS
+
+        if self._options.animate is None:
+            return 0.0
+        return self._drawn_rate * (TRACE_POINTS if self._options.trace else 1)
+
+    @property
+    def _drawn_rate(self) -> float:
+        """The frames per simulated second."""
+        from mbd_sim.pictures.drawing.animation import FRAME_RATE
+
+        return FRAME_RATE / self._pace
+
+    @contextmanager
+    def of(self, simulation: Simulation) -> Iterator[None]:
+        """Record the run in this block, then write the files; also if the motion becomes infinite."""
+        from mbd_sim.pictures.drawing.animation import traced_points
+
+        options = self._options
+        traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
+        least = self._drawn_rate * self._pace * simulation.step_size
+        if options.pace and options.animate and options.pace < least * (1.0 - 1e-9):
+            raise InputError(
+                f"--pace {options.pace:g}: there are no {self._drawn_rate:g} steps per second to draw",
+                f"Give a pace of {least:g} or more, or a smaller --step.",
+            )
+        keeps = options.out is not None and options.out.suffix == RECORDING
+        name = f"{simulation.mechanism.name}.mcap".replace("/", "_")
+        with temporary_file(name) if self.records and not keeps else nullcontext(options.out or Path()) as path:
+            try:
+                with self._recording(simulation, path):
+                    yield
+            except DivergedError:
+                self._write(simulation, path)
+                raise
+            self._write(simulation, path)
+
+    def add_frame(self, simulation: Simulation) -> None:
+        """Keep the present poses for the animation."""
+        self._frames.append((simulation.time, simulation.poses()))
+
+    @property
+    def records(self) -> bool:
+        """Whether the run is recorded."""
+        return self._options.out is not None or self._options.plot is not None
+
+    def _recording(self, simulation: Simulation, path: Path) -> AbstractContextManager[object]:
+        from mbd_sim.recordings.run.run_recorder import RunRecorder
+
+        options = self._options
+        if not self.records:
+            return nullcontext()
+        poses, accelerations = split_names(options.poses), split_names(options.accelerations)
+        return RunRecorder(
+            simulation,
+            path,
+            rate=options.rate,
+            reactions=options.reactions or "reactions" in self._shown,
+            violation=options.violation,
+            poses=poses,
+            accelerations=accelerations,
+        )
+
+    def _write(self, simulation: Simulation, path: Path) -> None:
+        options = self._options
+        if self.records:
+            self._write_table_and_plot(path)
+        if options.animate is not None:
+            self._animate(simulation)
+
+    def _write_table_and_plot(self, path: Path) -> None:
+        from mbd_sim.recordings.views import export, plots
+        from mbd_sim.recordings.views.panels import panels
+
+        options = self._options
+        table = read_run_table(path, options.quiet, options.mechanism if path != options.out else "")
+        if path == options.out:
+            self.written.append(f"{path}: {counted(len(table), 'state')}")
+        elif options.out is not None:
+            columns = export.export(options.out, table)
+            self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
+        if options.plot is not None:
+            chosen = panels(table, self._shown, self._coordinates, degrees=options.deg)
+            plots.draw(options.plot, table, chosen, self._style)
+            titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
+            self.written.append(f"{options.plot}: {titles}")
+
+    def _animate(self, simulation: Simulation) -> None:
+        from mbd_sim.pictures.drawing.animation import Animation, Frame, write_animation
+
+        options = self._options
+        width, height = self._size
+        poses = [pose for _, pose in self._frames]
+        animation = Animation(simulation.model, width, height, poses, options.trace)
+        expected = 1 + int((self._frames[-1][0] - self._frames[0][0]) * self._drawn_rate + 1e-6)
+        drawn = 0
+        with ProgressBar("draw", self._options.quiet, total=expected, amount=COUNT) as progress:
+
+            def frames() -> Iterator[Frame]:
+                nonlocal drawn
+                for frame in animation.frames(self._frames, self._drawn_rate):
+                    yield frame
+                    drawn += 1
+                    progress.advance(1)
+
+            write_animation(self._options.animate, frames(), simulation.mechanism.name)
+        print_undrawn_meshes(simulation.mechanism)
+        self.written.append(f"{self._options.animate}: {counted(drawn, 'frame')}")

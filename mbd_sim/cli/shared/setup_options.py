@@ -1,0 +1,190 @@
+"""The options that set up a run of a mechanism, `--set`, `--start` and `--effort`, or its export as code."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from mbd_sim.base.errors import InputError, MechanismError, nearest
+from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, print_notes
+from mbd_sim.mechanism.values.names import in_quotes, split_assignment
+
+if TYPE_CHECKING:
+    from mbd_sim.exports.c_code.model import ExportedModel
+    from mbd_sim.mechanism.mechanism import Mechanism
+    from mbd_sim.simulation.run.simulation import Simulation
+
+
+def add_set(parser: argparse._ActionsContainer, help_text: str) -> None:
+    """Declare `--set`."""
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help=help_text)
+
+
+def add_start(parser: argparse._ActionsContainer) -> None:
+    """Declare `--start` and `--effort`."""
+    parser.add_argument(
+        "--start",
+        action="append",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="start position of a joint or coordinate, in rad or m or with a unit, such as elbow='30 deg'; repeatable",
+    )
+    parser.add_argument(
+        "--effort",
+        action="append",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="constant effort on a joint, in N or N·m or with a unit; repeatable",
+    )
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Declare what is exported as code: see `exported_model`."""
+    add_mechanism(parser)
+    add_method_and_step(parser, "from the file")
+    add_set(parser, "change a value of the mechanism file, such as joints.elbow.position='30 deg'; repeatable")
+    parser.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="a number of the file that stays variable, such as l or parts.rod.mass; repeatable",
+    )
+    parser.add_argument(
+        "--wrench", action="append", default=[], metavar="PART", help="a part on which forces can act; repeatable"
+    )
+
+
+def exported_model(options: argparse.Namespace) -> ExportedModel:
+    """The mechanism that the options describe, traced for code; what is left out is printed as notes.
+
+    :raises MechanismError: it cannot be exported, see `export_model`.
+    """
+    from mbd_sim.exports.c_code.model import export_model
+
+    model = export_model(
+        changed_mechanism(options),
+        method=options.method,
+        step=options.step,
+        parameters=options.parameter,
+        wrenches=options.wrench,
+    )
+    print_notes(model.remarks)
+    return model
+
+
+def changed_mechanism(options: argparse.Namespace) -> Mechanism:
+    """The mechanism with the values of `--set`.
+
+    :raises InputError: an option is not an assignment.
+    :raises MechanismError: with all problems of the file, or of the values.
+    """
+    from mbd_sim.files.checks.override import with_values
+    from mbd_sim.files.load import load_mechanism
+
+    mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
+    return with_values(mechanism, changes) if changes else mechanism
+
+
+def changes_of(assignments: Iterable[str]) -> dict[str, Any]:
+    """The values of `--set` by key: numbers, or texts as in a file.
+
+    :raises InputError: one is not of the form KEY=VALUE.
+    """
+    return {key: _value(text, f"--set {key}") for key, text in _pairs("--set", assignments, "joints.elbow.damping=0.2")}
+
+
+def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) -> Simulation:
+    """The simulation that the options describe, with its constant efforts.
+
+    :param with_changes: whether `--set`, `--method` and `--step` are for this run.
+    :raises InputError: an option is not an assignment, or names a joint that does not exist.
+    :raises MechanismError: the mechanism cannot be built with these values.
+    """
+    from mbd_sim.files.load import load_mechanism
+    from mbd_sim.simulation.run.simulation import Simulation
+
+    mechanism = load_mechanism(options.mechanism)
+    changes = changes_of(options.changes) if with_changes else {}
+    changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
+    simulation = Simulation(
+        mechanism,
+        method=options.method if with_changes else None,
+        step=options.step if with_changes else None,
+        set=changes,
+    )
+    simulation.set_efforts(dict(_effort(text, mechanism) for text in options.effort))
+    return simulation
+
+
+def _pairs(option: str, assignments: Iterable[str], example: str) -> list[tuple[str, str]]:
+    pairs = []
+    for text in assignments:
+        pair = split_assignment(text)
+        if not all(pair):
+            form = "KEY=VALUE" if option == "--set" else "JOINT=VALUE"
+            raise InputError(f"{option} {text}: not of the form {form}", f"Write for example {example}.")
+        pairs.append(pair)
+    return pairs
+
+
+def _value(text: str, option: str) -> Any:
+    """The value of an option as a file has it: a number, a list or a mapping, or a text."""
+    try:
+        return float(text)
+    except ValueError:
+        if not text.lstrip().startswith(("[", "{")):
+            return text
+    from mbd_sim.files.text.yaml_reader import parse_source
+
+    source = parse_source(text, option)
+    if source.problems:
+        raise MechanismError(source.problems)
+    return source.data
+
+
+def _effort(text: str, mechanism: Mechanism) -> tuple[str, float]:
+    from mbd_sim.files.text.values import parse_value, split_unit
+
+    ((name, value),) = _pairs("--effort", [text], "elbow=2.5")
+    try:
+        if not split_unit(value)[1]:
+            return name, float(value)
+        known = name in mechanism.coordinate_names
+        unit = mechanism.coordinate(name).effort_unit.replace("·", "*") if known else None
+        return name, parse_value(value, {}, unit)
+    except InputError as error:
+        raise InputError(f"--effort {text}: {error.message}", error.remedy) from None
+    except ValueError:
+        raise InputError(f"--effort {text}: '{value}' is not a number", "Write for example elbow=2.5.") from None
+
+
+def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) -> dict[str, Any]:
+    """The values of `--start`, by key of the file: of a joint with one coordinate, or of one of several coordinates."""
+    lists: dict[str, list[Any]] = {}
+    found: dict[str, Any] = {}
+    for name, text in starts:
+        joint, number = _coordinate(mechanism, name)
+        key = f"joints.{in_quotes(joint)}.position"
+        if number is None:
+            found[key] = _value(text, f"--start {name}")
+            continue
+        record = mechanism.all_joints[joint]
+        values = lists.setdefault(key, record.position[: record.kind.quaternion].tolist())
+        values[number] = _value(text, f"--start {name}")
+    return found | lists
+
+
+def _coordinate(mechanism: Mechanism, name: str) -> tuple[str, int | None]:
+    """The joint, and the place of the coordinate in its list of positions if it has one."""
+    found: dict[str, tuple[str, int | None]] = {}
+    for joint in mechanism.all_joints.values():
+        if joint.kind.nv == 1:
+            found[joint.name] = joint.name, None
+        else:
+            labels = joint.kind.labels[: joint.kind.quaternion]  # an orientation has a key of its own
+            found |= {f"{joint.name}{label}": (joint.name, number) for number, label in enumerate(labels)}
+    if name not in found:
+        raise InputError(f"--start {name}: there is no joint or position of this name", nearest(name, found))
+    return found[name]

@@ -1,0 +1,207 @@
+"""`mbd_sim kinematics`: move the drives of a mechanism through ranges, without dynamics."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbd_sim.base.errors import InputError
+from mbd_sim.cli.shared.common import add_mechanism, print_notes, seed_number
+from mbd_sim.cli.shared.plot_options import add_show, shown_plots
+from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.base.geometry.pose import Array
+    from mbd_sim.mechanism.mechanism import Mechanism
+    from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
+    from mbd_sim.studies.kinematic_analysis.system import DriveRange
+
+CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
+HELP = "move drives through ranges: positions, velocities, accelerations, dead points, loads"
+DESCRIPTION = (
+    "Move the drives of a mechanism through their ranges and determine everything else from the constraints: "
+    "positions, velocities, accelerations, paths of points, dead points, limit positions, transmission angles and "
+    "mechanical advantage; with --loads also efforts and reactions by inverse dynamics."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    parser.add_argument(
+        "--drive",
+        action="append",
+        required=True,
+        metavar="NAME=RANGE",
+        help="a driven coordinate and its range, such as crank=0:360deg, or crank=0:360deg:73 for 73 positions, or a "
+        "value at which it is held; repeatable: as many as the mechanism has degrees of freedom",
+    )
+    add_set(parser, "change a value of the mechanism file, such as l=0.16 or parts.rod.mass='2 kg'; repeatable")
+    parser.add_argument(
+        "--speed", default="1", metavar="V", help="of the first drive: rad/s, m/s, or 60rpm (default 1)"
+    )
+    parser.add_argument(
+        "--point", action="append", default=[], metavar="PART.POINT", help="a point whose path is wanted; repeatable"
+    )
+    parser.add_argument(
+        "--transmission",
+        action="append",
+        metavar="PIN",
+        help="the pin between a coupler and a follower whose transmission angle is wanted, or COUPLER,PIN,FOLLOWER "
+        "with the other joint of the coupler and the pivot or guide of the follower; repeatable (default: all that are "
+        "evident)",
+    )
+    parser.add_argument("--loads", action="store_true", help="determine efforts of drives and loads on joints")
+    parser.add_argument("--modes", action="store_true", help="list all assembly modes at the start of the range")
+    parser.add_argument("--mode", type=int, metavar="N", help="begin in assembly mode N (default: that of the file)")
+    parser.add_argument(
+        "--through-dead-points",
+        action="store_true",
+        help="follow the motion through dead points, where the drive turns back, and straight through change points",
+    )
+    parser.add_argument(
+        "--sensitivity",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="a parameter of the file by which positions are differentiated; repeatable",
+    )
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a tolerance ± of a parameter of the file, such as l=0.1mm; repeatable",
+    )
+    parser.add_argument(
+        "--samples", type=int, default=0, metavar="N", help="random samples within the tolerances (default: none)"
+    )
+    parser.add_argument("--seed", type=seed_number, default=0, help="seed of the random samples (default 0)")
+    _add_outputs(parser)
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--column",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a column of the printed table and of the file, or a pattern such as 'reaction.*.force_N'; repeatable "
+        "(default: positions and efforts are printed, and all columns written)",
+    )
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a limit of the magnitude of a column, in its unit, such as reaction.crank_pin.force_N=500; the status is "
+        "1 if it is exceeded; repeatable",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the motion: .png, .svg or .pdf")
+    add_show(parser, ("mechanism", *CURVES))
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Analyze the motion, print the report, and write the table and the picture."""
+    from mbd_sim.recordings.views.export import SUFFIXES, require_packages_for, write_columns
+    from mbd_sim.recordings.views.plots import require_suffix
+    from mbd_sim.studies.kinematic_analysis.loads import coupler_and_follower, couplers_and_followers, drive_loads
+    from mbd_sim.studies.kinematic_analysis.motion import POSITIONS, driven_motion
+    from mbd_sim.studies.kinematic_analysis.picture import draw_motion, require_groups, require_picture_suffix
+    from mbd_sim.studies.kinematic_analysis.system import drive_speed, position_count
+    from mbd_sim.studies.kinematic_analysis.text import (
+        chosen_columns,
+        column_limit,
+        exceeded_limits,
+        motion_columns,
+        motion_text,
+    )
+
+    limits = [column_limit(text) for text in options.limit]
+    show = shown_plots(options, options.plot)
+    require_groups(show)
+    if options.plot is not None:
+        require_picture_suffix(options.plot)
+    if options.out is not None:
+        require_suffix(options.out, SUFFIXES)
+        require_packages_for(options.out)
+    mechanism = changed_mechanism(options)
+    given = _ranges(options.drive, mechanism)
+    drives = {one.name: (one.start, one.stop) for one, _ in given}
+    count = position_count(given, POSITIONS)
+    if options.modes:
+        _print_modes(mechanism, {one.name: one.start for one, _ in given})
+    motion = driven_motion(
+        mechanism,
+        drives,
+        count,
+        speed=drive_speed(options.speed, mechanism, [one for one, _ in given]),
+        mode=options.mode,
+        dead_points="follow" if options.through_dead_points else "refuse",
+    )
+    pins = couplers_and_followers(motion.mechanism, list(drives))
+    if options.transmission is not None:
+        pins = tuple(coupler_and_follower(motion.mechanism, list(drives), text) for text in options.transmission)
+    loads = drive_loads(motion) if options.loads else None
+    lines, columns = _accuracy(options, mechanism, motion)
+    chosen, exceeded = None, False
+    if options.out is not None or options.column or limits:
+        columns = motion_columns(motion, options.point, pins, loads) | columns
+        of_limits, exceeded = exceeded_limits(motion, columns, limits)
+        lines += of_limits
+    if options.column:
+        chosen = columns = chosen_columns(columns, options.column)
+    print(motion_text(motion, options.point, pins, loads, lines, chosen))
+    if options.out is not None:
+        about = {"mechanism": mechanism.name, "drives": ", ".join(options.drive), "speed": str(motion.speed)}
+        write_columns(options.out, columns, about)
+    if options.plot is not None:
+        draw_motion(options.plot, motion, options.point, pins, loads, show=show)
+    for path in (options.out, options.plot):
+        if path is not None:
+            print(f"wrote {path}")
+    return 1 if exceeded else 0
+
+
+def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
+    from mbd_sim.studies.kinematic_analysis.modes import assembly_modes
+    from mbd_sim.studies.kinematic_analysis.text import modes_text
+
+    print(modes_text(mechanism, assembly_modes(mechanism, drives)))
+
+
+def _ranges(texts: Sequence[str], mechanism: Mechanism) -> list[tuple[DriveRange, int | None]]:
+    """The ranges of `--drive` with their numbers of positions; angles that were probably meant in degrees are noted."""
+    from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_range
+
+    found = [drive_range(text, mechanism) for text in texts]
+    print_notes(remark for text in texts if (remark := bare_range_remark(text, mechanism)))
+    return found
+
+
+def _accuracy(
+    options: argparse.Namespace, mechanism: Mechanism, motion: DrivenMotion
+) -> tuple[list[str], dict[str, Array]]:
+    """Lines and columns about sensitivities and tolerances."""
+    from mbd_sim.studies.kinematic_analysis import tolerances as report
+    from mbd_sim.studies.kinematic_analysis.parametric import MotionSensitivity
+    from mbd_sim.studies.kinematic_analysis.system import parameter_value
+    from mbd_sim.studies.kinematic_analysis.tolerances import ToleranceAnalysis
+
+    lines: list[str] = []
+    columns: dict[str, Array] = {}
+    if options.sensitivity:
+        sensitivity = MotionSensitivity(mechanism, motion, options.sensitivity)
+        lines += report.sensitivity_lines(sensitivity, options.point)
+        columns |= report.sensitivity_columns(sensitivity, options.point)
+    if options.tolerance:
+        given = dict(parameter_value(text, mechanism) for text in options.tolerance)
+        tolerances = ToleranceAnalysis(mechanism, motion, given, samples=options.samples, seed=options.seed)
+        lines += report.tolerance_lines(tolerances, options.point)
+        columns |= report.tolerance_columns(tolerances, options.point)
+    elif options.samples:
+        raise InputError("--samples without tolerances", "Give --tolerance KEY=VALUE.")
+    return lines, columns

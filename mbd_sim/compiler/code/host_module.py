@@ -1,0 +1,19 @@
+"""Modules of IR for this machine, and their machine code."""
+
+from __future__ import annotations
+
+import llvmlite.binding as llvm
+
+from mbd_sim.compiler.code import machine_code
+from mbd_sim.compiler.code.machine_code import MachineCode, compile_text
+from mbd_sim.compiler.ir.module import Module
+
+
+def new_module() -> Module:
+    """An empty module for this machine."""
+    return Module(llvm.get_default_triple(), is_fast=machine_code.LEVEL > 0)
+
+
+def compile_module(module: Module) -> MachineCode:
+    """Optimize and compile a module, or load its object code if the same code was compiled before."""
+    return compile_text(str(module))

@@ -1,0 +1,1 @@
+"""LLVM's intermediate language, written as text."""

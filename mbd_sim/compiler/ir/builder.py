@@ -1,0 +1,267 @@
+"""Instructions of LLVM's intermediate language, each one method, with the names of `llvmlite.ir.IRBuilder`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+
+from mbd_sim.compiler.ir.module import (
+    BOOL,
+    POINTER,
+    VOID,
+    Block,
+    Function,
+    Module,
+    Phi,
+    Type,
+    Value,
+    is_vector,
+    with_lanes_of,
+)
+
+_COMPARISONS = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le", ">": "gt", ">=": "ge", "uno": "no"}
+_LIKELY = {None: None, True: (99, 1), False: (1, 99)}
+
+
+class IRBuilder:
+    """Writes instructions at the end of a block; `unrolled`: see `Module`."""
+
+    def __init__(self, block: Block) -> None:
+        self.position_at_end(block)
+        self.unrolled = self.module.unrolled
+
+    def position_at_end(self, block: Block) -> None:
+        """Continue in another block."""
+        self.block, self._lines, self._numbers = block, block.lines, block.function.numbers
+
+    @property
+    def module(self) -> Module:
+        """The module of the function."""
+        return self.block.function.module
+
+    def append_basic_block(self, name: str) -> Block:
+        """A new block after all others of the function."""
+        return self.block.function.append_basic_block(name)
+
+    def value(self, type_: Type, instruction: str) -> Value:
+        """Write an instruction with a result of a type."""
+        name = f"%v{next(self._numbers)}"
+        self._lines.append(f"  {name} = {instruction}")
+        return Value(type_, name)
+
+    def binary(self, operation: str, x: Value, y: Value) -> Value:
+        """An operation on two values of the same type, with a result of that type."""
+        return self.value(x.type, f"{operation} {x.type} {x.text}, {y.text}")
+
+    def fadd(self, x: Value, y: Value) -> Value:
+        """Compute x + y."""
+        return self.binary("fadd", x, y)
+
+    def fsub(self, x: Value, y: Value) -> Value:
+        """Compute x − y."""
+        return self.binary("fsub", x, y)
+
+    def fmul(self, x: Value, y: Value) -> Value:
+        """Compute x y."""
+        return self.binary("fmul", x, y)
+
+    def fdiv(self, x: Value, y: Value) -> Value:
+        """Compute x / y."""
+        return self.binary("fdiv", x, y)
+
+    def fneg(self, x: Value) -> Value:
+        """Compute −x."""
+        return self.value(x.type, f"fneg {x.type} {x.text}")
+
+    def fma(self, x: Value, y: Value, z: Value) -> Value:
+        """Compute x y + z, rounded once."""
+        return self.intrinsic("llvm.fma", x, y, z)
+
+    def intrinsic(self, name: str, *arguments: Value) -> Value:
+        """A function that LLVM knows, of doubles or of vectors of doubles."""
+        type_ = arguments[0].type
+        suffix = f"v{type_[1:].partition(' ')[0]}f64" if is_vector(type_) else "f64"
+        return self.call(self.module.declared(f"{name}.{suffix}", type_, [type_] * len(arguments)), arguments)
+
+    def add(self, x: Value, y: Value) -> Value:
+        """Compute x + y of integers."""
+        return self.binary("add", x, y)
+
+    def sub(self, x: Value, y: Value) -> Value:
+        """Compute x − y of integers."""
+        return self.binary("sub", x, y)
+
+    def mul(self, x: Value, y: Value) -> Value:
+        """Compute x y of integers."""
+        return self.binary("mul", x, y)
+
+    def urem(self, x: Value, y: Value) -> Value:
+        """The remainder of x / y of integers without sign."""
+        return self.binary("urem", x, y)
+
+    def and_(self, x: Value, y: Value) -> Value:
+        """Combine bits: 1 where both are 1."""
+        return self.binary("and", x, y)
+
+    def or_(self, x: Value, y: Value) -> Value:
+        """Combine bits: 1 where one of them is 1."""
+        return self.binary("or", x, y)
+
+    def xor(self, x: Value, y: Value) -> Value:
+        """Combine bits: 1 where they differ."""
+        return self.binary("xor", x, y)
+
+    def shl(self, x: Value, y: Value) -> Value:
+        """Shift the bits of x to the left."""
+        return self.binary("shl", x, y)
+
+    def lshr(self, x: Value, y: Value) -> Value:
+        """Shift the bits of x to the right."""
+        return self.binary("lshr", x, y)
+
+    def not_(self, condition: Value) -> Value:
+        """Whether a condition does not hold."""
+        return self.binary("xor", condition, Value(BOOL, "true"))
+
+    def compare(self, predicate: str, x: Value, y: Value) -> Value:
+        """Compare, with one of LLVM's predicates of `fcmp` or `icmp`."""
+        return self.value(with_lanes_of(x.type, BOOL), f"{predicate} {x.type} {x.text}, {y.text}")
+
+    def fcmp_ordered(self, order: str, x: Value, y: Value) -> Value:
+        """Compare; false for operands that are not numbers."""
+        return self.compare(f"fcmp o{_COMPARISONS[order]}", x, y)
+
+    def fcmp_unordered(self, order: str, x: Value, y: Value) -> Value:
+        """Compare; true for operands that are not numbers. The order `uno` is true for no others."""
+        return self.compare(f"fcmp u{_COMPARISONS[order]}", x, y)
+
+    def icmp_signed(self, order: str, x: Value, y: Value) -> Value:
+        """Compare integers with a sign."""
+        return self.compare(f"icmp {'' if order in ('==', '!=') else 's'}{_COMPARISONS[order]}", x, y)
+
+    def icmp_unsigned(self, order: str, x: Value, y: Value) -> Value:
+        """Compare integers without a sign."""
+        return self.compare(f"icmp {'' if order in ('==', '!=') else 'u'}{_COMPARISONS[order]}", x, y)
+
+    def select(self, condition: Value, x: Value, y: Value) -> Value:
+        """The value x if a condition holds, otherwise y."""
+        types = f"{condition.type} {condition.text}, {x.type} {x.text}"
+        return self.value(x.type, f"select {types}, {y.type} {y.text}")
+
+    def convert(self, operation: str, value: Value, type_: Type) -> Value:
+        """The value as another type, by one of LLVM's conversions."""
+        return self.value(type_, f"{operation} {value.type} {value.text} to {type_}")
+
+    def bitcast(self, value: Value, type_: Type) -> Value:
+        """The bits of a value as another type."""
+        return self.convert("bitcast", value, type_)
+
+    def trunc(self, value: Value, type_: Type) -> Value:
+        """The low bits of an integer."""
+        return self.convert("trunc", value, type_)
+
+    def zext(self, value: Value, type_: Type) -> Value:
+        """An integer without sign as a longer one."""
+        return self.convert("zext", value, type_)
+
+    def sitofp(self, value: Value, type_: Type) -> Value:
+        """An integer as a number."""
+        return self.convert("sitofp", value, type_)
+
+    def fptosi(self, value: Value, type_: Type) -> Value:
+        """A number without its fraction as an integer."""
+        return self.convert("fptosi", value, type_)
+
+    def extract_value(self, pair: Value, index: int, type_: Type) -> Value:
+        """A member of a structure, which has a type."""
+        return self.value(type_, f"extractvalue {pair.type} {pair.text}, {index}")
+
+    def insert_value(self, pair: Value, value: Value, index: int) -> Value:
+        """A structure with another member."""
+        return self.value(pair.type, f"insertvalue {pair.type} {pair.text}, {value.type} {value.text}, {index}")
+
+    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0) -> Value:
+        """The address of new memory on the stack for one value or an array; only in the entry block of a function.
+
+        :param alignment: in bytes; 0 for that of the type.
+        """
+        count = f", {size.type} {size.text}" if size else ""
+        return self.value(POINTER, f"alloca {type_}{count}" + (f", align {alignment}" if alignment else ""))
+
+    def gep(self, pointer: Value, index: Value, type_: Type) -> Value:
+        """The address of an element of an array."""
+        return self.value(POINTER, f"getelementptr inbounds {type_}, ptr {pointer.text}, {index.type} {index.text}")
+
+    def load(self, pointer: Value, *, typ: Type) -> Value:
+        """The value of a type at an address."""
+        return self.value(typ, f"load {typ}, ptr {pointer.text}")
+
+    def store(self, value: Value, pointer: Value) -> None:
+        """Set the value at an address."""
+        self._lines.append(f"  store {value.type} {value.text}, ptr {pointer.text}")
+
+    def call(self, function: Function, arguments: Sequence[Value], *, inline: bool = True) -> Value:
+        """Call a function, which is not inlined here if `inline` is false."""
+        result = function.function_type.result
+        call = f'call {result} @"{function.name}"({", ".join([f"{a.type} {a.text}" for a in arguments])})'
+        call += "" if inline else " noinline"
+        return self._called(result, call)
+
+    def _called(self, result: Type, call: str) -> Value:
+        if result != VOID:
+            return self.value(result, call)
+        self._lines.append(f"  {call}")
+        return Value(VOID, "")
+
+    def phi(self, type_: Type) -> Phi:
+        """A value that depends on where its block is reached from; only at the start of a block."""
+        value = Phi(type_, f"%v{next(self._numbers)}")
+        self._lines.append(value)
+        return value
+
+    def branch(self, target: Block) -> None:
+        """Continue with a block."""
+        self._terminate(f"br label %{target.name}")
+
+    def cbranch(self, condition: Value, then: Block, otherwise: Block, weights: tuple[int, int] | None = None) -> None:
+        """Continue with one of two blocks; `weights` say how often with each."""
+        counts = "" if weights is None else f', !prof !{{!"branch_weights", i32 {weights[0]}, i32 {weights[1]}}}'
+        self._terminate(f"br i1 {condition.text}, label %{then.name}, label %{otherwise.name}{counts}")
+
+    def ret(self, value: Value) -> None:
+        """Return a value."""
+        self._terminate(f"ret {value.type} {value.text}")
+
+    def ret_void(self) -> None:
+        """Return nothing."""
+        self._terminate("ret void")
+
+    def _terminate(self, instruction: str) -> None:
+        self._lines.append(f"  {instruction}")
+        self.block.is_terminated = True
+
+    @contextmanager
+    def if_then(self, condition: Value, likely: bool | None = None) -> Iterator[None]:
+        """What is emitted within is executed if a condition holds."""
+        inside, after = self.append_basic_block("then"), self.append_basic_block("after")
+        self.cbranch(condition, inside, after, _LIKELY[likely])
+        with self._within(inside, after):
+            yield
+        self.position_at_end(after)
+
+    @contextmanager
+    def if_else(
+        self, condition: Value, likely: bool | None = None
+    ) -> Iterator[tuple[AbstractContextManager[None], AbstractContextManager[None]]]:
+        """Two contexts: what is emitted within the first is executed if a condition holds, otherwise the second."""
+        inside, otherwise, after = (self.append_basic_block(name) for name in ("then", "otherwise", "after"))
+        self.cbranch(condition, inside, otherwise, _LIKELY[likely])
+        yield self._within(inside, after), self._within(otherwise, after)
+        self.position_at_end(after)
+
+    @contextmanager
+    def _within(self, block: Block, after: Block) -> Iterator[None]:
+        self.position_at_end(block)
+        yield
+        if not self.block.is_terminated:
+            self.branch(after)

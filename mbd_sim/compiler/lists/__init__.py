@@ -1,0 +1,1 @@
+"""Instruction lists: their order, what is alike in them, and their operations as IR."""

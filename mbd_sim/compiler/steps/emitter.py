@@ -1,0 +1,283 @@
+"""The elements of a step that all methods share, as IR: state, rates, projection, and error estimate.
+
+What changes in a state at the start of a step, as IR: see `BetweenSteps`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.lanes import ComponentBuilder, LaneBuilder
+from mbd_sim.compiler.ir.module import Function, Module, Value
+from mbd_sim.compiler.ir.types import DOUBLE, FALSE, integer, local_array, number
+from mbd_sim.compiler.ir.vectors import Index, add_square, copy, for_each, load, store, total, weighted
+from mbd_sim.compiler.lists.lowering import lower
+from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
+from mbd_sim.integrators.tableau import ErrorEstimate, Scales
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The delays of a system, and its samplers, each with its lowered function."""
+
+    delays: Sequence[DelayLine]
+    sampled: Sequence[tuple[Sampler, Function]]
+
+    def results(self, b: IRBuilder) -> Value:
+        """A new array for `emit`; only in the entry block of a function."""
+        return local_array(b, max([1, *(len(sampler.components) for sampler, _ in self.sampled)]))
+
+    def emit(self, b: IRBuilder, step: Value, arguments: Sequence[Value], results: Value) -> None:
+        """Emit the changes of y before a step.
+
+        :param step: its number.
+        :param arguments: the addresses of t, y and the inputs.
+        """
+        _, y, inputs = arguments
+        for delay in self.delays:
+            slot = b.add(b.urem(step, integer(delay.length)), integer(delay.first))
+            due = load(b, y, slot)
+            store(b, load(b, inputs, delay.source), y, slot)
+            store(b, due, y, delay.into)
+        for sampler, function in self.sampled:
+            if sampler.every == 1:
+                _emit_sample(b, sampler, function, arguments, results)
+                continue
+            with b.if_then(b.icmp_unsigned("==", b.urem(step, integer(sampler.every)), integer(0))):
+                _emit_sample(b, sampler, function, arguments, results)
+
+
+def _emit_sample(
+    b: IRBuilder, sampler: Sampler, function: Function, arguments: Sequence[Value], results: Value
+) -> None:
+    b.call(function, [*arguments, results])
+    for index, component in enumerate(sampler.components):
+        store(b, load(b, results, index), arguments[1], component)
+
+
+def emit_samples(module: Module, between_steps: BetweenSteps | None, lanes: int = 1) -> Samples | None:
+    """Emit the sampled functions; None if nothing changes between steps."""
+    if between_steps is None or not (between_steps.delays or between_steps.samplers):
+        return None
+    lowered = [(s, lower(module, s.function, inline=False, lanes=lanes)) for s in between_steps.samplers]
+    return Samples(between_steps.delays, lowered)
+
+
+TINIEST = 1e-300  # keeps 0/0 out of estimates
+
+
+@dataclass(frozen=True)
+class System:
+    """y' = rates(t, y, inputs) with `size` components, of which the first `error_size` count in error estimates.
+
+    `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
+    constraints after each step; it neither changes nor stores the components in `unmoved`. If `rates` also
+    `reports_conditioning`, it has a second output: where that is negative at the start of a step, the constraints are
+    ill-conditioned and each further stage is projected too. The components in `still`, after the first `error_size`
+    ones, have the rate zero, and no rate depends on them. Those in `held` have the rate zero, and on those in `unread`
+    no rate depends. The `samples` change the state at the start of each step. `in_registers`: the arrays of a step are
+    kept there, see `local_array`.
+    There are `inputs_size` inputs, and the rates have `instructions` operations. Errors of components are relative to
+    s + |y| with the `scales` s.
+    """
+
+    size: int
+    error_size: int
+    rates: Function
+    projection: Function | None
+    reports_conditioning: bool = False
+    projection_takes_inputs: bool = False
+    unmoved: frozenset[int] = frozenset()
+    still: frozenset[int] = frozenset()
+    samples: Samples | None = None
+    held: frozenset[int] = frozenset()
+    unread: frozenset[int] = frozenset()
+    in_registers: bool = False
+    inputs_size: int = 0
+    instructions: int = 0
+    scales: Scales = ()
+
+
+# Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
+EmitEstimate = Callable[..., None]
+
+
+class StepEmitter:
+    """Emits the operations of a step on the state `y` (n,), with step size `h` in s, for one method of integration.
+
+    `time` is the address of the time argument, and `largest_error` that of the largest error estimate so far.
+    """
+
+    def __init__(self, b: IRBuilder, system: System, inputs: Value, h: Value) -> None:
+        """Allocate the arrays; the builder `b` must be in the entry block of a function."""
+        self.b, self.system, self.inputs, self.h = b, system, inputs, h
+        self.y, self.time, self.largest_error = self.vector(), self.scalar(), self.scalar()
+        self.is_estimated: Value = FALSE  # whether the error of this step is estimated
+        self.index: Value = integer(0)  # the number of the step
+        self.steps: Value = integer(0)  # how many the call takes
+        # What a method emits before the first and after the last step of a call, if it uses earlier steps. The latter
+        # takes whether the new state is finite.
+        self.begin: Callable[[], None] | None = None
+        self.end: Callable[[Value], None] | None = None
+        self._projected = self.vector() if system.projection is not None else None
+        self._conditioning, self._ignored = self.scalar(), self.scalar()
+        self._rare = self.scalar(), self.array(system.size), self.array(system.size)
+        self._sampled = None if system.samples is None else system.samples.results(b)
+        self._scales = list(system.scales) or [1.0] * system.size
+        self._scale_array = self.vector()
+        for index, scale in enumerate(self._scales):
+            store(b, number(scale), self._scale_array, index)
+
+    def vector(self) -> Value:
+        """A new array of the size of the state; only in the entry block."""
+        size = self.system.size
+        return local_array(self.b, size, in_registers=self.system.in_registers, aligned=size > self.b.unrolled)
+
+    def array(self, size: int) -> Value:
+        """A new array; only in the entry block."""
+        return local_array(self.b, size, aligned=size > self.b.unrolled)
+
+    def any(self, condition: Value) -> Value:
+        """Whether a condition holds, for any member if there are several."""
+        return self.b.any_lane(condition) if isinstance(self.b, LaneBuilder) else condition
+
+    def scalar(self) -> Value:
+        """A new number in memory; only in the entry block."""
+        return local_array(self.b, 1)
+
+    def rates(self, time: Value, state: Value, slopes: Value, *, first: bool = False) -> None:
+        """Evaluate the rates into `slopes`; the `first` evaluation of a step reports its conditioning."""
+        self.b.store(time, self.time)
+        reported = [self._conditioning if first else self._ignored] if self.system.reports_conditioning else []
+        self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
+
+    def rates_rarely(self, time: Value, state: Value, slopes: Value) -> None:
+        """Evaluate the rates in steps that are rare: without another copy of the code where it is inlined elsewhere.
+
+        Arrays whose address is passed to a call cannot be kept in registers, so those of others are copied.
+        """
+        if not self.system.rates.is_inlined:
+            self.rates(time, state, slopes)
+            return
+        own_time, own_state, own_slopes = self._rare
+        self.b.store(time, own_time)
+        copy(self.b, self.system.size, state, own_state)
+        reported = [self._ignored] if self.system.reports_conditioning else []
+        self.b.call(self.system.rates, [own_time, own_state, self.inputs, own_slopes, *reported], inline=False)
+        copy(self.b, self.system.size, own_slopes, slopes)
+
+    def sample(self, step: Value, time: Value, condition: Value | None = None) -> None:
+        """Make the changes of y that precede the step of this number; with a `condition`, only where that holds."""
+        if self.system.samples is None or self._sampled is None:
+            return
+        with nullcontext() if condition is None else self.b.if_then(condition):
+            self.b.store(time, self.time)
+            self.system.samples.emit(self.b, step, [self.time, self.y, self.inputs], self._sampled)
+
+    def project(self, time: Value, state: Value) -> None:
+        """Move a state back to the constraints, in place."""
+        if self.system.projection is not None and self._projected is not None:
+            self.b.store(time, self.time)
+            inputs = [self.inputs] if self.system.projection_takes_inputs else []
+            self.b.call(self.system.projection, [self.time, state, *inputs, self._projected])
+            if not self.system.unmoved:
+                copy(self.b, self.system.size, self._projected, state)
+                return
+            for index in range(self.system.size):
+                if index not in self.system.unmoved:
+                    store(self.b, load(self.b, self._projected, index), state, index)
+
+    def project_stage(self, time: Value, state: Value) -> None:
+        """Move the state of a stage back to the constraints, in steps that start ill-conditioned."""
+        if not self.system.reports_conditioning:
+            return
+        condition = self.is_ill_conditioned()
+        if isinstance(self.b, LaneBuilder):
+            with self.b.if_then(self.b.any_lane(condition), likely=False):
+                self._project_members(time, state, condition)
+        else:
+            with self.b.if_then(condition, likely=False):
+                self.project(time, state)
+
+    def _project_members(self, time: Value, state: Value, condition: Value) -> None:
+        """Project those members of a group for which a condition holds."""
+        b, before = self.b, [load(self.b, state, index) for index in range(self.system.size)]
+        self.project(time, state)
+        for index, old in enumerate(before):
+            store(b, b.select(condition, load(b, state, index), old), state, index)
+
+    def is_ill_conditioned(self) -> Value:
+        """Whether the first evaluation of the step reported ill-conditioned constraints."""
+        return self.b.fcmp_ordered("<", self.b.load(self._conditioning, typ=DOUBLE), number(0.0))
+
+    def stage_time(self, t: Value, c: float) -> Value:
+        """t + c h."""
+        return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
+
+    def scale(self, index: Index) -> Value:
+        """1 / (s + |y|) for a component."""
+        return self.inverse_scale(self.b, self.y, index)
+
+    def inverse_scale(self, b: IRBuilder, state: Value, index: Index) -> Value:
+        """1 / (s + |y|) for a component of a state, or several at once."""
+        if len(set(self._scales)) == 1:
+            scale = number(self._scales[0])
+        elif isinstance(index, int) and not isinstance(b, ComponentBuilder):
+            scale = number(self._scales[index])
+        else:
+            scale = load(b, self._scale_array, index)
+        size = b.intrinsic("llvm.fabs", load(b, state, index))
+        return b.fdiv(number(1.0), b.fadd(scale, size))
+
+    def estimator(self, estimate: ErrorEstimate, slopes: list[Value]) -> EmitEstimate:
+        """A function that emits the update of `largest_error` in a step whose error is estimated.
+
+        It must be called while `y` is the state at the start of the step. A NaN counts as infinity.
+        """
+        fine, coarse = self.scalar(), self.scalar()
+
+        def emit(h: Value | None, further: Value | None = None) -> None:
+            b = self.b
+            with b.if_then(self.is_estimated):
+                value = self._estimated(estimate, slopes, fine, coarse, h)
+                value = value if further is None else b.fadd(value, further)
+                value = b.select(b.fcmp_unordered("uno", value, value), number(math.inf), value)
+                largest = b.load(self.largest_error, typ=DOUBLE)
+                b.store(b.select(b.fcmp_ordered(">", value, largest), value, largest), self.largest_error)
+
+        return emit
+
+    def _estimated(
+        self, estimate: ErrorEstimate, slopes: list[Value], fine: Value, coarse: Value, h: Value | None
+    ) -> Value:
+        """The estimated error: the norm of the fine estimate, or Hairer's combination with the coarse one."""
+        b = self.b
+
+        def component(i: Index) -> None:
+            scale = self.scale(i) if h is None else b.fmul(h, self.scale(i))
+            for into, weights in ((fine, estimate.fine), (coarse, estimate.coarse)):
+                if weights:
+                    add_square(b, into, b.fmul(scale, total(b, weighted(weights, slopes), i)))
+
+        b.store(number(0.0), fine)
+        b.store(number(0.0), coarse)
+        for_each(b, self.system.error_size, component)
+        small = b.load(fine, typ=DOUBLE)
+        if not estimate.coarse:
+            return self.square_root(small)
+        large = b.fmul(number(estimate.weight), b.load(coarse, typ=DOUBLE))
+        return b.fdiv(small, self.square_root(b.fadd(b.fadd(small, large), number(TINIEST))))
+
+    def square_root(self, value: Value) -> Value:
+        """The square root of a double."""
+        return self.b.intrinsic("llvm.sqrt", value)
+
+
+EmitStep = Callable[[Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h
+Prepare = Callable[
+    [StepEmitter], EmitStep
+]  # allocates the arrays of a method and returns the function that emits its step

@@ -1,0 +1,267 @@
+"""Steps of a mechanism with one-sided rows, which end before a step in which a mode ends, as IR.
+
+There are two systems, one with everything open and one with the active rows. Modes are inputs, and stay the same within
+a call. After each step the guards are evaluated; where one is negative, the step is undone and left to the caller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.types import DOUBLE, FALSE, INT, element, integer, local_array, number
+from mbd_sim.compiler.ir.vectors import copy, for_each, load
+from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
+from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
+
+PART, TO_EVENT, WHOLE = range(3)  # what to do at an event: ignore it, end before its step, or undo all steps
+GRAZING = 1.05  # of the step times the larger rate at both ends: the sum of both gaps below which they may have met
+TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
+STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
+NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros
+
+
+@dataclass(frozen=True)
+class Guards:
+    """The guards of a mechanism.
+
+    `readings(t, y, inputs, out)` gives gaps (gaps,), rates (rows,), forces (rows,) and guards (count,) with all active
+    rows, and the rates in 1/s at which the `slips` may turn; `open_guards(t, y, inputs, out)` gives the gaps (gaps,)
+    and their rates (gaps,) while everything is open.
+    Modes are the inputs from `first_mode` to before `first_mode` + `modes`. A guard counts as negative below
+    -`tolerance`, an open gap below that times its unit. `slips` are the pairs of rows that slide along two directions:
+    their direction turns ever faster as they stop, so a step ends before one in which they change by more than the
+    fraction `TURNING`, or could. Up to a `slow` speed in m/s they are at rest.
+    """
+
+    gaps: int
+    rows: int
+    count: int
+    readings: Function
+    open_guards: Function
+    first_mode: int
+    modes: int
+    tolerance: float
+    gap_units: tuple[float, ...]
+    slow: float
+    slips: tuple[tuple[int, int], ...] = ()
+
+
+def emit_one_sided_advance(
+    module: Module, open_system: System, closed_system: System, prepare: Prepare, guards: Guards
+) -> Function:
+    """Emit the functions below and return `estimating_advance`, see `mbd_sim.compiler.steps.loop.emit_advance`.
+
+    `i64 advance_to_event(y, inputs, i64 first, double h, i64 steps, estimate)` takes steps until a guard becomes
+    negative, and returns how many were taken; -1 if the state would not stay finite, which is unchanged then.
+    `void part_step(y, inputs, double t, double h)` takes one step from t on, without guards.
+    """
+    loops = (
+        _emit_loop(module, "advance_closed", closed_system, prepare, guards, closed=True),
+        _emit_loop(module, "advance_open", open_system, prepare, guards, closed=False),
+    )
+    arguments = [POINTER, POINTER, INT, DOUBLE, INT, POINTER]
+    for name, mode in (("advance_to_event", TO_EVENT), ("estimating_advance", WHOLE)):
+        function = Function(module, FunctionType(INT, arguments), name)
+        state, inputs, first, h, count, estimate = function.args
+        b = IRBuilder(function.append_basic_block("entry"))
+        given = [state, inputs, number(0.0), first, h, count, integer(mode), estimate]
+        taken = _call_loop(b, loops, guards, given)
+        b.ret(taken if mode == TO_EVENT else b.zext(b.icmp_signed("==", taken, count), INT))
+    _emit_part_step(module, loops, guards)
+    emit_plain_advance(module, function)
+    return function
+
+
+def _emit_part_step(module: Module, loops: Sequence[Function], guards: Guards) -> None:
+    function = Function(module, FunctionType(VOID, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
+    state, inputs, t, h = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    unread = local_array(b, 1)
+    b.store(number(0.0), unread)
+    _call_loop(b, loops, guards, [state, inputs, t, integer(0), h, integer(1), integer(PART), unread])
+    b.ret_void()
+
+
+def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, arguments: Sequence[Value]) -> Value:
+    """Call the first of two loops if any mode is not open, the second one otherwise."""
+    taken, bits = [], integer(0)
+    for index in range(guards.first_mode, guards.first_mode + guards.modes):
+        bits = b.or_(bits, b.load(element(b, arguments[1], index), typ=INT))
+    with b.if_else(b.icmp_unsigned("!=", b.and_(bits, integer(NOT_SIGN)), integer(0))) as branches:
+        for branch, function in zip(branches, loops, strict=True):
+            with branch:
+                taken.append((b.call(function, arguments), b.block))
+    result = b.phi(INT)
+    for value, block in taken:
+        result.add_incoming(value, block)
+    return result
+
+
+def _emit_loop(
+    module: Module, name: str, system: System, prepare: Prepare, guards: Guards, *, closed: bool
+) -> Function:
+    """Emit `i64 name(y, inputs, double start, i64 first, double h, i64 steps, i64 mode, estimate)`.
+
+    Step k starts at the time `start` + k h, counted from `first`. It returns the number of steps before the first one
+    in which a guard becomes negative, or -1 if the state does not stay finite. `mode`: see `PART`.
+    """
+    function = _new_loop(module, name)
+    state, inputs, start, first, h, count, mode, estimate = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    emitter, size = StepEmitter(b, system, inputs, h), system.size
+    emit_step, y, before = prepare(emitter), emitter.y, emitter.vector()
+    check, sum_of_zeros = _Check(b, guards, closed, system.in_registers), emitter.scalar()
+    is_whole = b.icmp_signed("!=", mode, integer(PART))
+
+    def time_of(step: Value) -> Value:
+        return b.fadd(start, b.fmul(b.sitofp(step, DOUBLE), h))
+
+    copy(b, size, state, y)
+    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
+    check.read(time_of(first), y, inputs, emitter.time)
+
+    entry, head = b.block, b.append_basic_block("step")
+    body, event, finished = (b.append_basic_block(block) for block in ("body", "event", "finished"))
+    b.branch(head)
+    b.position_at_end(head)
+    index = b.phi(INT)
+    index.add_incoming(integer(0), entry)
+    b.cbranch(b.icmp_signed("<", index, count), body, finished)
+
+    b.position_at_end(body)
+    step, next_index = b.add(first, index), b.add(index, integer(1))
+    following = time_of(b.add(step, integer(1)))
+    is_eighth = b.icmp_unsigned("==", b.and_(step, integer(ESTIMATED_EVERY - 1)), integer(0))
+    emitter.is_estimated = b.and_(is_whole, is_eighth)
+    if system.samples is not None:  # once in each step, also where an event is left to the caller
+        emitter.sample(step, time_of(step), is_whole)
+    copy(b, size, y, before)
+    emit_step(time_of(step))
+    emitter.project(following, y)
+    check.keep()
+    check.read(following, y, inputs, emitter.time)
+    is_event = b.and_(is_whole, check.ended(inputs, h))
+    index.add_incoming(next_index, b.block)
+    b.cbranch(is_event, event, head)
+
+    b.position_at_end(event)
+    with b.if_then(b.icmp_signed("==", mode, integer(TO_EVENT))):
+        copy(b, size, before, state)
+    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
+    b.ret(index)
+
+    b.position_at_end(finished)
+    finite = _is_finite(b, size, y, sum_of_zeros)
+    with b.if_then(b.or_(finite, b.icmp_signed("==", mode, integer(PART)))):
+        copy(b, size, y, state)
+    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
+    b.ret(b.select(finite, count, integer(-1)))
+    return function
+
+
+def _new_loop(module: Module, name: str) -> Function:
+    types = [POINTER, POINTER, DOUBLE, INT, DOUBLE, INT, INT, POINTER]
+    function = Function(module, FunctionType(INT, types), name)
+    function.linkage = "internal"
+    function.attributes = ["noinline"]
+    function.noalias = True
+    return function
+
+
+class _Check:
+    """The guards before and after a step, and whether one of them ends the step; with or without active rows."""
+
+    def __init__(self, b: IRBuilder, guards: Guards, closed: bool, in_registers: bool) -> None:
+        """Allocate the arrays; the builder `b` must be in the entry block of a function."""
+        self._b, self._guards, self._slips = b, guards, guards.slips if closed else ()
+        rates = guards.rows if closed else guards.gaps
+        first, count = (guards.gaps + 2 * rates, guards.count) if closed else (0, guards.gaps)
+        self._function = guards.readings if closed else guards.open_guards
+        self._kept, self._negative = guards.gaps + rates, range(first, first + count)
+        size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
+        self._after = local_array(b, size, in_registers=in_registers)
+        self._before = local_array(b, self._kept, in_registers=in_registers)
+
+    def read(self, t: Value, y: Value, inputs: Value, time: Value) -> None:
+        """Evaluate the guards of a state; `time` is the address of a number."""
+        self._b.store(t, time)
+        self._b.call(self._function, [time, y, inputs, self._after])
+
+    def keep(self) -> None:
+        """Keep those that have been read as those before the step."""
+        copy(self._b, self._kept, self._after, self._before)
+
+    def ended(self, inputs: Value, h: Value) -> Value:
+        """Whether a guard is negative after the step or not a number, or a gap may have been negative within it.
+
+        The same where a slip along two directions has changed too much.
+        """
+        b, tolerance, gaps = self._b, self._guards.tolerance, self._guards.gaps
+        units = [1.0] * len(self._negative) if self._negative.start else self._guards.gap_units
+        found = FALSE
+        for index, unit in zip(self._negative, units, strict=True):
+            found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), number(-tolerance * unit)))
+        for index, slip in enumerate(self._slips, self._negative.stop):
+            stiff = b.fcmp_unordered(">", b.fmul(h, load(b, self._after, index)), number(STIFF))
+            found = b.or_(found, b.or_(stiff, self._turns(slip, inputs)))
+        turning = FALSE
+        for gap in range(gaps):
+            turning = b.or_(turning, self._turns_back(gap))
+        before = b.block
+        with b.if_then(turning, likely=False):
+            grazed = b.or_(found, self._grazes(h))
+            examined = b.block
+        result = b.phi(BOOL)
+        result.add_incoming(found, before)
+        result.add_incoming(grazed, examined)
+        return result
+
+    def _turns_back(self, gap: int) -> Value:
+        """Whether a gap becomes smaller at the start of the step and larger at its end."""
+        b, slope = self._b, gap + self._guards.gaps
+        falls = b.fcmp_ordered("<", load(b, self._before, slope), number(0.0))
+        return b.and_(falls, b.fcmp_ordered(">", load(b, self._after, slope), number(0.0)))
+
+    def _grazes(self, h: Value) -> Value:
+        """Whether a gap that turns back within the step may have been negative before that.
+
+        Small bodies that fly past each other approach and part at full speed, without any curve in between.
+        """
+        b, gaps, found = self._b, self._guards.gaps, FALSE
+        reach = b.fmul(number(GRAZING), h)
+        for gap in range(gaps):
+            (last_gap, last_slope), (value, slope) = (
+                (load(b, values, gap), load(b, values, gap + gaps)) for values in (self._before, self._after)
+            )
+            falls = b.fneg(last_slope)
+            fastest = b.select(b.fcmp_ordered(">", slope, falls), slope, falls)
+            near = b.fcmp_ordered("<", b.fadd(last_gap, value), b.fmul(reach, fastest))
+            open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance * self._guards.gap_units[gap]))
+            found = b.or_(found, b.and_(b.and_(self._turns_back(gap), open_before), near))
+        return found
+
+    def _turns(self, slip: tuple[int, int], inputs: Value) -> Value:
+        """Whether a slip that slides has changed by more than `TURNING`."""
+        b, guards = self._b, self._guards
+        direction = [load(b, inputs, guards.first_mode + guards.rows + row) for row in slip]
+        was = [load(b, self._before, guards.gaps + row) for row in slip]
+        now = [load(b, self._after, guards.gaps + row) for row in slip]
+
+        def square(parts: list[Value]) -> Value:
+            return b.fma(parts[1], parts[1], b.fmul(parts[0], parts[0]))
+
+        change = square([b.fsub(new, old) for new, old in zip(now, was, strict=True)])
+        slides = b.fcmp_unordered("!=", square(direction), number(0.0))
+        moves = b.fcmp_unordered(">", square(now), number(guards.slow**2))
+        too_far = b.fcmp_unordered(">", change, b.fmul(number(TURNING**2), square(was)))
+        return b.and_(b.and_(slides, moves), too_far)
+
+
+def _is_finite(b: IRBuilder, size: int, y: Value, total: Value) -> Value:
+    zero = number(0.0)
+    b.store(zero, total)
+    for_each(b, size, lambda i: b.store(b.fadd(b.load(total, typ=DOUBLE), b.fmul(load(b, y, i), zero)), total))
+    return b.fcmp_ordered("==", b.load(total, typ=DOUBLE), zero)

@@ -1,0 +1,1 @@
+"""The Taylor method: series of instruction lists, and its steps."""

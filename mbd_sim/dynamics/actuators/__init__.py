@@ -1,0 +1,1 @@
+"""Motors, servos and cylinders as equations."""

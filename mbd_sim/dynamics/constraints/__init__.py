@@ -1,0 +1,1 @@
+"""Rows of constraints, the closing of loops, and the start that satisfies them."""

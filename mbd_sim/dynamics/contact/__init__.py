@@ -1,0 +1,1 @@
+"""Gaps of shapes and cams, and forces at contacts."""

@@ -1,0 +1,280 @@
+"""The one-sided rows in generalized coordinates, and how their modes make them active, sliding or absent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.constraints.assembly import CLOSED
+from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
+from mbd_sim.dynamics.constraints.functions import constraint_functions
+from mbd_sim.dynamics.constraints.rows import ConstraintRow
+from mbd_sim.dynamics.constraints.start import given_start, rheonomic
+from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.kinematics.bodies import BodySymbols
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units
+from mbd_sim.dynamics.math.rank import row_is_zero
+from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements.parts import Joint
+from mbd_sim.mechanism.mechanism import Mechanism
+
+UNIT = 1e-13  # by which the square of a unit vector may differ from 1
+SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding, and no share
+RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
+CONFIGURATIONS = 3  # random ones, in which rows are judged
+SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
+
+
+@dataclass(frozen=True)
+class OneSidedLayout:
+    """The contact numbers at the end of the inputs, for some gaps and rows: the gaps come first among the rows.
+
+    `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: closed gaps and
+    sticking friction. Where these depend on each other they are negative, see `active_rows.ActiveRows`; closed gaps
+    that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are the unit
+    vectors of sliding, 0 without sliding; sticking rows that depend on others may have a shorter one: the share of
+    their static friction that they bear. `multipliers` (rows,) are λ, which functions that read forces take from there.
+    `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
+    forces have one direction only.
+    """
+
+    gaps: int
+    rows: int
+    loads: int = 0
+
+    @property
+    def closed(self) -> slice:
+        """Of the gaps."""
+        return slice(0, self.gaps)
+
+    @property
+    def active(self) -> slice:
+        """Of all rows."""
+        return slice(self.gaps, self.gaps + self.rows)
+
+    @property
+    def direction(self) -> slice:
+        """Of the rows of friction."""
+        return slice(self.gaps + self.rows, 2 * self.rows)
+
+    @property
+    def modes(self) -> slice:
+        """All of these, without the multipliers."""
+        return slice(0, 2 * self.rows + self.loads)
+
+    @property
+    def signs(self) -> slice:
+        """Of the loads of joints."""
+        return slice(2 * self.rows, 2 * self.rows + self.loads)
+
+    @property
+    def multipliers(self) -> slice:
+        """Of all rows."""
+        return slice(self.modes.stop, self.size)
+
+    @property
+    def size(self) -> int:
+        """The number of all of them."""
+        return 3 * self.rows + self.loads
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionElement:
+    """Friction along one or two `rows`, with a load: that of the gap with this index, that of a `joint`, or none.
+
+    With a load `sliding` and `static` are the coefficients μ and μ_s; otherwise they are forces, in N or N·m. The load
+    of a joint depends on friction itself, so its row is active while it slides as well.
+    """
+
+    rows: tuple[int, ...]
+    gap: int | None
+    sliding: Callable[[ca.SX], ca.SX]
+    static: ca.SX
+    joint: Joint | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class OneSidedEquations:
+    """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
+
+    `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
+    the forces of those gaps that have a place. `are_lengths` (rows,) says of each row whether its position is in m.
+    """
+
+    gaps: tuple[Gap, ...]
+    frictions: tuple[FrictionElement, ...]
+    equations: ConstraintEquations
+    layout: OneSidedLayout
+    numbers: ca.SX
+    places: ca.SX
+    units: NaturalUnits
+    are_lengths: tuple[bool, ...]
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """The natural units (rows,) of the rows' positions."""
+        return tuple(self.units.length if is_length else 1.0 for is_length in self.are_lengths)
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """The natural units (rows,) of the rows' rates."""
+        return tuple(length * self.units.rate for length in self.lengths)
+
+    @property
+    def gap_units(self) -> tuple[float, ...]:
+        """The natural units (gaps,) of the gaps: of clutches those of their speeds."""
+        pairs = zip(self.gaps, self.lengths, self.speeds, strict=False)
+        return tuple(speed if gap.clutch else length for gap, length, speed in pairs)
+
+    @property
+    def slow(self) -> float:
+        """The speed in m/s up to which slip along two directions has none."""
+        return SLOW * self.units.speed
+
+    @property
+    def active(self) -> ca.SX:
+        """Which rows (rows,) are solved for."""
+        return self.numbers[self.layout.active] != 0.0
+
+    @property
+    def closed(self) -> ca.SX:
+        """Which gaps (gaps,) are closed."""
+        return self.numbers[self.layout.closed]
+
+    @property
+    def given_forces(self) -> ca.SX:
+        """λ (rows,) among the inputs."""
+        return self.numbers[self.layout.multipliers]
+
+    def stored_direction(self, element: FrictionElement) -> ca.SX:
+        """The stored direction of sliding (1,) or (2,)."""
+        first = self.layout.direction.start - self.layout.gaps
+        return ca.vertcat(*(self.numbers[first + row] for row in element.rows))
+
+    def direction(self, element: FrictionElement) -> ca.SX:
+        """The direction of sliding, zero without sliding. In two dimensions it follows the slip velocity.
+
+        It does not reverse with that, so that motion is smooth where it stops. A direction that is not a unit vector
+        stays as it is.
+        """
+        stored = self.stored_direction(element)
+        if len(element.rows) == 1:
+            return stored
+        slip = ca.vertcat(*(self.equations.velocity[row] for row in element.rows))
+        speed = ca.sqrt(ca.dot(slip, slip))
+        slides, moves = ca.fabs(ca.dot(stored, stored) - 1.0) < UNIT, speed > self.slow
+        forward = ca.if_else(ca.dot(stored, slip) < 0.0, -1.0, 1.0)
+        return ca.if_else(slides * moves, forward * slip / ca.fmax(speed, self.slow), stored)
+
+    def forces(self, solved: ca.SX) -> ca.SX:
+        """The multipliers λ (rows,) of all rows, with the friction of sliding.
+
+        :param solved: the forces (rows,) of the active rows, and zeros.
+        """
+        forces = ca.SX(solved)
+        for element in self.frictions:
+            if element.joint is not None:
+                continue
+            direction = self.direction(element)
+            for index, row in enumerate(element.rows):
+                size = element.sliding(self.equations.velocity[row])
+                if not (size - element.static).is_zero():
+                    stored = self.stored_direction(element)
+                    size = ca.if_else(ca.dot(stored, stored) > SLIDING, size, element.static)
+                load = ca.SX(1) if element.gap is None else forces[element.gap]
+                forces[row] = forces[row] - size * load * direction[index]
+        return forces
+
+    def friction_power(self, forces: ca.SX) -> ca.SX:
+        """The power in W that friction dissipates."""
+        rows = [row for element in self.frictions for row in element.rows]
+        return -ca.dot(forces[rows], self.equations.velocity[rows]) if rows else ca.SX(1, 1)
+
+
+def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
+    """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
+    bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
+    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses))
+    slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
+    rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
+    equations = equations_of_rows(traced, bodies, time, rows)
+    measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
+    unable = _unable_to_act(traced, equations, len(gaps))
+    unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
+    kept = [row for row in range(len(rows)) if row not in unable]
+    new_index = {row: index for index, row in enumerate(kept)}
+    frictions: list[FrictionElement] = []
+    for index, gap in enumerate(gaps):
+        own = [len(gaps) + number for number, (owner, _) in enumerate(slips) if owner == index]
+        if own := [new_index[row] for row in own if row in new_index]:
+            sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
+            element = FrictionElement(tuple(own), new_index[index], partial(_of_any_speed, sliding), static)
+            frictions.append(element)
+    for number, friction in enumerate(sticking):
+        row = new_index[len(gaps) + len(slips) + number]
+        frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
+    gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
+    layout = OneSidedLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
+    numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
+    placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
+    in_state = expressed_in_state(traced, bodies, time)
+    places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
+    units = natural_units(traced.numeric, traced.step)
+    are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
+    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
+
+
+def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
+    """Whether the position of a row is in m; a sum of coordinates is if one of them is."""
+    if row.unit:
+        return row.unit == "m"
+    return any(not mechanism.coordinate(name).rotation for name in row.factors)
+
+
+def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> set[int]:
+    """The rows of gaps that nothing changes and that are not negative, such as between welded parts, and of such slip.
+
+    Rows of slip come after those of the `gaps`.
+    """
+    found = {row for row in range(gaps, len(equations.rows)) if not equations.gradient[row, :].nnz()}
+    if not gaps or rheonomic(traced.numeric) or len(traced.parameters.base):
+        return found  # drives may move a gap, and other values of parameters may make one able to act
+    functions, random = constraint_functions(traced, equations), np.random.default_rng(4)
+    start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    zero = functions.position(0.0, start) >= -CLOSED * functions.row_sizes(0.0, start)
+    for _ in range(CONFIGURATIONS):
+        q = functions.displaced(start, scales * random.normal(size=len(scales)))
+        zero &= row_is_zero(functions.scaled_gradient(0.0, q))
+    return found | {row for row in range(gaps) if zero[row]}
+
+
+def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
+    return size
+
+
+def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
+    """The axis of ground, 0, 1 or 2, about which all parts turn and along which none moves; None without one."""
+    unit = np.eye(3)
+    for axis in range(3):
+        columns = [pose.rotation[:, axis] - constant(unit[axis]) for pose in poses]
+        if all(
+            not ca.sparsify(column).nnz() and not ca.symvar(pose.position[axis])
+            for column, pose in zip(columns, poses, strict=True)
+        ):
+            return axis
+    return None
+
+
+def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
+    """Add the contact numbers to the inputs of a mechanism."""
+    return replace(
+        traced,
+        inputs=ca.vertcat(traced.inputs, contacts.numbers),
+        input_layout=replace(traced.input_layout, one_sided_count=contacts.layout.size),
+    )

@@ -1,0 +1,156 @@
+"""What one step may miss of a contact: parts that turn far in it, and small ones that fly through each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import casadi as ca
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.constraints.equations import expressed_in_state
+from mbd_sim.dynamics.kinematics.bodies import BodyFrame, BodySymbols
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
+from mbd_sim.dynamics.math.expressions import function_of
+from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements import constraints as c
+from mbd_sim.mechanism.elements.contacts import CAM_ANGLE, Ball, Barrel, Cam, Contact, ContactBody, Face
+from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.mechanism.mechanism import Mechanism
+
+Frames = Callable[[Attachment], BodyFrame]
+
+
+@dataclass(frozen=True, eq=False)
+class PassingFunctions:
+    """What steps may miss of pairs of parts with a gap, by the `names` of their elements.
+
+    `motions(t, y, inputs)` (4, pairs) are the larger angular speed of both parts in rad/s; the second and the third
+    rate, at constant speeds of all coordinates, of the place in m on which the gap depends; and the relative speed in
+    m/s. The inputs are those before live values. `sizes` are those in m of the two bodies of a compliant contact that
+    can be passed, otherwise None.
+    """
+
+    names: tuple[str, ...]
+    sizes: tuple[float | None, ...]
+    motions: ca.Function
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    name: str
+    ends: tuple[Attachment, Attachment]
+    place: Callable[[BodyFrame, BodyFrame], ca.SX]
+    size: float | None = None
+
+
+def passing_functions(mechanism: Mechanism, loaded: Sequence[str] = ()) -> PassingFunctions | None:
+    """Those of the contacts and the one-sided constraints between points of a mechanism; None without any.
+
+    :param loaded: see `trace`.
+    """
+    pairs = [*_constraint_pairs(mechanism), *map(_contact_pair, mechanism.contacts)]
+    if not pairs:
+        return None
+    traced = trace(mechanism, loaded)
+    bodies = BodySymbols(traced.links)
+    in_state = expressed_in_state(traced, bodies, ca.SX.sym("time"))
+    columns = [ca.densify(_motion(pair, traced, bodies, in_state)) for pair in pairs]
+    motions = ca.Function("passing", [traced.state.t, traced.y, traced.inputs], [ca.horzcat(*columns)], {"cse": True})
+    return PassingFunctions(tuple(pair.name for pair in pairs), tuple(pair.size for pair in pairs), motions)
+
+
+def _motion(pair: _Pair, traced: TracedMechanism, bodies: BodySymbols, in_state: Callable[[ca.SX], ca.SX]) -> ca.SX:
+    first, second = (bodies.frame(end.part, end.point) for end in pair.ends)
+    place = in_state(pair.place(first, second))
+    second_rate = traced.state.rate(traced.state.rate(place))
+    third_rate, turning = traced.state.rate(second_rate), [in_state(each.omega) for each in (first, second)]
+    fastest = ca.fmax(*(_size(omega) for omega in turning))
+    speed = _size(in_state(first.velocity - second.velocity))
+    return ca.vertcat(fastest, _size(second_rate), _size(third_rate), speed)
+
+
+def _size(vector: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.dot(vector, vector))
+
+
+def _constraint_pairs(mechanism: Mechanism) -> Iterator[_Pair]:
+    """Those between two points, or a point and a surface."""
+    for constraint in mechanism.constraints:
+        match constraint:
+            case c.Flat(law=law) if law is not None:
+                yield _Pair(
+                    constraint.name,
+                    (constraint.point, constraint.base),
+                    partial(_along, constant(constraint.normals)),
+                )
+            case c.Surface(law=law) if law is not None:
+                yield _Pair(constraint.name, (constraint.point, constraint.base), _in_axes)
+            case c.Distance(law=law) if law is not None:
+                yield _Pair(constraint.name, (constraint.first, constraint.second), _in_ground)
+            case _:
+                continue
+
+
+def _contact_pair(contact: Contact) -> _Pair:
+    first, second = contact.first, contact.second
+
+    def place(one: BodyFrame, other: BodyFrame) -> ca.SX:
+        """What the gap depends on; tilts count as lengths at the rim."""
+        axis = None if isinstance(first, Ball) else one.rotation @ constant(_axis(first))
+        match second:
+            case Face():
+                normal = other.rotation @ constant(second.normal)
+                tilt = [] if axis is None else [_radius(first) * ca.dot(normal, axis)]
+                return ca.vertcat(ca.dot(normal, _in_ground(one, other)), *tilt)
+            case Barrel():
+                own = other.rotation @ constant(second.axis)
+                line = _in_ground(one, other)
+                return ca.vertcat(ca.dot(own, line), ca.cross(own, line))
+            case Cam():
+                return _in_axes(one, other)
+            case _:
+                return _in_ground(one, other)
+
+    can_be_passed = not contact.rigid and not contact.inside and not isinstance(second, Face)
+    size = _thickness(first) + _thickness(second) if can_be_passed else None
+    return _Pair(contact.name, (first.at, second.at), place, size)
+
+
+def _in_ground(one: BodyFrame, other: BodyFrame) -> ca.SX:
+    return one.position - other.position
+
+
+def _along(normals: ca.SX, one: BodyFrame, other: BodyFrame) -> ca.SX:
+    """The place of the first along directions (k, 3) in the axes of the second."""
+    return normals @ _in_axes(one, other)
+
+
+def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
+    """The place of the first in the axes of the second."""
+    return other.rotation.T @ _in_ground(one, other)
+
+
+def _axis(body: ContactBody) -> Array:
+    """The direction about which a body is round; of a cam, one across it."""
+    if isinstance(body, Cam):
+        return body.axes[:, 0]
+    assert not isinstance(body, Ball | Face)
+    return body.axis
+
+
+def _thickness(body: ContactBody) -> float:
+    """Half the extent in m across which a body is thinnest."""
+    return min(body.radius, 0.5 * body.length) if isinstance(body, Barrel) else _radius(body)
+
+
+def _radius(body: ContactBody) -> float:
+    """In m; of a cam, at the angle zero."""
+    match body:
+        case Cam():
+            return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
+        case Face():
+            return 0.0
+        case _:
+            return body.radius

@@ -1,0 +1,1 @@
+"""Forces of springs, dampers, bushings, joints and applied loads."""

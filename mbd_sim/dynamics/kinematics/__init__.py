@@ -1,0 +1,1 @@
+"""Motions of joints, links and bodies, and the symbols that describe them."""

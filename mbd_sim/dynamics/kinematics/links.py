@@ -1,0 +1,122 @@
+"""The mechanism as links for the recursions: each part expressed in the frame of its inboard joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.geometry.rotation import aligning_z
+from mbd_sim.dynamics.kinematics.joint_motions import JointAxes
+from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.math.spatial import inertia_matrix
+from mbd_sim.mechanism.elements.parts import GROUND, Joint
+from mbd_sim.mechanism.mechanism import Mechanism
+
+ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbance:
+    """Changes of position, velocity and acceleration (n,) of a joint that is driven by time, at a time `at` in s."""
+
+    position: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    at: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A part and its inboard joint.
+
+    `parent` is the index of the inboard link, -1 for ground. `X_PF` places the joint's inboard frame in that link's
+    frame, and `axes` are expressed in the joint's frame. `X_LB` places the part's frame in the link's frame.
+    `inertia` (6, 6) is about the link's origin; it includes a third of the mass of each spring with mass between the
+    part and ground. `q` and `u` are the slices of the joint's coordinates and speeds, and `drive` is that of the states
+    of a commanded drive in q. Links of disturbed equations have a `disturbance` of their drive.
+    """
+
+    joint: Joint
+    parent: int
+    X_PF: Pose
+    axes: JointAxes
+    X_LB: Pose
+    inertia: Array
+    q: slice
+    u: slice
+    drive: slice
+    disturbance: Disturbance | None = None
+
+
+def build_links(mechanism: Mechanism) -> list[Link]:
+    """The links from ground outward, each frame rotated so that its joint's axis is a coordinate axis."""
+    layout = coordinate_layout(mechanism)
+    result: list[Link] = []
+    index = {GROUND: -1}
+    X_LB = {GROUND: identity_pose()}
+    bodies = mechanism.bodies
+    for joint in mechanism.tree_joints():
+        inboard_pose, outboard_pose = joint.parent_pose, joint.child_pose
+        if joint.reversed:
+            inboard_pose, outboard_pose = outboard_pose, inboard_pose
+        alignment, axes = _aligned(joint)
+        part = bodies[joint.outboard]
+        X_LB[part.name] = own = (outboard_pose @ alignment).inverse()
+        center = _cleaned(own.position + own.rotation @ part.center)
+        inertia = _cleaned(own.rotation @ part.inertia @ own.rotation.T)
+        X_PF = X_LB[joint.inboard] @ inboard_pose @ alignment
+        result.append(
+            Link(
+                joint=joint,
+                parent=index[joint.inboard],
+                X_PF=Pose(_cleaned(X_PF.position), _cleaned(X_PF.rotation)),
+                axes=axes,
+                X_LB=own,
+                inertia=inertia_matrix(part.mass, center, inertia) + _inertia_of_springs(mechanism, part.name, own),
+                q=layout.q[joint.name],
+                u=layout.u[joint.name],
+                drive=layout.drives.get(joint.name, slice(0, 0)),
+            )
+        )
+        index[part.name] = len(result) - 1
+    return result
+
+
+def _inertia_of_springs(mechanism: Mechanism, part: str, X_LB: Pose) -> Array:
+    """The inertia (6, 6) of springs with mass between a part and ground, about the link's origin.
+
+    The velocity is linear along the spring, zero at ground and v at the other end. Then T = ½ (m/3) v², which is that
+    of a particle of mass m/3 at the end.
+    """
+    total = np.zeros((6, 6))
+    for spring in mechanism.springs:
+        for end in (spring.first, spring.second):
+            if spring.mass and end.part == part:
+                point = _cleaned(X_LB.position + X_LB.rotation @ end.point)
+                total = total + inertia_matrix(spring.mass / 3.0, point, np.zeros((3, 3)))
+    return total
+
+
+def _aligned(joint: Joint) -> tuple[Pose, JointAxes]:
+    """The rotation of the joint's frames that makes its axes coordinate axes, and the axes after it."""
+    axis = -joint.axis if joint.reversed and joint.kind.axial else joint.axis
+    third = np.cross(axis, joint.second)
+    if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
+        return identity_pose(), JointAxes(axis, joint.second, third, joint.lead)
+    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < ROUND_OFF * 10
+    rotation = np.column_stack([joint.second, third, axis]) if perpendicular else aligning_z(axis)
+    second, third = (_cleaned(rotation.T @ vector) for vector in (joint.second, third))
+    return Pose(np.zeros(3), rotation), JointAxes(np.array([0.0, 0.0, 1.0]), second, third, joint.lead)
+
+
+def _cleaned(array: Array) -> Array:
+    """The array with the round-off of zeros and ones removed, because structural zeros save instructions.
+
+    A planar chain then costs the same in a plane of any orientation.
+    """
+    size, whole = np.abs(array), np.round(array)
+    array = np.where(np.abs(array - whole) <= ROUND_OFF * size, whole, array)
+    return np.where(size <= ROUND_OFF * np.max(size), 0.0, array)

@@ -1,0 +1,1 @@
+"""Where coordinates, inputs and states of actuators are in vectors."""

@@ -1,0 +1,1 @@
+"""Tools for CasADi expressions: spatial algebra, pieces, tables, rank."""

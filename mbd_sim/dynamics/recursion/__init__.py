@@ -1,0 +1,1 @@
+"""The articulated-body recursion, its multipliers and reactions."""

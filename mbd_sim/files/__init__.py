@@ -1,0 +1,1 @@
+"""Mechanism files and robot descriptions: read, checked and written."""

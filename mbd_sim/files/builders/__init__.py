@@ -1,0 +1,1 @@
+"""Records of a mechanism from the checked data of its file."""

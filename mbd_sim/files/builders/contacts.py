@@ -1,0 +1,322 @@
+"""Builds the contacts between shapes from their records in the file.
+
+The shapes of parts as bodies of contacts: balls, rims and corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError, quoted
+from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.files.builders.context import BuildContext, attachment
+from mbd_sim.files.builders.parts import pose_of, shapes_of
+from mbd_sim.files.schema import shapes as schema
+from mbd_sim.files.schema.contacts import ContactSpec
+from mbd_sim.files.schema.file import PartSpec
+from mbd_sim.files.schema.shapes import AnyShapeSpec
+from mbd_sim.files.text.values import split_unit
+from mbd_sim.mechanism.elements.constraints import ContactLaw
+from mbd_sim.mechanism.elements.contacts import (
+    FIRST_RIM,
+    LAST_RIM,
+    Ball,
+    Barrel,
+    Cam,
+    Contact,
+    ContactBody,
+    Cushion,
+    Face,
+    Rim,
+)
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
+from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.values.source import Location
+
+SIDES = {-1: "-", 1: "+"}
+
+
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
+    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims and corners."""
+    if isinstance(shape, Pose):
+        return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
+    pose = pose_of(shape)
+
+    def at(*offset: float) -> Attachment:
+        return Attachment(part, pose.position + pose.rotation @ np.array(offset))
+
+    def corners(*size: float) -> list[tuple[str, Ball | Rim]]:
+        signs = [(-1, 1) if side else (1,) for side in size]
+        return [
+            (
+                "corner "
+                + "".join(SIDES[sign] + axis for sign, axis, side in zip(chosen, "xyz", size, strict=True) if side),
+                Ball(at(*(0.5 * sign * side for sign, side in zip(chosen, size, strict=True))), 0.0),
+            )
+            for chosen in product(*signs)
+        ]
+
+    axis: Array = pose.rotation[:, 2]
+    match shape:
+        case schema.ParticleSpec():
+            return [("", Ball(at(0.0, 0.0, 0.0), 0.0))]
+        case schema.SphereSpec(radius=r):
+            return [("", Ball(at(0.0, 0.0, 0.0), r))]
+        case schema.RodSpec(start=start, end=end, radius=r):
+            ends = (("from", start), ("to", end))
+            return [(f"end {name}", Ball(Attachment(part, np.array(point)), r or 0.0)) for name, point in ends]
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
+            return [("", Rim(at(0.0, 0.0, 0.0), axis, r))]
+        case schema.CylinderSpec(radius=r, length=length):
+            first, last = (at(0.0, 0.0, 0.5 * side * length) for side in (-1, 1))
+            return [
+                (FIRST_RIM.strip(), Rim(first, axis, r, length)),
+                (LAST_RIM.strip(), Rim(last, axis, r, length, first=False)),
+            ]
+        case schema.PlateSpec(size=(x, y)):
+            return corners(x, y, 0.0)
+        case schema.BlockSpec(size=(x, y, z)):
+            return corners(x, y, z)
+
+
+def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
+    """A shape, or a point, as a ball or a cylinder; None for shapes with corners."""
+    if isinstance(shape, Pose):
+        return Ball(Attachment(part, np.array(shape.position)), 0.0)
+    pose = pose_of(shape)
+    center = Attachment(part, pose.position)
+    match shape:
+        case schema.ParticleSpec():
+            return Ball(center, 0.0)
+        case schema.SphereSpec(radius=r):
+            return Ball(center, r)
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
+            return Barrel(center, pose.rotation[:, 2], r, 0.0)
+        case schema.CylinderSpec(radius=r, length=length):
+            return Barrel(center, pose.rotation[:, 2], r, length)
+        case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec():
+            return None
+
+
+def build_contacts(
+    specs: Mapping[str, ContactSpec], parts: Mapping[str, PartSpec], context: BuildContext
+) -> tuple[Contact, ...]:
+    """The contacts of a file; invalid ones are left out and reported to `context`."""
+    builder = _ContactBuilder(parts, context)
+    return tuple(contact for name, spec in specs.items() for contact in builder.build(name, spec))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """A shape of a part, or a point without one, with its `name` in the mechanism."""
+
+    part: str
+    name: str
+    shape: AnyShapeSpec | Pose
+
+    @property
+    def kind(self) -> str:
+        return "point" if isinstance(self.shape, Pose) else self.shape.type
+
+
+class _ContactBuilder:
+    """Builds contacts one by one; problems are reported to the context."""
+
+    def __init__(self, parts: Mapping[str, PartSpec], context: BuildContext) -> None:
+        self._parts, self._context = parts, context
+        points = context.points_by_part
+        self._names = {name: known and dict.fromkeys(known) for name, known in points.items()}
+        for name, spec in parts.items():
+            shapes = dict.fromkeys(shape.name for shape in shapes_of(spec) if shape.name)
+            self._names[name] = {**shapes, **dict.fromkeys(spec.points)}
+
+    def build(self, name: str, spec: ContactSpec) -> list[Contact]:
+        before = len(self._context.problems)
+        where: Location = ("contacts", name)
+        pairs: list[tuple[str, tuple[str, str], ContactBody, ContactBody]] = []
+        if spec.between is not None:
+            pairs += self._pairs(where, "between", list(spec.between), spec.inside)
+        elif spec.among is not None:
+            pairs += self._pairs(where, "among", spec.among, False)
+        elif spec.plane is not None and (face := self._face(where, spec)) is not None:
+            pairs += self._on_face(where, spec, face)
+        elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
+            pairs += self._on_cam(where, spec, cam)
+        self._check_stiffness(where, spec)
+        if len(self._context.problems) > before:
+            return []
+        law = contact_law(spec)
+        return [Contact(name, *pair, law, spec.inside) for pair in pairs]
+
+    def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
+        """Refuse a stiffness with a unit that does not fit the exponent."""
+        if spec.stiffness is None or math.isnan(spec.exponent):
+            return
+        if spec.exponent.is_integer():
+            self._context.has_unit((*where, "stiffness"), f"N/m**{spec.exponent:.0f}")
+        elif split_unit(str(self._context.source.data["contacts"][where[1]]["stiffness"]))[1]:
+            message = f"no unit stands for N/m^{spec.exponent:g}, that of the stiffness with this exponent"
+            remedy = "Write it as a number without a unit, or add 'exponent: 1'."
+            self._context.report((*where, "stiffness"), message, remedy)
+
+    def _pairs(
+        self, where: Location, key: str, references: list[str], inside: bool
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        """The pairs of all shapes of different parts in a list of references."""
+        places = [(*where, key, index) for index in range(len(references))]
+        solids = [
+            self._solids(place, reference, inside and index == 1)
+            for index, (place, reference) in enumerate(zip(places, references, strict=True))
+        ]
+        for (_, firsts), (index, seconds) in combinations(enumerate(solids), 2):
+            if firsts and seconds and firsts[0].part == seconds[0].part:
+                message = f"{quoted(firsts[0].part)} cannot be in contact with itself"
+                self._context.report(places[index], message, "Name different parts.")
+                continue
+            for first, second in product(firsts, seconds):
+                if (pair := self._round_pair(places[index], first, second, inside)) is not None:
+                    yield _quantity(first, second), (first.name, second.name), *pair
+
+    def _round_pair(
+        self, where: Location, first: _Solid, second: _Solid, inside: bool
+    ) -> tuple[ContactBody, ContactBody] | None:
+        """Two round bodies as the records of a gap; None, with a problem, if they have none."""
+        bodies = [round_body(solid.part, solid.shape) for solid in (first, second)]
+        if bodies[0] is None or bodies[1] is None:
+            flat = first if bodies[0] is None else second
+            message = (
+                f"{_article(flat.kind)} cannot be in contact with {_article((second if flat is first else first).kind)}"
+            )
+            remedy = "Spheres, cylinders, discs, rings and points can be; blocks, plates and rods only with a plane."
+            self._context.report(where, message, remedy)
+            return None
+        one, other = bodies[0], bodies[1]
+        if isinstance(one, Barrel) and isinstance(other, Ball):
+            if inside:
+                self._context.report(
+                    where, f"a {second.kind} cannot enclose a {first.kind}", "Name the inner part first."
+                )
+                return None
+            one, other = other, one
+        if inside and not one.radius < other.radius:
+            message = (
+                f"the radius {one.radius:g} m of {first.name} is not less than {other.radius:g} m of {second.name}"
+            )
+            self._context.report(
+                where, message, "The second part encloses the first: exchange them, or correct a radius."
+            )
+            return None
+        if not inside and one.radius + other.radius == 0.0:
+            self._context.report(where, "two points cannot touch", "Give one of them a shape with a radius.")
+            return None
+        return one, other
+
+    def _face(self, where: Location, spec: ContactSpec) -> Face | None:
+        frame = self._context.frame((*where, "plane"), spec.plane or "ground")
+        if frame is None:
+            return None
+        return Face(attachment(frame), frame[1].rotation @ rot.unit(spec.normal))
+
+    def _cam(self, where: Location, spec: ContactSpec) -> Cam | None:
+        frame = self._context.frame((*where, "cam"), spec.cam or "")
+        if frame is None or spec.profile is None:
+            return None
+        return Cam(attachment(frame), frame[1].rotation, spec.profile)
+
+    def _on_face(
+        self, where: Location, spec: ContactSpec, face: Face
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        """The corners, rims and balls of parts against a plane, or a cam."""
+        names = spec.plane or "ground"
+        if spec.cam is not None:
+            cam = self._cam(where, spec)
+            if cam is not None and self._differ((*where, "cam"), cam.at.part, face.at.part):
+                yield f"{_word(spec.cam)} on {_word(names)}", (spec.cam, names), cam, face
+            return
+        for index, reference in enumerate(spec.parts or []):
+            place = (*where, "parts", index)
+            for solid in self._solids(place, reference):
+                if not self._differ(place, solid.part, face.at.part):
+                    break
+                for label, body in edges(solid.part, solid.shape):
+                    quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
+                    yield quantity, (solid.name, names), body, face
+
+    def _on_cam(
+        self, where: Location, spec: ContactSpec, cam: Cam
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        """Rollers and points on a cam."""
+        assert spec.cam is not None
+        for index, reference in enumerate(spec.parts or []):
+            place = (*where, "parts", index)
+            for solid in self._solids(place, reference):
+                if not self._differ(place, solid.part, cam.at.part):
+                    break
+                body = round_body(solid.part, solid.shape)
+                if body is None:
+                    message = f"{_article(solid.kind)} cannot be in contact with a cam"
+                    self._context.report(place, message, "Give a sphere, cylinder, disc or point, or a 'plane'.")
+                    break
+                yield f"{_word(solid.name)} on {_word(spec.cam)}", (solid.name, spec.cam), body, cam
+
+    def _differ(self, where: Location, one: str, other: str) -> bool:
+        if one == other:
+            self._context.report(where, f"{quoted(one)} cannot be in contact with itself", "Name different parts.")
+        return one != other
+
+    def _solids(self, where: Location, reference: str, enclosing: bool = False) -> list[_Solid]:
+        """The shapes that a reference names; empty, with a problem, if there are none.
+
+        :param enclosing: prefer the holes of the part.
+        """
+        try:
+            part, name = split_reference(reference, self._names, "shape or point")
+        except InputError as error:
+            self._context.problems.append(self._context.source.problem_of(where, error))
+            return []
+        spec = self._parts.get(part)
+        shapes = [] if spec is None else shapes_of(spec)
+        if named := [shape for shape in shapes if name and shape.name == name]:
+            return [_Solid(part, reference, named[0])]
+        if spec is None and part != GROUND:
+            return []
+        if name is not None:
+            frame = self._context.frame(where, reference)
+            return [] if frame is None else [_Solid(part, reference, frame[1])]
+        holes = [shape for shape in shapes if shape.hole]
+        chosen = holes if enclosing and holes else [shape for shape in shapes if not shape.hole]
+        if not chosen:
+            self._context.report(where, f"{quoted(part)} has no shape", "Give it one, or name one of its points.")
+        if len(chosen) == 1:
+            return [_Solid(part, part, chosen[0])]
+        return [
+            _Solid(part, f"{part}.{shape.name or f'shape{number}'}", shape)
+            for number, shape in enumerate(chosen, start=1)
+        ]
+
+
+def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:
+    """What happens at the contact."""
+    friction = spec.friction or 0.0
+    if spec.stiffness is not None:
+        return Cushion(spec.stiffness, spec.exponent, spec.damping, friction, spec.regularization)
+    return ContactLaw(spec.restitution or 0.0, friction, spec.static_friction or friction)
+
+
+def _quantity(first: _Solid, second: _Solid) -> str:
+    return f"{_word(first.name)} on {_word(second.name)}"
+
+
+def _word(reference: str) -> str:
+    """A reference as one word of a name."""
+    return reference.strip().replace(".", "_")
+
+
+def _article(kind: str) -> str:
+    return f"a {kind}"

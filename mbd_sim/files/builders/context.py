@@ -1,0 +1,130 @@
+"""The context that all builders share: points of the parts, the file for error messages, and problems found so far.
+
+What a mechanism is built from: everything in a file, before the spanning tree is found.
+
+Builds rotation matrices from rotations as written in a file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError, Problem
+from mbd_sim.base.geometry.batch import array
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.rotation import about, from_quaternion, from_rpy, unit
+from mbd_sim.files.schema.base import RotationSpec
+from mbd_sim.files.text.values import split_unit, unit_factor
+from mbd_sim.mechanism.elements.parts import Attachment, Joint, Part
+from mbd_sim.mechanism.spanning_tree import PointsByPart, resolve_reference
+from mbd_sim.mechanism.values.source import Location, Source, value_at
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.elements.actuators import Actuator, Base
+    from mbd_sim.mechanism.elements.constraints import Constraint
+    from mbd_sim.mechanism.elements.contacts import Contact
+    from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring
+    from mbd_sim.mechanism.elements.sensors import AnySensor
+
+
+@dataclass
+class BuildContext:
+    """Resolves references and collects problems, each with its line in the file."""
+
+    points_by_part: PointsByPart
+    source: Source
+    problems: list[Problem] = field(default_factory=list)
+
+    def report(self, location: Location, message: str, remedy: str = "") -> None:
+        """Add a problem at a location of the file."""
+        self.problems.append(self.source.problem(location, message, remedy))
+
+    def has_unit(self, location: Location, *si_units: str) -> bool:
+        """Whether a value of the file that is written with a unit has one of the dimension of any of these SI units.
+
+        Otherwise the problem is added. The schema cannot check it where the dimension depends on other keys.
+        """
+        data = value_at(self.source.data, location)
+        errors = []
+        for si_unit in si_units if isinstance(data, str) else ():
+            try:
+                if written := split_unit(data)[1]:
+                    unit_factor(written, si_unit)
+                return True
+            except InputError as error:
+                errors.append(InputError(error.message, error.remedy, data))
+        self.problems += [self.source.problem_of(location, error) for error in errors[:1]]
+        return not errors
+
+    def frame(self, location: Location, reference: str) -> tuple[str, Pose] | None:
+        """The part and the frame that a reference names; None, with a problem, if there are none."""
+        try:
+            return resolve_reference(reference, self.points_by_part)
+        except InputError as error:
+            self.problems.append(self.source.problem_of(location, error))
+            return None
+
+    def attachments(self, location: Location, references: list[str] | tuple[str, ...]) -> list[Attachment]:
+        """The points that a list of references names; empty, with a problem, unless two different parts have them."""
+        frames = [self.frame((*location, index), reference) for index, reference in enumerate(references)]
+        return self.on_different_parts(location, frames)
+
+    def on_different_parts(self, location: Location, frames: list[tuple[str, Pose] | None]) -> list[Attachment]:
+        """The origins of frames; empty if one is missing, or, with a problem, if all belong to one part."""
+        known = [frame for frame in frames if frame is not None]
+        if len(known) < len(frames):
+            return []
+        if len({part for part, _ in known}) < 2:
+            self.report(location, f"connects '{known[0][0]}' with itself", "Name points of different parts.")
+            return []
+        return [attachment(frame) for frame in known]
+
+
+def attachment(frame: tuple[str, Pose]) -> Attachment:
+    """The origin of a frame of a part."""
+    part, pose = frame
+    return Attachment(part, array(pose.position))
+
+
+@dataclass(frozen=True)
+class ForceElements:
+    """The force elements of a mechanism by kind, without gravity and the springs and dampers in joints."""
+
+    springs: tuple[Spring, ...] = ()
+    dampers: tuple[Damper, ...] = ()
+    applied: tuple[AppliedForce, ...] = ()
+    efforts: tuple[AppliedEffort, ...] = ()
+    potentials: tuple[AppliedPotential, ...] = ()
+    bushings: tuple[Bushing, ...] = ()
+
+
+@dataclass(frozen=True)
+class MechanismElements:
+    """Everything in a file, before the tree is found, and the problems of all of it."""
+
+    parts: dict[str, Part]
+    joints: dict[str, Joint]
+    forces: ForceElements
+    constraints: tuple[Constraint, ...]
+    contacts: tuple[Contact, ...]
+    actuators: tuple[Actuator, ...]
+    sensors: tuple[AnySensor, ...]
+    bases: tuple[Base, ...]
+    joint_bushings: tuple[Bushing, ...]
+    ground_points: dict[str, Pose]
+    problems: list[Problem]
+
+
+def rotation_matrix(rotation: RotationSpec | None) -> Array:
+    """The matrix (3, 3) of a rotation; the identity for None."""
+    if rotation is None:
+        return np.eye(3)
+    if rotation.rpy is not None:
+        return from_rpy(*rotation.rpy)
+    if rotation.quaternion is not None:
+        return from_quaternion(unit(rotation.quaternion))
+    assert rotation.axis is not None and rotation.angle is not None
+    return about(unit(rotation.axis), rotation.angle)

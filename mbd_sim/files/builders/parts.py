@@ -1,0 +1,286 @@
+"""Builds the parts of a mechanism from their records in the file: points, mass, mass center and inertia.
+
+Builds mass properties and shapes to draw from the shapes of a file (Huston & Liu, ch. 7).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, assert_never
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError, Problem
+from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.geometry.batch import array, distance, fsum
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.files.builders.context import rotation_matrix
+from mbd_sim.files.schema import base, file
+from mbd_sim.files.schema import shapes as schema
+from mbd_sim.mechanism.elements.parts import Mesh, Part, Shape
+from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
+from mbd_sim.mechanism.values.source import Location, Source
+
+if TYPE_CHECKING:
+    from mbd_sim.files.schema.shapes import AnyShapeSpec
+
+
+def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Problem]) -> Part:
+    """A part; its problems are added to `problems`."""
+    location: Location = ("parts", name)
+    shapes = shapes_of(spec)
+    meshes = tuple(
+        Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
+        for mesh in spec.meshes
+    )
+    only_drawn = all(_is_drawn_only(shape) for shape in shapes)
+    if only_drawn and spec.inertia is None and spec.mass and spec.center is None and _has_solids(spec):
+        body = _mesh_properties(meshes, spec, location, source, problems)
+    elif spec.inertia is not None or not shapes or (only_drawn and spec.mass):
+        body = _given_properties(spec, location, source, problems)
+    else:
+        body = _computed_properties(spec, location, source, problems)
+    _check_inertia(body, spec, location, source, problems)
+    return Part(
+        name=name,
+        mass=body.mass,
+        center=body.center,
+        inertia=body.inertia,
+        points=point_poses(spec.points),
+        shapes=_drawn_shapes(shapes),
+        meshes=meshes,
+    )
+
+
+def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
+    """The poses of named points in the frame of their part."""
+    return {
+        name: Pose(array(point.at), rotation_matrix(point.rotate))
+        if isinstance(point, base.PointSpec)
+        else Pose(array(point), np.eye(3))
+        for name, point in points.items()
+    }
+
+
+def shapes_of(spec: file.PartSpec) -> list[AnyShapeSpec]:
+    """The shapes of a part."""
+    return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
+
+
+def _drawn_shapes(specs: list[AnyShapeSpec]) -> tuple[Shape, ...]:
+    if not specs:
+        return ()
+    return tuple(build_shape(spec) for spec in specs)
+
+
+def _is_drawn_only(shape: AnyShapeSpec) -> bool:
+    return shape.mass == 0.0
+
+
+def _has_solids(spec: file.PartSpec) -> bool:
+    return bool(spec.meshes) and all(mesh.solid is not None for mesh in spec.meshes)
+
+
+def _mesh_properties(
+    meshes: tuple[Mesh, ...],
+    spec: file.PartSpec,
+    location: Location,
+    source: Source,
+    problems: list[Problem],
+) -> MassProperties:
+    """Mass center and inertia from closed meshes."""
+    from mbd_sim.files.meshes.mesh_solids import of_meshes
+
+    assert spec.mass
+    try:
+        return of_meshes(meshes, spec.meshes, spec.mass)
+    except InputError as error:
+        problems.append(source.problem_of(location, error))
+        return MassProperties(spec.mass, np.zeros(3), np.zeros((3, 3)))
+
+
+def _given_properties(
+    spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> MassProperties:
+    """Mass, mass center and inertia from the file; the shapes are only drawn."""
+    if spec.mass is None:
+        problems.append(source.problem(location, "'mass' is missing", "Add 'mass', or a shape with mass or density."))
+    for index, shape in enumerate(shapes_of(spec)):
+        if not _is_drawn_only(shape) and (shape.mass is not None or getattr(shape, "density", None) is not None):
+            where = (*location, "shape") if spec.shape else (*location, "shapes", index)
+            remedy = "Remove the shape's mass: if the part gives its inertia, its shapes are only drawn."
+            problems.append(source.problem(where, "gives a mass although the part gives its inertia", remedy))
+    return MassProperties(spec.mass or 0.0, array(spec.center or (0.0, 0.0, 0.0)), _inertia_matrix(spec.inertia))
+
+
+def _computed_properties(
+    spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> MassProperties:
+    """Mass, mass center and inertia from the shapes."""
+    if spec.center is not None:
+        remedy = "Remove 'center', or give 'inertia' as well."
+        problems.append(source.problem((*location, "center"), "is computed from the shapes", remedy))
+    try:
+        return of_shapes(shapes_of(spec), spec.mass)
+    except InputError as error:
+        problems.append(source.problem_of(location, error))
+        return MassProperties(spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def _check_inertia(
+    body: MassProperties, spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> None:
+    given = spec.inertia is not None
+    if (defect := inertia_defect(body.inertia)) is not None and (spec.inertia_check or not given):
+        remedy = "Place the holes inside the material."
+        if given:
+            location, remedy = (*location, "inertia"), "No rigid body has such an inertia: check its numbers."
+        problems.append(source.problem(location, f"the inertia {defect}", remedy))
+    if spec.mass == 0.0 and np.any(body.inertia) and spec.inertia_check:
+        problems.append(source.problem(location, "has an inertia without mass", "Give the part a mass."))
+
+
+def _inertia_matrix(spec: file.InertiaSpec | tuple[float, float, float] | None) -> Array:
+    if spec is None:
+        return np.zeros((3, 3))
+    if isinstance(spec, tuple):
+        moments: Array = np.diag(array(spec))
+        return moments
+    matrix: Array = array(
+        [
+            [spec.xx, spec.xy, spec.xz],
+            [spec.xy, spec.yy, spec.yz],
+            [spec.xz, spec.yz, spec.zz],
+        ]
+    )
+    return matrix
+
+
+ROD_RADIUS = 0.02  # of rods drawn without a radius, relative to their length
+PARTICLE_RADIUS = 0.05  # m, of particles drawn without a radius
+
+
+@dataclass(frozen=True)
+class _Solid:
+    """The size and the moments of inertia of a shape."""
+
+    dimension: int  # 0 for a particle, 1 a line, 2 a surface, 3 a solid; sizes of one dimension can be compared
+    measure: float  # length, area or volume in m^dimension; 1 for a particle
+    moments: tuple[float, float, float]  # principal moments about the center for unit mass, m²
+
+
+def _box_moments(x: float, y: float, z: float) -> tuple[float, float, float]:
+    return ((y * y + z * z) / 12.0, (z * z + x * x) / 12.0, (x * x + y * y) / 12.0)
+
+
+def _axial_moments(radius: float, length: float, factor: float) -> tuple[float, float, float]:
+    """The moments of a body of revolution about z; that about z is `factor` times radius²."""
+    across = factor * (radius * radius) / 2.0 + length * length / 12.0
+    return (across, across, factor * (radius * radius))
+
+
+def _solid(shape: schema.AnyShapeSpec) -> _Solid:
+    match shape:
+        case schema.RodSpec(start=a, end=b):
+            length = distance(a, b)
+            return _Solid(1, length, _box_moments(0.0, 0.0, length))
+        case schema.DiscSpec(radius=r):
+            return _Solid(2, math.pi * r * r, _axial_moments(r, 0.0, 0.5))
+        case schema.RingSpec(radius=r):
+            return _Solid(1, 2.0 * math.pi * r, _axial_moments(r, 0.0, 1.0))
+        case schema.PlateSpec(size=(x, y)):
+            return _Solid(2, x * y, _box_moments(x, y, 0.0))
+        case schema.BlockSpec(size=(x, y, z)):
+            return _Solid(3, x * y * z, _box_moments(x, y, z))
+        case schema.CylinderSpec(radius=r, length=length):
+            return _Solid(3, math.pi * r * r * length, _axial_moments(r, length, 0.5))
+        case schema.SphereSpec(radius=r):
+            moment = 0.4 * r * r
+            return _Solid(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
+        case schema.ParticleSpec():
+            return _Solid(0, 1.0, (0.0, 0.0, 0.0))
+        case _:
+            assert_never(shape)
+
+
+def pose_of(shape: schema.AnyShapeSpec) -> Pose:
+    """The center and the axes of a shape in the part's frame; z is the axis of rods and axial shapes."""
+    if isinstance(shape, schema.RodSpec):
+        start, end = array(shape.start), array(shape.end)
+        return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
+    rotation = rotation_matrix(shape.rotate)
+    if isinstance(shape, schema.AxialShapeSpec):
+        rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
+    return Pose(array(shape.at), rotation)
+
+
+def build_shape(shape: schema.AnyShapeSpec) -> Shape:
+    """The shape to draw."""
+    size: tuple[float, ...]
+    match shape:
+        case schema.RodSpec(start=a, end=b, radius=r):
+            length = distance(a, b)
+            size = (length, ROD_RADIUS * length if r is None else r)
+        case schema.ParticleSpec(radius=r):
+            size = (PARTICLE_RADIUS if r is None else r,)
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r) | schema.SphereSpec(radius=r):
+            size = (r,)
+        case schema.CylinderSpec(length=length, radius=r):
+            size = (length, r)
+        case schema.PlateSpec() | schema.BlockSpec():
+            size = shape.size
+        case _:
+            assert_never(shape)
+    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole)
+
+
+def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> MassProperties:
+    """Mass properties of a part made of shapes.
+
+    :param mass: of the whole part in kg; the shapes without mass and density share it in proportion to their size.
+    :raises InputError: masses are missing, given twice, or cannot be shared.
+    """
+    solids = [_solid(shape) for shape in shapes]
+    given = [_given_mass(shape, solid) for shape, solid in zip(shapes, solids, strict=True)]
+    per_measure = _mass_per_measure(shapes, solids, given, mass)
+    bodies = []
+    for shape, solid, value in zip(shapes, solids, given, strict=True):
+        kilograms = value if value is not None else per_measure * solid.measure
+        body = MassProperties(kilograms, np.zeros(3), kilograms * np.diag(array(solid.moments))).placed(pose_of(shape))
+        bodies.append(body.scaled(-1.0) if shape.hole else body)
+    return composite(bodies)
+
+
+def _mass_per_measure(
+    shapes: Sequence[schema.AnyShapeSpec],
+    solids: Sequence[_Solid],
+    given: Sequence[float | None],
+    mass: float | None,
+) -> float:
+    """The mass per length, area or volume of the shapes without mass and density, in kg/m^dimension."""
+    bare = [solid for solid, value in zip(solids, given, strict=True) if value is None]
+    if mass is None and bare:
+        raise InputError("has shapes without mass", "Give 'mass' on the part, or mass or density on each shape.")
+    if mass is not None and not bare:
+        raise InputError("gives the mass twice, on the part and on its shapes", "Remove one of the two.")
+    if mass is None or not (mass or any(given)):
+        return 0.0
+    if len({solid.dimension for solid in bare}) > 1:
+        message = "cannot share its mass among points, lines, surfaces and solids"
+        raise InputError(message, "Give each shape its own.")
+    signed = [(-1 if s.hole else 1) * b.measure for s, b, v in zip(shapes, solids, given, strict=True) if v is None]
+    rest = mass - fsum([(-v if s.hole else v) for s, v in zip(shapes, given, strict=True) if v is not None])
+    total = fsum(signed)
+    if rest <= 0.0:
+        raise InputError(f"leaves {rest:g} kg for its shapes without mass", "'mass' is the mass of the whole part.")
+    if total <= 0.0:
+        raise InputError("has holes as large as its material", "Make them smaller.")
+    per_measure: float = rest / total
+    return per_measure
+
+
+def _given_mass(shape: schema.AnyShapeSpec, solid: _Solid) -> float | None:
+    density = getattr(shape, "density", None)
+    return density * solid.measure if density is not None else shape.mass

@@ -1,0 +1,94 @@
+"""Loads mechanism files, URDF, MJCF and SDF as `Mechanism` records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbd_sim.base.collection_pause import paused_collection
+from mbd_sim.base.errors import MechanismError, Problem, few_suggestions, quoted
+from mbd_sim.files.mechanism_cache import cached_mechanism
+from mbd_sim.files.text.file_limits import read_text
+from mbd_sim.files.text.library import find
+from mbd_sim.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.files.xml.reading import Base
+    from mbd_sim.mechanism.values.source import Source
+
+
+def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
+    """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
+
+    :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`; the same for models of an
+        SDF that are not attached to the world, and are free by default.
+    :raises MechanismError: with every problem of the file, each with its line and a remedy.
+    """
+    path = find(mechanism)
+    return parse_mechanism(read_text(path), str(path), base)
+
+
+def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
+    """The mechanism that the text of a mechanism file, a URDF, an MJCF or an SDF describes.
+
+    :param file: its name in errors; the file that `urdf` names is searched in the same folder.
+
+    :param base: see `load_mechanism`.
+    :raises MechanismError: see `load_mechanism`.
+    """
+    return cached_mechanism(text, file, base, lambda: _parsed(text, file, base))
+
+
+def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
+    with few_suggestions(), paused_collection():
+        # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
+        from mbd_sim.files.builders.mechanism import build
+        from mbd_sim.files.checks.validation import validate
+
+        source = _source(text, file, base)
+        records, parameters = validate(source)
+        return build(records, parameters, source)
+
+
+def _source(text: str, file: str, base: Base | None) -> Source:
+    """The data of a file in either format, merged with those of the URDF that it names."""
+    if "<" in text:  # the readers of URDF are imported only for files that may need them
+        from mbd_sim.files.xml.elements import is_xml
+
+        if is_xml(text):
+            return _xml_source(text, file, base)
+    from mbd_sim.files.checks.repetition import expanded
+    from mbd_sim.files.text.yaml_reader import parse_source
+
+    source = expanded(parse_source(text, file))
+    if base is not None or (isinstance(source.data, dict) and {"urdf", "base"} & source.data.keys()):
+        from mbd_sim.files.urdf.overlay import with_urdf
+
+        source = with_urdf(source, base)
+    if "meshes" not in text and source.text is not None:
+        return source
+    from mbd_sim.files.meshes.mesh_solids import with_mesh_solids
+
+    return with_mesh_solids(source)
+
+
+def _xml_source(text: str, file: str, base: Base | None) -> Source:
+    """The data of a URDF, an MJCF or an SDF, by the root element."""
+    from mbd_sim.files.xml.elements import parse_xml, root_tag
+
+    tag = root_tag(text)
+    if tag in ("mujoco", "mujocoinclude"):
+        from mbd_sim.files.mjcf.reader import mjcf_source
+
+        if base is not None:
+            parse_xml(text, file)  # which may raise the first of the two errors
+            message = "an MJCF says itself how its bodies are attached to the world"
+            raise MechanismError([Problem(message, "Leave out the base.", key="base", value=quoted(base), file=file)])
+        return mjcf_source(text, file)
+    if tag == "sdf":
+        from mbd_sim.files.sdf.reader import sdf_source
+
+        return sdf_source(text, file, base)
+    from mbd_sim.files.urdf.reader import urdf_source
+
+    return urdf_source(text, file, base)

@@ -1,0 +1,1 @@
+"""Files of meshes: where they are, and the solids that they enclose."""

@@ -1,0 +1,230 @@
+"""The bodies of a compiled MJCF as parts and joints of a mechanism file, and where the names of the MJCF lead.
+
+Geoms of a compiled MJCF as shapes and meshes that are drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.geometry.rotation import to_quaternion
+from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
+from mbd_sim.files.mjcf.joints import SINGLE, joint_record
+from mbd_sim.files.xml.reading import rows
+from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.mass_properties import inertia_defect
+from mbd_sim.mechanism.values.names import accepted_names, reference, unique_name
+from mbd_sim.mechanism.values.source import Location, Origin
+
+GRAY = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+
+
+def drawn(model: CompiledModel, geom: int) -> tuple[str, dict[str, Any]] | None:
+    """The section of a part, `shapes` or `meshes`, and the entry with which a geom is drawn; None if it is not."""
+    m = model.m
+    kind = model.mujoco.mjtGeom(m.geom_type[geom]).name.removeprefix("mjGEOM_")
+    place, size = pose(m.geom_pos[geom], m.geom_quat[geom]), m.geom_size[geom].tolist()
+    turned = rows(to_quaternion(place.rotation))
+    at = {"at": rows(place.position)} if np.any(place.position) else {}
+    pose_keys = at | ({"rotate": {"quaternion": turned}} if np.any(place.rotation != np.eye(3)) else {})
+    record: dict[str, Any]
+    match kind:
+        case "SPHERE":
+            record = {"type": "sphere", "radius": size[0], **at}
+        case "CAPSULE":
+            arm = place.rotation @ np.array([0.0, 0.0, size[1]])
+            record = {
+                "type": "rod",
+                "from": rows(place.position - arm),
+                "to": rows(place.position + arm),
+                "radius": size[0],
+            }
+        case "CYLINDER":
+            record = {"type": "cylinder", "radius": size[0], "length": 2.0 * size[1], **pose_keys}
+        case "BOX":
+            record = {"type": "block", "size": [2.0 * side for side in size], **pose_keys}
+        case _:
+            return _mesh(model, geom, kind, place)
+    return "shapes", record | _color(model, geom)
+
+
+def _mesh(model: CompiledModel, geom: int, kind: str, place: Pose) -> tuple[str, dict[str, Any]] | None:
+    """A mesh as its file has it: the compiler has moved it to its center and principal axes."""
+    m, number = model.m, int(model.m.geom_dataid[geom])
+    mesh = model.spec.meshes[number] if kind == "MESH" else None
+    if mesh is None or not mesh.file:
+        model.leave_out(f"{kind.lower()} geoms, which are not drawn", "geom", geom)
+        return None
+    center = pose(m.mesh_pos[number], m.mesh_quat[number])
+    own = place @ center.inverse()
+    file = PurePath(mesh.file).name if model.spec.strippath else mesh.file
+    record: dict[str, Any] = {"file": str(PurePath(model.spec.meshdir) / file)}
+    if np.any(mesh.scale != 1.0):
+        record["scale"] = mesh.scale.tolist()
+    if np.any(own.position):
+        record["at"] = rows(own.position)
+    if np.any(own.rotation != np.eye(3)):
+        record["rotate"] = {"quaternion": rows(to_quaternion(own.rotation))}
+    return "meshes", record | _color(model, geom)
+
+
+def _color(model: CompiledModel, geom: int) -> dict[str, str]:
+    """The color of a geom, unless it is that of all geoms."""
+    m, material = model.m, int(model.m.geom_matid[geom])
+    rgba: Array = m.mat_rgba[material] if material >= 0 else m.geom_rgba[geom]
+    if material < 0 and np.all(rgba == GRAY):
+        return {}
+    return {"color": "#" + "".join(f"{round(255.0 * min(max(value, 0.0), 1.0)):02x}" for value in rgba[:3].tolist())}
+
+
+UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame in the mechanism: its part, and its pose there."""
+
+    part: str
+    pose: Pose
+
+
+class ModelParts:
+    """The sections of a mechanism file: parts and joints of a model, to which its forces and constraints are added.
+
+    `parts` are the names by the numbers of bodies, `joints` and `sites` by those of joints and sites.
+    """
+
+    def __init__(self, model: CompiledModel) -> None:
+        self.model = model
+        self.sections: dict[str, dict[str, Any]] = {"ground": {}, "parts": {}, "joints": {}}
+        self.origins: dict[Location, Origin] = {}
+        m = model.m
+        bodies = self._names("body", m.nbody, lambda index: f"body_{index}")
+        self.parts = {**accepted_names_of(bodies, "body", (GROUND,)), 0: GROUND}
+        owners = {index: self.parts[int(m.jnt_bodyid[index])] for index in range(m.njnt)}
+        self.joints = accepted_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
+        self._used_parts = set(self.parts.values())
+        for index in range(1, m.nbody):
+            self._add_part(index)
+        for index in range(1, m.nbody):
+            self._add_joints(index)
+        self.sites = self._add_sites()
+
+    def _names(self, kind: str, count: int, otherwise: Any) -> dict[int, str]:
+        """The names of elements by their numbers; those without one get another one."""
+        written = {index: self.model.name(kind, index) for index in range(count)}
+        used = {name for name in written.values() if name}
+        for index, name in written.items():
+            if not name:
+                written[index] = unique_name(otherwise(index), used)
+                used.add(written[index])
+        return written
+
+    def single(self, joint: int) -> bool:
+        """Whether a joint has one coordinate, which has its name."""
+        return int(self.model.m.jnt_type[joint]) in SINGLE
+
+    def coordinates(self, joint: int) -> list[str]:
+        """The names of the coordinates of a joint, in the order of MuJoCo's speeds."""
+        name, count = self.joints[joint], {0: 6, 1: 3}.get(int(self.model.m.jnt_type[joint]), 1)
+        labels = ("x", "y", "z", "rx", "ry", "rz")
+        return [name] if count == 1 else [f"{name}.{label}" for label in labels[-count:]]
+
+    def add(self, section: str, kind: str, index: int, wanted: str, record: dict[str, Any]) -> str:
+        """Add an entry; the name that it has."""
+        entries = self.sections.setdefault(section, {})
+        name = unique_name(accepted_names([wanted], section[:-1])[wanted], entries)
+        entries[name] = record
+        self.origins[section, name] = self.model.origin(kind, index)
+        return name
+
+    def point(self, part: str, place: Pose, wanted: str) -> str:
+        """The name of a point of a part with this pose; that of the part alone, if the pose is its own."""
+        own = not np.any(place.position) and not np.any(place.rotation != np.eye(3))
+        return reference(part) if own else self._add_point(part, place, wanted)
+
+    def _add_point(self, part: str, place: Pose, wanted: str) -> str:
+        holder = self.sections["ground"] if part == GROUND else self.sections["parts"][part]
+        points = holder.setdefault("points", {})
+        name, turned = unique_name(accepted_names([wanted], "point")[wanted], points), rotated(place)
+        points[name] = {"at": rows(place.position), **turned} if turned else rows(place.position)
+        return reference(part, name)
+
+    def _add_part(self, index: int) -> None:
+        m, name = self.model.m, self.parts[index]
+        inner = pose(m.body_ipos[index], m.body_iquat[index])
+        moments = inner.rotation @ np.diag(m.body_inertia[index]) @ inner.rotation.T
+        part: dict[str, Any] = {"mass": float(m.body_mass[index])}
+        if part["mass"] or np.any(moments):
+            part |= {"center": rows(inner.position)} if np.any(inner.position) else {}
+            part["inertia"] = tensor_entry(moments)
+            if inertia_defect(moments) or not part["mass"]:
+                part["inertia_check"] = False
+        for geom in range(int(m.body_geomadr[index]), int(m.body_geomadr[index] + m.body_geomnum[index])):
+            if (entry := drawn(self.model, geom)) is not None:
+                part.setdefault(entry[0], []).append(entry[1])
+        if "shapes" in part:
+            part.setdefault("inertia", [0.0, 0.0, 0.0])  # given, so that shapes are only drawn
+        self.sections["parts"][name] = part
+        self.origins["parts", name] = self.model.origin("body", index)
+
+    def _add_joints(self, index: int) -> None:
+        """Connect a body to its parent; between several joints there are parts without mass."""
+        m, own = self.model.m, self.parts[index]
+        inner, place = self.parts[int(m.body_parentid[index])], pose(m.body_pos[index], m.body_quat[index])
+        joints = range(int(m.body_jntadr[index]), int(m.body_jntadr[index] + m.body_jntnum[index]))
+        if not joints:
+            name = unique_name(f"{own}_fixed", {*self.joints.values(), *self.sections["joints"]})
+            record = {"type": "fixed", "between": [self.point(inner, place, own), reference(own)]}
+            self._add_joint(name, "body", index, record)
+        for joint in joints:
+            name, last = self.joints[joint], joint == joints[-1]
+            outer = own if last else unique_name(f"{own}_{name}", self._used_parts)
+            self._used_parts.add(outer)
+            if not last:
+                self.sections["parts"][outer] = {"mass": 0.0}
+                self.origins["parts", outer] = self.model.origin("joint", joint)
+            record, base, anchor = joint_record(self.model, joint, place)
+            between = [self.point(inner, base, name), self.point(outer, anchor, name)]
+            self._add_joint(name, "joint", joint, {"type": record.pop("type"), "between": between, **record})
+            inner, place = outer, identity_pose()
+
+    def _add_joint(self, name: str, kind: str, index: int, record: dict[str, Any]) -> None:
+        self.sections["joints"][name] = record
+        self.origins["joints", name] = self.model.origin(kind, index)
+
+    def _add_sites(self) -> dict[int, Frame]:
+        m, found = self.model.m, {}
+        for index in range(m.nsite):
+            part, place = self.parts[int(m.site_bodyid[index])], pose(m.site_pos[index], m.site_quat[index])
+            self._add_point(part, place, self.model.name("site", index) or f"{part}_site")
+            found[index] = Frame(part, place)
+        return found
+
+
+def accepted_names_of(written: dict[int, str], otherwise: str, reserved: tuple[str, ...] = ()) -> dict[int, str]:
+    """A unique name for each number."""
+    found = accepted_names(written.values(), otherwise, reserved)
+    return {index: found[name] for index, name in written.items()}
+
+
+def tensor_entry(tensor: Array) -> list[float] | dict[str, float]:
+    """The key `inertia` of a part; products of inertia that are round-off of the principal axes are 0."""
+    tensor = 0.5 * (tensor + tensor.T)
+    products = tensor - np.diag(np.diag(tensor))
+    if np.max(np.abs(products)) <= np.finfo(float).eps * np.trace(tensor):
+        return rows(np.diag(tensor))
+    return {name: float(tensor[index]) + 0.0 for name, index in zip(ENTRIES, UPPER, strict=True)}
+
+
+def rotated(place: Pose) -> dict[str, Any]:
+    """The key `rotate` of a pose, if it needs one."""
+    if not np.any(place.rotation != np.eye(3)):
+        return {}
+    return {"rotate": {"quaternion": rows(to_quaternion(place.rotation))}}

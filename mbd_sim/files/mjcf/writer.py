@@ -1,0 +1,245 @@
+"""A mechanism as MJCF, for MuJoCo: the spanning tree as bodies, loops as equalities, springs as tendons.
+
+MuJoCo's equalities are soft: they are written with the largest stiffness that its solver allows for the time step.
+
+The start of a mechanism as a keyframe of an MJCF.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.rotation import from_quaternion, to_quaternion
+from mbd_sim.dynamics.equations import Equations, derive
+from mbd_sim.files.mjcf.written_bodies import (
+    Document,
+    Element,
+    Written,
+    WrittenBody,
+    WrittenJoint,
+    add_element,
+    lead_per_radian,
+    number,
+    placed,
+    text,
+    written,
+    written_bodies,
+)
+from mbd_sim.files.mjcf.written_elements import add_actuators, add_constraints, add_elements, add_loops, attached_parts
+from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.mechanism.elements.parts import GROUND, Shape
+from mbd_sim.mechanism.mechanism import Mechanism
+
+
+def add_start(document: Document) -> None:
+    """Write the assembled start as the keyframe `start`, unless the mechanism has no equations of motion."""
+    try:
+        equations = derive(document.mechanism)
+    except MechanismError:
+        document.leave_out("start", "there are no equations of motion")
+        return
+    q, u, layout = equations.start.q, equations.start.u, equations.layout
+    positions, speeds = [], []
+    for body in document.bodies.values():
+        for each in body.joints:
+            name = each.joint.name
+            if each.joint.drive:
+                position, speed = np.zeros(_size(each)), np.zeros(_size(each) - (not each.single))
+            else:
+                position, speed = _values(body, each, q[layout.q[name]], u[layout.u[name]])
+            positions.append(position)
+            speeds.append(speed)
+    if positions:
+        values = {"qpos": text(np.concatenate(positions)), "qvel": text(np.concatenate(speeds))}
+        if commands := _commands(document, equations):
+            values["ctrl"] = text(np.array(commands))
+        add_element(document.section("keyframe"), "key", {"name": "start", **values})
+
+
+def _commands(document: Document, equations: Equations) -> list[float]:
+    """The first command of each actuator that is written, before others arrive."""
+    inputs, span = equations.inputs_without_commands, equations.inputs.commands
+    first, found = span.start, {}
+    for taker in document.mechanism.commanded:
+        found[taker.name] = float(inputs[first])
+        first += len(taker.channels)
+    return [found[element.attrib["name"]] for element in document.root.findall("actuator/*")]
+
+
+def _size(each: WrittenJoint) -> int:
+    return {"ball": 4, "free": 7}.get(each.kind, 1)
+
+
+def _values(body: WrittenBody, each: WrittenJoint, q: Array, u: Array) -> tuple[Array, Array]:
+    """qpos and qvel of a joint of MuJoCo, from the coordinates and speeds of ours."""
+    joint = each.joint
+    if each.single:
+        factor = lead_per_radian(joint) if each.name == f"{joint.name}.travel" else 1.0
+        index = each.index
+        return factor * q[index : index + 1], factor * u[index : index + 1]
+    turn, spin = from_quaternion(q[-4:]), u[-3:]
+    if joint.reversed:
+        turn, spin = turn.T, -turn @ spin
+    axes = each.frame.rotation
+    if each.kind == "ball":
+        return to_quaternion(axes @ turn @ axes.T), axes @ spin
+    inner = each.frame.inverse()  # the body in the second frame of the joint
+    base = joint.parent_pose
+    pose = base @ Pose(q[:3], turn) @ inner
+    velocity = base.rotation @ (u[:3] + turn @ np.cross(spin, inner.position))
+    return np.concatenate([pose.position, to_quaternion(pose.rotation)]), np.concatenate([velocity, axes @ spin])
+
+
+LEAST_INERTIA = 1e-14  # kg·m²; MuJoCo refuses moments of 0
+LEAST_MASS = 1e-9  # kg, of bodies that move and have no mass here
+
+
+def to_mjcf(mechanism: Mechanism) -> Written:
+    """The MJCF of a mechanism; a comment in it lists what it does not contain.
+
+    Joints with several coordinates become several joints of one body, with their names in `joint_states`. The start is
+    written as the keyframe `start`.
+    """
+    root = ElementTree.Element("mujoco", model=mechanism.name)
+    add_element(root, "compiler", {"angle": "radian", "boundinertia": number(LEAST_INERTIA)})
+    add_element(root, "option", {"timestep": number(mechanism.step), "gravity": text(mechanism.gravity)})
+    bodies, merged = written_bodies(mechanism, attached_parts(mechanism))
+    document = Document(mechanism, root, bodies, {GROUND: add_element(root, "worldbody", {})})
+    for name in merged:
+        document.leave_out("parts without mass, merged with the next part", name)
+    _add_bodies(document)
+    add_loops(document)
+    add_constraints(document)
+    add_elements(document)
+    add_actuators(document)
+    _note_rest(document)
+    add_start(document)
+    return written(root, document.left_out)
+
+
+def _add_bodies(document: Document) -> None:
+    for point, pose in document.mechanism.ground_points.items():
+        document.site(GROUND, pose, f"{GROUND}.{point}")
+    for name, body in document.bodies.items():
+        frame = add_element(document.frames[body.parent], "body", {"name": name, **placed(body.pose)})
+        document.frames[name] = frame
+        for joint in body.joints:
+            _add_joint(document, frame, joint)
+        _add_inertial(document, frame, body)
+        for shape in body.part.shapes:
+            if not shape.hole:
+                _add_geom(frame, shape)
+        for point, pose in body.part.points.items():
+            document.site(name, pose, f"{name}.{point}")
+        for mesh in body.part.meshes:
+            document.leave_out("meshes", f"{name}: {mesh.file}")
+
+
+def _add_joint(document: Document, frame: Element, written: WrittenJoint) -> None:
+    joint = written.joint
+    if written.kind == "free":
+        attributes: dict[str, str] = {}
+    else:
+        attributes = {"pos": text(written.frame.position)}
+    if written.axis is not None:
+        attributes["axis"] = text(written.frame.rotation @ written.axis)
+    element = add_element(frame, "joint", {"name": written.name, "type": written.kind, **attributes})
+    if joint.drive:
+        document.leave_out("drives, whose joints move freely", joint.name)
+        return
+    if not written.single:
+        _add_ball_forces(document, element, written)
+        return
+    if written.name.endswith(".travel"):
+        return  # of a screw: the forces are those of its angle
+    _add_forces(document, element, written)
+
+
+def _add_forces(document: Document, element: Element, written: WrittenJoint) -> None:
+    joint, index = written.joint, written.index
+    if stiffness := float(joint.stiffness[index]):
+        element.set("stiffness", number(stiffness))
+        element.set("springref", number(joint.rest[index]))
+    viscous = joint.friction.viscous if joint.friction else 0.0
+    if damping := float(joint.damping[index]) + viscous:
+        element.set("damping", number(damping))
+    if joint.friction and joint.friction.coulomb:
+        element.set("frictionloss", number(joint.friction.coulomb))
+    if joint.friction and (joint.friction.static > joint.friction.coulomb or joint.friction.coefficient):
+        document.leave_out("static friction, and friction by load", joint.name)
+    if (limits := written.limits) is not None:
+        acts = limits.stiffness is not None or limits.restitution is not None
+        element.set("limited", "true" if acts else "false")
+        element.set("range", text(np.array([limits.lower, limits.upper])))
+        if acts:
+            document.leave_out("stiffness, damping and restitution of stops", written.name)
+    if joint.spring is not None or joint.damper is not None:
+        document.leave_out("nonlinear springs and dampers of joints", joint.name)
+    if joint.effort_limit is not None:
+        document.leave_out("effort limits of joints", joint.name)
+
+
+def _add_ball_forces(document: Document, element: Element, written: WrittenJoint) -> None:
+    """Springs and dampers of a ball or a free joint, which are the same in all directions in MuJoCo."""
+    joint = written.joint
+    if joint.name in {bushing.name for bushing in document.mechanism.bushings if bushing.in_joint}:
+        document.leave_out("springs of spherical and free joints", joint.name)
+    damping = joint.damping[-3:] if written.kind == "ball" else joint.damping
+    if np.any(damping) and np.all(damping == damping[0]):
+        element.set("damping", number(damping[0]))
+    elif np.any(damping):
+        document.leave_out("dampers that differ by direction", joint.name)
+
+
+def _add_inertial(document: Document, frame: Element, body: WrittenBody) -> None:
+    part = body.part
+    mass, inertia = part.mass, part.inertia
+    if not mass and body.joints:
+        mass = LEAST_MASS
+        document.leave_out(f"parts without mass that move, here with {LEAST_MASS:g} kg", part.name)
+    elif not mass and not np.any(inertia):
+        return
+    upper = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    moments = {"fullinertia": text(upper)} if np.any(upper[3:]) else {"diaginertia": text(upper[:3])}
+    add_element(frame, "inertial", {"pos": text(part.center), "mass": number(mass), **moments})
+
+
+def _add_geom(frame: Element, shape: Shape) -> None:
+    """A shape to draw: without mass, and without contacts, which it does not have here either."""
+    kind, size = _geom(shape)
+    attributes = {"type": kind, "size": text(np.array(size)), "mass": "0", "contype": "0", "conaffinity": "0"}
+    if shape.color:
+        color = [int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)]
+        attributes["rgba"] = text(np.array([*color, 1.0]))
+    add_element(frame, "geom", attributes | placed(shape.pose))
+
+
+def _geom(shape: Shape) -> tuple[str, list[float]]:
+    """Type and half sizes of a shape."""
+    match shape.kind, shape.size:
+        case ("block", sides):
+            return "box", [0.5 * side for side in sides]
+        case ("plate", (x, y)):
+            return "box", [0.5 * x, 0.5 * y, 0.5 * THICKNESS * max(x, y)]
+        case ("rod", (length, radius)):
+            return "capsule", [radius, 0.5 * length]
+        case ("cylinder", (length, radius)):
+            return "cylinder", [radius, 0.5 * length]
+        case ("disc" | "ring", (radius,)):
+            return "cylinder", [radius, 0.5 * THICKNESS * radius]
+    return "sphere", [shape.size[0]]
+
+
+def _note_rest(document: Document) -> None:
+    mechanism = document.mechanism
+    for kind, names in (
+        ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
+        ("sensors", [sensor.name for sensor in mechanism.sensors]),
+        ("bases on wheels", [base.name for base in mechanism.bases]),
+    ):
+        for name in names:
+            document.leave_out(kind, name)

@@ -1,0 +1,257 @@
+"""The numeric fields of a mechanism file: a `Length` accepts `0.5`, `12 in` or `l/2`, and its value is in m.
+
+The fields of a mechanism file that hold an expression of variables, such as a force as a function of the time.
+
+Values whose dimension depends on other keys: they keep their unit, and are checked once that is known.
+
+The `effort_limit` of an actuator is in N on a slider and in N·m on a hinge.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Annotated, Any, cast
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic_core import CoreSchema, core_schema
+
+from mbd_sim.base.errors import InputError, nearest, quoted
+from mbd_sim.base.geometry.batch import Batch
+from mbd_sim.files.text.parameters import Parameters
+from mbd_sim.files.text.values import parse_value, split_unit, unit_factor
+from mbd_sim.mechanism.values.expression import TIME, StateName, TimeExpression, names_in, require_valid, tables_in
+
+# Beyond these, products such as density · r³ · r² would overflow or vanish. A smaller value that may be 0 becomes 0.
+LARGEST, SMALLEST = 1e40, 1e-60
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a float field as a quantity in the SI unit `unit`, within bounds; with `unit` None, of any dimension."""
+
+    unit: str | None
+    above: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(float)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number: dict[str, Any] = {"type": "number", **({} if self.unit is None else {"x-unit": self.unit})}
+        if self.above is not None:
+            number["exclusiveMinimum"] = self.above
+        if self.at_least is not None:
+            number["minimum"] = self.at_least
+        if self.at_most is not None:
+            number["maximum"] = self.at_most
+        kind = f"in {self.unit}" if self.unit else "a plain number"
+        return {
+            "anyOf": [number, {"type": "string"}],
+            "description": f"{kind}, or a value with a unit, or an expression",
+        }
+
+    def _validate(self, value: Any, info: ValidationInfo) -> float:
+        try:
+            return self._parsed(value, info.context or Parameters())
+        except InputError as error:
+            raise InputError(error.message, error.remedy, value) from error
+
+    def _parsed(self, value: Any, parameters: Parameters) -> float:
+        if isinstance(value, str) and parameters.unknown_in(value):
+            return math.nan  # the problem is reported at the parameter, not at each use of it
+        if isinstance(value, str):
+            expression, _ = split_unit(value)
+            if parameters.ambiguous:
+                parameters.require_clear(parameters.functions.expanded(expression))
+            parameters.require_unit(expression, self.unit)
+        number = parse_value(value, parameters.values, self.unit, parameters.functions.expanded)
+        if abs(number) < SMALLEST and not (self.above is not None and number > 0.0):
+            number = 0.0
+        if abs(number) > LARGEST or 0.0 < abs(number) < SMALLEST:
+            size = "small" if abs(number) < 1.0 else "large"
+            raise InputError(f"is {number:.3g}, too {size} to compute with", "Check its unit and its power of ten.")
+        found = "" if isinstance(value, int | float) else f", but is {number:g}"  # a number is shown as the value
+        if self.above is not None and not number > self.above:
+            raise InputError(f"must be greater than {self.above:g}{found}", "Write a positive number.")
+        if self.at_least is not None and not number >= self.at_least:
+            remedy = "a positive number" if self.at_least == 0.0 else "a larger number"
+            raise InputError(f"must be at least {self.at_least:g}{found}", f"Write {self.at_least:g} or {remedy}.")
+        if self.at_most is not None and not number <= self.at_most:
+            raise InputError(f"must be at most {self.at_most:g}{found}", f"Write {self.at_most:g} or a smaller number.")
+        return number
+
+
+Number = Annotated[float, Quantity("")]
+AnyNumber = Annotated[float, Quantity(None)]  # with a unit of any dimension
+Restitution = Annotated[float, Quantity("", at_least=0, at_most=1)]
+Angle = Annotated[float, Quantity("rad")]
+AngularVelocity = Annotated[float, Quantity("rad/s")]
+PositiveAngularVelocity = Annotated[float, Quantity("rad/s", above=0)]
+Length = Annotated[float, Quantity("m")]
+PositiveLength = Annotated[float, Quantity("m", above=0)]
+Lead = Annotated[float, Quantity("m/turn")]
+PositiveLead = Annotated[float, Quantity("m/turn", above=0)]
+Velocity = Annotated[float, Quantity("m/s")]
+PositiveVelocity = Annotated[float, Quantity("m/s", above=0)]
+Acceleration = Annotated[float, Quantity("m/s**2")]
+Mass = Annotated[float, Quantity("kg", at_least=0)]
+PositiveDensity = Annotated[float, Quantity("kg/m**3", above=0)]
+MomentOfInertia = Annotated[float, Quantity("kg*m**2")]
+PositiveTime = Annotated[float, Quantity("s", above=0)]
+PositiveForce = Annotated[float, Quantity("N", above=0)]
+PositiveTorque = Annotated[float, Quantity("N*m", above=0)]
+LinearStiffness = Annotated[float, Quantity("N/m", at_least=0)]
+LinearDamping = Annotated[float, Quantity("N*s/m", at_least=0)]
+TorsionStiffness = Annotated[float, Quantity("N*m/rad", at_least=0)]
+TorsionDamping = Annotated[float, Quantity("N*m*s/rad", at_least=0)]
+
+
+@dataclass(frozen=True)
+class ExpressionField:
+    """Marks a field as an expression in the SI unit `unit`; the field holds a `TimeExpression` in SI units.
+
+    With `unit` None, a unit of any dimension is accepted. `variables` are the names that vary while the mechanism
+    moves: the time t in s if nothing else is given. With `state`, the time, and joint coordinates and speeds by name
+    vary too; parameters hide the time then unless it is among the variables, and the short names of coordinates.
+    Without `speeds`, only coordinates do.
+    """
+
+    unit: str | None
+    variables: tuple[str, ...] = (TIME,)
+    state: bool = False
+    speeds: bool = True
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        unit = f"in {self.unit}, " if self.unit else ""
+        found: dict[str, Any] = {"type": ["number", "string"], **({"x-unit": self.unit} if self.unit else {})}
+        return {**found, "description": f"{unit}an expression of {self._variables_in_words()}"}
+
+    def _variables_in_words(self) -> str:
+        own = "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)
+        joints = " and of joint coordinates such as crank" + (" and crank.velocity" if self.speeds else "")
+        return own + joints if self.state else own
+
+    def _validate(self, value: Any, info: ValidationInfo) -> TimeExpression:
+        parameters = info.context or Parameters()
+        try:
+            return self._in_unit_of(info, parameters)._parsed(value, parameters)
+        except InputError as error:
+            raise InputError(error.message, error.remedy, value) from error
+
+    def _in_unit_of(self, info: ValidationInfo, parameters: Parameters) -> ExpressionField:
+        """This field in the unit that other fields of the same record require."""
+        return self
+
+    def _parsed(self, value: Any, parameters: Parameters) -> TimeExpression:
+        values = parameters.values
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            example = "0.1*sin(5*t)" if self.variables == (TIME,) else f"0.1*{self.variables[0]}**2"
+            message = f"must be an expression of {self._variables_in_words()}"
+            raise InputError(message, f"Write for example {example}.")
+        if isinstance(value, str) and parameters.unknown_in(value):
+            return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
+        expression, unit = split_unit(str(value))
+        parameters.require_unit(expression, None if unit else self.unit)
+        expression = parameters.functions.expanded(expression)
+        parameters.require_clear(expression, self.state)
+        used = names_in(expression, values)
+        if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
+            what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"
+            raise InputError(f"the parameter '{hidden[0]}' hides the {what}", "Rename the parameter.")
+        tables = tables_in(expression)
+        if tables & parameters.unreadable_tables:
+            return TimeExpression("0", {})
+        state = self._state_names(expression, sorted(used), parameters)
+        if unit:
+            expression = f"({expression})*{unit_factor(unit, self.unit)!r}"
+        found = {name: parameters.tables[name] for name in sorted(tables) if name in parameters.tables}
+        result = TimeExpression(expression, parameters.among(used), found, state)
+        require_valid(expression, (*result.names, *result.variables), parameters.tables)
+        if self.variables == (TIME,) and not state:
+            result.at(0.0)  # raises where it has no finite value at the start
+        return result
+
+    def _state_names(self, text: str, used: list[str], parameters: Parameters) -> tuple[StateName, ...]:
+        """Those of the used names that are neither parameters nor variables, as coordinates and speeds.
+
+        :raises InputError: they are not, or the expression cannot depend on them.
+        """
+        values, coordinates = parameters.values, parameters.coordinates
+        others = [name for name in used if name not in values and name not in self.variables]
+        if self.state:
+            others = [name for name in others if name != TIME]
+        found = [coordinates.resolve(name) for name in others]
+        for name, state in zip(others, found, strict=True):
+            if state is None:
+                known = chain(values, self.variables, coordinates.suggestions if self.state else ())
+                remedy = coordinates.remedy_for_missing_quotes(text) if self.state else ""
+                raise InputError(f"unknown name {quoted(name)}", remedy or nearest(name, known))
+            if not self.state:
+                message = f"{quoted(name)} is a joint coordinate, on which this expression cannot depend"
+                raise InputError(message, f"It can depend on {self._variables_in_words()}.")
+            if state.speed and not self.speeds:
+                message = f"{quoted(name)} is a speed, and this expression can depend on coordinates only"
+                raise InputError(message, f"Write {state.coordinate}, or use a force.")
+        return tuple(state for state in found if state is not None)
+
+
+class EffortField(ExpressionField):
+    """Marks a field as an effort along the joint coordinate that the field `coordinate` before it names."""
+
+    def _in_unit_of(self, info: ValidationInfo, parameters: Parameters) -> ExpressionField:
+        named = info.data.get("coordinate") if info.data else None
+        return replace(self, unit=parameters.coordinates.effort_units.get(str(named), self.unit))
+
+
+AngleOfTime = Annotated[TimeExpression, ExpressionField("rad")]
+LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
+
+
+class Measured(float):
+    """A number in SI units that was `written` in `unit`; both are empty without one."""
+
+    unit: str = ""
+    written: str = ""
+
+    def require(self, si_unit: str) -> None:
+        """Check the dimension of the unit.
+
+        :raises InputError: it is another one than that of `si_unit`.
+        """
+        if self.unit:
+            try:
+                unit_factor(self.unit, si_unit)
+            except InputError as error:
+                raise InputError(error.message, error.remedy, self.written) from error
+
+
+def plain(value: Any) -> Any:
+    """The number without its unit; a batch of numbers as it is."""
+    return value if isinstance(value, Batch) else float(value)
+
+
+class MeasuredQuantity(Quantity):
+    """Marks a field as a quantity whose unit is checked later; its value is `Measured`."""
+
+    def _parsed(self, value: Any, parameters: Parameters) -> float:
+        parsed: Any = super()._parsed(value, parameters)
+        if isinstance(parsed, Batch):
+            return cast(float, parsed)  # its unit is checked with the numbers of single variants
+        number = Measured(parsed)
+        if isinstance(value, str) and not parameters.unknown_in(value):
+            expression, unit = split_unit(value)
+            number.unit, number.written = unit or parameters.unit_of(expression), value
+        return number
+
+
+AnyAmount = Annotated[float, MeasuredQuantity(None)]
+PositiveAmount = Annotated[float, MeasuredQuantity(None, above=0)]
+AmountFromZero = Annotated[float, MeasuredQuantity(None, at_least=0)]

@@ -1,0 +1,152 @@
+"""The mechanism file as data: one class for each kind of mapping in it.
+
+All numbers are in SI units once read. `mbd_sim.mechanism.elements.parts` has the records that are built from these.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+
+from mbd_sim.base.errors import InputError
+from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
+from mbd_sim.files.schema.base import (
+    Color,
+    Name,
+    PlainName,
+    PointOrVector,
+    RotationSpec,
+    Spec,
+    Value,
+    Vector,
+    written_as,
+)
+from mbd_sim.files.schema.constraints import AnyConstraintSpec
+from mbd_sim.files.schema.contacts import ContactSpec
+from mbd_sim.files.schema.fields import Acceleration, Mass, MomentOfInertia, Number, PositiveTime, Quantity
+from mbd_sim.files.schema.forces import AnyForceSpec
+from mbd_sim.files.schema.joints import AnyJointSpec
+from mbd_sim.files.schema.laws import TableSpec
+from mbd_sim.files.schema.sensors import AnySensorSpec, Seed
+from mbd_sim.files.schema.shapes import AnyShapeSpec
+
+FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
+
+
+class GroundSpec(Spec):
+    """The part that does not move."""
+
+    points: dict[Name, PointOrVector] = Field(default={})
+
+
+class SolidSpec(Spec):
+    """What a closed mesh encloses, in the axes and the unit of its file, without its scale."""
+
+    volume: Number
+    center: tuple[Number, Number, Number]
+    moments: tuple[Number, Number, Number, Number, Number, Number] = Field(
+        description="second moments of volume about the center: xx, yy, zz, xy, xz, yz (xy = ∫ x y dV)"
+    )
+
+
+class MeshSpec(Spec):
+    """A file with a surface that is drawn instead of the shapes; its URI is passed on to exported URDF."""
+
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    at: Vector = (0.0, 0.0, 0.0)
+    rotate: RotationSpec | None = None
+    color: Color | None = None
+    solid: SolidSpec | None = Field(
+        None, description="what the mesh encloses; computed where center and inertia of the part follow from it"
+    )
+
+
+class InertiaSpec(Spec):
+    """Moments and products of inertia about the mass center, in the part's axes (I_xy = -∫ x y dm)."""
+
+    xx: MomentOfInertia
+    yy: MomentOfInertia
+    zz: MomentOfInertia
+    xy: MomentOfInertia = 0.0
+    xz: MomentOfInertia = 0.0
+    yz: MomentOfInertia = 0.0
+
+
+InertiaOrMoments = Annotated[
+    Annotated[tuple[MomentOfInertia, MomentOfInertia, MomentOfInertia], Tag("list")]
+    | Annotated[InertiaSpec, Tag("mapping")],
+    Discriminator(written_as),
+]
+
+
+class PartSpec(Spec):
+    """A rigid body: its mass, mass center and inertia, given or computed from its shapes."""
+
+    mass: Mass | None = Field(None, description="kg; shared among the shapes in proportion to their size")
+    center: Vector | None = Field(None, description="mass center; computed if the part has shapes with mass")
+    inertia: InertiaOrMoments | None = None
+    inertia_check: bool = Field(True, description="false: accept an inertia that no rigid body can have")
+    shape: AnyShapeSpec | None = None
+    shapes: list[AnyShapeSpec] | None = None
+    meshes: list[MeshSpec] = Field(
+        [],
+        description="drawn instead of the shapes, and passed on to exported URDF; center and inertia of a part with a "
+        "mass, and with neither an inertia nor shapes with mass, follow from them",
+    )
+    points: dict[Name, PointOrVector] = Field(default={})
+
+    @model_validator(mode="after")
+    def _one_of(self) -> PartSpec:
+        if self.shape is not None and self.shapes is not None:
+            raise InputError("has both shape and shapes", "Move 'shape' into 'shapes'.")
+        return self
+
+
+Tolerance = Annotated[float, Quantity("", at_least=0, at_most=0.01)]
+RestSpeed = Annotated[float, Quantity("m/s", at_least=0)]
+
+
+class IntegrationSpec(Spec):
+    """The integration method and its step; contacts that approach more slowly than `rest_speed` do not rebound."""
+
+    method: str = "auto"
+    step: PositiveTime = 1e-3
+    rest_speed: RestSpeed = 1e-5
+
+
+class MechanismFile(Spec):
+    """A mechanism file."""
+
+    mechanism: Name = Field(description="the mechanism's name")
+    description: str = ""
+    urdf: str | None = Field(None, description="a URDF file that this file extends")
+    base: Literal["fixed", "free"] | None = Field(
+        None, description="whether the root link of the URDF is fixed to ground or free"
+    )
+    parameters: dict[PlainName, Value] = Field({}, description="named numbers for use in expressions")
+    functions: dict[FunctionHead, Value] = Field(
+        {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
+    )
+    tables: dict[PlainName, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
+    tolerance: Tolerance = Field(
+        1e-3,
+        description="loops whose axes are parallel, or meet, within this angle in rad, and this part of their size, "
+        "mean exactly that; 0: as written",
+    )
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
+    # Made without validation, which would build both records at every start.
+    integrator: IntegrationSpec = IntegrationSpec.model_construct()
+    ground: GroundSpec = GroundSpec.model_construct()
+    parts: dict[Name, PartSpec] = Field(min_length=1)
+    joints: dict[Name, AnyJointSpec] = Field(min_length=1)
+    constraints: dict[Name, AnyConstraintSpec] = Field(
+        default={}, description="restrictions of the motion in addition to joints"
+    )
+    contacts: dict[Name, ContactSpec] = Field(default={}, description="shapes that cannot penetrate each other")
+    forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")
+    actuators: dict[Name, AnyActuatorSpec] = Field(default={}, description="motors and servos, which take commands")
+    bases: dict[Name, AnyBaseSpec] = Field(default={}, description="bases on wheels, whose velocity is commanded")
+    sensors: dict[Name, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
+    sensor_seed: Seed = Field(0, description="of the noise of all sensors: a whole number")

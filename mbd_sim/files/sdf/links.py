@@ -1,0 +1,132 @@
+"""Links of an SDF as parts of a mechanism file: mass and inertia, and shapes to draw."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.base.geometry.rotation import to_quaternion
+from mbd_sim.files.sdf.values import Values
+from mbd_sim.files.xml.elements import Element
+from mbd_sim.files.xml.reading import rows
+from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
+
+PRODUCTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+READ = ("pose", "inertial", "visual", "collision")  # elements of a link
+
+
+def part_of(values: Values, link: Element, key: str) -> dict[str, Any]:
+    """The record of a part. A link without `<inertial>` has 1 kg and 1 kg·m², as in the specification."""
+    inertial = link.first("inertial")
+    if inertial is None:
+        values.reading.leave_out_at("links without <inertial>, which have 1 kg and 1 kg·m² in SDF", link, key)
+        part: dict[str, Any] = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    else:
+        part = _inertial(values, inertial, f"{key}.inertial")
+    for kind, entry in _drawn(values, link, key):
+        part.setdefault(kind, []).append(entry)
+    for element in link.all("collision"):
+        values.reading.leave_out_at("contacts of <collision>, through which other links pass", element, key)
+    for element in link.children:
+        neutral = element.tag in ("self_collide", "must_be_base_link")
+        switched_on = element.tag == "gravity" and values.flag(link, "gravity", key)
+        if element.tag not in READ and not neutral and not switched_on:
+            values.reading.leave_out_at(f"<{element.tag}> of links", element, key)
+    return part
+
+
+def _inertial(values: Values, inertial: Element, key: str) -> dict[str, Any]:
+    if inertial.attributes.get("auto", "false") in ("true", "1"):
+        message = "an inertia that follows from the collision shapes is not computed"
+        values.reading.report(inertial, f"{key}.auto", message, "Give <mass> and <inertia>.")
+    mass = values.number_from_zero(inertial, "mass", key, 1.0)
+    tensor, element = np.eye(3), inertial.first("inertia")
+    for name, index in PRODUCTS.items() if element is not None else ():
+        assert element is not None
+        otherwise = 1.0 if index[0] == index[1] else 0.0
+        tensor[index] = tensor[index[::-1]] = values.number(element, name, f"{key}.inertia", otherwise)
+    body = MassProperties(mass, np.zeros(3), tensor).placed(values.pose(inertial, key))
+    tensor = 0.5 * (body.inertia + body.inertia.T)
+    part: dict[str, Any] = {"mass": mass} | ({"center": rows(body.center)} if np.any(body.center) else {})
+    diagonal = not np.any(tensor - np.diag(np.diag(tensor)))
+    named = {name[1:]: float(tensor[index]) for name, index in PRODUCTS.items()}
+    part["inertia"] = rows(np.diag(tensor)) if diagonal else named
+    if inertia_defect(tensor) or not mass:
+        values.reading.leave_out_at("inertia that no rigid body can have, used as given", inertial, key)
+        part["inertia_check"] = False
+    return part
+
+
+def _drawn(values: Values, link: Element, key: str) -> list[tuple[str, dict[str, Any]]]:
+    """The meshes and shapes of the visual elements, or else the shapes of the collision elements."""
+    found: list[tuple[str, dict[str, Any]]] = []
+    for tag in ("visual", "collision"):
+        for element in link.all(tag):
+            entry = _shape(values, element, f"{key}.{tag}")
+            if entry is not None and not (tag == "collision" and entry[0] == "meshes"):
+                found.append(entry)
+        if any(kind == "shapes" for kind, _ in found):
+            break
+    return found
+
+
+def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, Any]] | None:
+    geometry = element.first("geometry")
+    form = geometry.children[0] if geometry is not None and geometry.children else None
+    if form is None:
+        return None
+    pose, where = values.pose(element, key), f"{key}.{form.tag}"
+    record: dict[str, Any]
+    match form.tag:
+        case "mesh":
+            scale = values.numbers(form, "scale", where, 3)
+            record = {"file": values.text(form, "uri")} | ({"scale": scale} if scale else {})
+            values.reading.leave_out_at("meshes, which are only drawn", element, key)
+            return ("meshes", record | _placed(pose)) if record["file"] else None
+        case "box":
+            record = {"type": "block", "size": values.numbers(form, "size", where, 3) or [1.0, 1.0, 1.0]}
+        case "sphere":
+            record = {"type": "sphere", "radius": values.number(form, "radius", where, 1.0)}
+        case "cylinder":
+            record = {
+                "type": "cylinder",
+                "radius": values.number(form, "radius", where, 1.0),
+                "length": values.number(form, "length", where, 1.0),
+            }
+        case "capsule":
+            arm = pose.rotation @ np.array([0.0, 0.0, 0.5 * values.number(form, "length", where, 1.0)])
+            ends = {"from": rows(pose.position - arm), "to": rows(pose.position + arm)}
+            record = {"type": "rod", **ends, "radius": values.number(form, "radius", where, 0.5)}
+            return ("shapes", record | _color(values, element, key)) if record["radius"] > 0.0 else None
+        case _:
+            values.reading.leave_out_at(f"{form.tag} shapes, which are not drawn", element, key)
+            return None
+    sizes = [*record.get("size", ()), *(record[name] for name in ("radius", "length") if name in record)]
+    if min(sizes) <= 0.0:
+        values.reading.leave_out_at("shapes without size, which are not drawn", element, key)
+        return None
+    return "shapes", record | _placed(pose) | _color(values, element, key)
+
+
+def _placed(pose: Pose) -> dict[str, Any]:
+    return ({"at": rows(pose.position)} if np.any(pose.position) else {}) | rotated(pose)
+
+
+def rotated(pose: Pose) -> dict[str, Any]:
+    """The key `rotate` of a pose, if it needs one."""
+    return {"rotate": {"quaternion": rows(to_quaternion(pose.rotation))}} if np.any(pose.rotation != np.eye(3)) else {}
+
+
+def _color(values: Values, element: Element, key: str) -> dict[str, Any]:
+    material = element.first("material")
+    diffuse = None if material is None else material.first("diffuse")
+    if diffuse is not None and len(diffuse.text.split()) not in (3, 4):
+        values.reading.leave_out_at("colors without three or four numbers, with which nothing is drawn", diffuse, key)
+        return {}
+    numbers = None if diffuse is None else values.numbers_in(diffuse, f"{key}.material.diffuse", 3, 4)
+    if numbers is None or not all(map(math.isfinite, numbers)):
+        return {}
+    return {"color": "#" + "".join(f"{round(255.0 * min(max(value, 0.0), 1.0)):02x}" for value in numbers[:3])}

@@ -1,0 +1,443 @@
+"""A mechanism as SDF, for Gazebo and other readers: a world with one model. Loops are closed by joints, as here.
+
+Of a mechanism without loops, the links are where all coordinates are 0, so that the coordinates are the same. With
+loops they are at the start, where the loops are closed, and the coordinates of SDF count from there.
+
+The joints of a mechanism as joints of an SDF.
+
+A joint of an SDF has a frame on its child, and its coordinate is 0 where the file places the links. The coordinates of
+the mechanism are `offsets` more.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mbd_sim.analysis.mechanics.kinematics import Kinematics
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.rotation import about, to_quaternion
+from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
+from mbd_sim.files.sdf.scopes import WORLD
+from mbd_sim.files.urdf.joint_motions import Mimic, mimics_of, motions_of
+from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
+from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.names import unique_name
+
+NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal", "screw": "screw"}
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenAxis:
+    """An axis (3,) in the frame of its joint, and what acts about or along it, in SDF's coordinate."""
+
+    direction: Array
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    lower: float | None = None
+    upper: float | None = None
+    mimic: Mimic | None = None
+    coordinate: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenJoint:
+    """A joint: its type, its links, its frame in the child link, its axes, and its limits of effort and velocity."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    frame: Pose
+    axes: tuple[WrittenAxis, ...] = ()
+    lead: float = 0.0
+    effort: float | None = None
+    velocity: float | None = None
+
+
+@dataclass(eq=False)
+class Chain:
+    """The SDF joints for a joint, and the links between them with their poses in the world."""
+
+    joints: list[WrittenJoint] = field(default_factory=list)
+    links: dict[str, Pose] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where the links are: the `poses` of the parts in the world, and the coordinates there by name."""
+
+    poses: Mapping[str, Pose]
+    offsets: Mapping[str, float]
+
+    def frame(self, part: str, pose: Pose) -> Pose:
+        """The pose in the world of a frame of a part."""
+        return self.poses[part] @ pose if part in self.poses else pose
+
+
+def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic]) -> Chain:
+    """The joints for a joint of the tree. One of several coordinates that SDF does not know becomes several."""
+    inner, outer = (joint.child_pose, joint.parent_pose) if joint.reversed else (joint.parent_pose, joint.child_pose)
+    if joint.type in NATIVE:
+        return Chain([_native(joint, placement, inner, outer, joint.reversed, mimics)])
+    chain, parent = Chain(), joint.inboard
+    frame, motions = placement.frame(joint.inboard, inner), motions_of(joint)
+    for motion in motions:
+        assert motion.axis is not None
+        value, last = placement.offsets[motion.name], motion is motions[-1]
+        step = Pose(value * motion.axis, np.eye(3))
+        if motion.type != "prismatic":
+            step = Pose(np.zeros(3), about(motion.axis, value))
+        frame = frame @ step
+        child = joint.outboard_part if last else f"{motion.name}_link"
+        place = outer if last else Pose(np.zeros(3), np.eye(3))
+        axis = _axis(joint, motion.name, motion.axis, placement, mimics)
+        single = len(motions) == 1
+        chain.joints.append(
+            WrittenJoint(
+                motion.name,
+                "prismatic" if motion.type == "prismatic" else "revolute",
+                parent,
+                child,
+                place,
+                (axis,),
+                effort=joint.effort_limit if single else None,
+                velocity=joint.velocity_limit if single else None,
+            )
+        )
+        if not last:
+            chain.links[child] = frame
+        parent = child
+    return chain
+
+
+def written_closing(joint: Joint, placement: Placement) -> WrittenJoint | None:
+    """A joint that closes a loop; None if SDF does not know its type."""
+    if joint.type in NATIVE:
+        return _native(joint, placement, joint.parent_pose, joint.child_pose, False, {})
+    if joint.type in ("revolute", "prismatic"):
+        axis = WrittenAxis(joint.axis)
+        return WrittenJoint(joint.name, joint.type, joint.parent, joint.child, joint.child_pose, (axis,))
+    return None
+
+
+def _native(
+    joint: Joint, placement: Placement, inner: Pose, outer: Pose, is_reversed: bool, mimics: Mapping[str, Mimic]
+) -> WrittenJoint:
+    parent, child = (joint.child, joint.parent) if is_reversed else (joint.parent, joint.child)
+    sign = -1.0 if is_reversed else 1.0
+    axes: list[WrittenAxis] = []
+    if joint.type == "universal":
+        names, directions = [*joint.motion_names], [joint.axis, joint.second]
+        if is_reversed:
+            names, directions = names[::-1], directions[::-1]
+        relative = placement.frame(child, outer).rotation.T @ placement.frame(parent, inner).rotation
+        turned = (
+            relative @ directions[0],
+            directions[1],
+        )  # the first axis is fixed in the parent, the second in the child
+        axes = [_axis(joint, name, sign * one, placement, mimics) for name, one in zip(names, turned, strict=True)]
+    elif joint.type == "screw":
+        axes = [_axis(joint, joint.name, sign * joint.axis, placement, mimics)]
+    return WrittenJoint(
+        joint.name, NATIVE[joint.type], parent, child, outer, tuple(axes), joint.lead, joint.effort_limit
+    )
+
+
+def _axis(joint: Joint, name: str, direction: Array, placement: Placement, mimics: Mapping[str, Mimic]) -> WrittenAxis:
+    """What acts on a coordinate, with its offset taken from rest and limits. A closing joint has no coordinate."""
+    if name not in placement.offsets:
+        return WrittenAxis(direction)
+    index, offset = joint.motion_names.index(name), placement.offsets[name]
+    if joint.drive:
+        return WrittenAxis(direction, coordinate=name)
+    limits, friction, mimic = joint.limits_of(index), joint.friction, mimics.get(name)
+    if mimic is not None:
+        moved = mimic.offset + mimic.multiplier * placement.offsets[mimic.joint] - offset
+        mimic = replace(mimic, offset=moved)
+    return WrittenAxis(
+        direction,
+        float(joint.stiffness[index]),
+        float(joint.rest[index]) - offset,
+        float(joint.damping[index]) + (friction.viscous if friction else 0.0),
+        friction.coulomb if friction else 0.0,
+        limits.lower - offset if limits else None,
+        limits.upper - offset if limits else None,
+        mimic,
+        name,
+    )
+
+
+Element = ElementTree.Element
+
+VERSION = "1.11"
+LEAST_MASS = 1e-9  # kg, of parts without mass, which SDF does not allow
+LEAST_INERTIA = 1e-14  # kg·m², in place of moments of 0
+AXES = ("axis", "axis2")
+MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+
+
+@dataclass(eq=False)
+class Document:
+    """An SDF as it is written: the world, the model, the names that are taken, and what is left out, by kind."""
+
+    mechanism: Mechanism
+    world: Element
+    model: Element
+    placement: Placement
+    names: set[str]
+    left_out: dict[str, list[str]] = field(default_factory=dict)
+    joints: dict[str, str] = field(default_factory=dict)  # the names of joints, where those of links have them
+    axes: dict[str, tuple[str, str]] = field(default_factory=dict)  # joint and axis by coordinate
+
+    def leave_out(self, kind: str, names: Sequence[str]) -> None:
+        """Note what is not written."""
+        if names:
+            self.left_out.setdefault(kind, []).extend(names)
+
+
+def to_sdf(mechanism: Mechanism) -> Written:
+    """The SDF of a mechanism; a comment in it lists what it does not contain.
+
+    :raises MechanismError: the loops cannot be closed.
+    """
+    root = Element("sdf", version=VERSION)
+    world = ElementTree.SubElement(root, "world", name=f"{mechanism.name}_world")
+    _add(world, "gravity", text(mechanism.gravity))
+    model = ElementTree.SubElement(world, "model", name=mechanism.name)
+    document = Document(mechanism, world, model, _placement(mechanism), set(mechanism.parts))
+    for part in mechanism.parts.values():
+        _add_link(document, part)
+    _add_joints(document)
+    _add_frames(document)
+    _note_rest(document)
+    _rename(document, root)
+    return written(root, document.left_out, declaration=True)
+
+
+def _rename(document: Document, root: Element) -> None:
+    """Replace the names that SDF reserves: `::` leads into models, and `__…__` are its own."""
+    elements, new = list(root.iter()), dict[str, str]()
+    used = {element.attrib["name"]: None for element in elements if "name" in element.attrib}
+    for name in [name for name in used if "::" in name or re.fullmatch("__.*__", name)]:
+        new[name] = unique_name(re.sub("::|^__|__$", "_", name), used)
+        used[new[name]] = None
+        document.leave_out("names that SDF reserves, as old → new", [f"{name} → {new[name]}"])
+    for element in elements:
+        for key in ("name", "attached_to", "joint"):
+            if element.get(key) in new:
+                element.set(key, new[element.attrib[key]])
+        if element.tag in ("parent", "child") and element.text in new:
+            element.text = new[element.text]
+
+
+def _placement(mechanism: Mechanism) -> Placement:
+    kinematics = Kinematics(mechanism)
+    q, offsets = kinematics.start.copy(), dict[str, float]()
+    for name, joint in mechanism.joints.items():
+        place = kinematics.layout.q[name]
+        if joint.drive:
+            driven = (
+                [joint.drive.start] if isinstance(joint.drive, CommandedDrive) else [x.at(0.0) for x in joint.drive]
+            )
+            offsets |= dict(zip(joint.motion_names, driven, strict=True))
+        elif joint.kind.quaternion is None:
+            if not mechanism.closures:
+                q[place] = 0.0
+            offsets |= {name: float(value) for name, value in zip(joint.motion_names, q[place], strict=True)}
+        elif joint.type == "spherical" and not mechanism.closures:
+            q[place] = [1.0, 0.0, 0.0, 0.0]
+    return Placement(kinematics.poses(q), offsets)
+
+
+def _add_link(document: Document, part: Part) -> None:
+    link = ElementTree.SubElement(document.model, "link", name=part.name)
+    _add_pose(link, document.placement.poses[part.name])
+    mass, inertia = part.mass, part.inertia
+    if not mass:
+        mass = LEAST_MASS
+        document.leave_out(f"parts without mass, here with {LEAST_MASS:g} kg", [part.name])
+    least = float(np.linalg.eigvalsh(inertia)[0])
+    if least < LEAST_INERTIA:
+        inertia = inertia + (LEAST_INERTIA - min(least, 0.0)) * np.eye(3)
+    inertial = ElementTree.SubElement(link, "inertial")
+    _add_pose(inertial, Pose(part.center, np.eye(3)))
+    _add(inertial, "mass", number(mass))
+    tensor = ElementTree.SubElement(inertial, "inertia")
+    for name, index in MOMENTS.items():
+        _add(tensor, name, number(float(inertia[index])))
+    for count, shape in enumerate((shape for shape in part.shapes if not shape.hole), start=1):
+        _add_shape(link, f"{part.name}_shape_{count}", shape)
+    document.leave_out("meshes", [f"{part.name}: {mesh.file}" for mesh in part.meshes])
+
+
+def _add_shape(link: Element, name: str, shape: Shape) -> None:
+    visual = ElementTree.SubElement(link, "visual", name=name)
+    _add_pose(visual, shape.pose)
+    geometry = ElementTree.SubElement(visual, "geometry")
+    match shape.kind, shape.size:
+        case ("block", size):
+            _add(ElementTree.SubElement(geometry, "box"), "size", text(np.array(size)))
+        case ("plate", (x, y)):
+            sides = np.array([x, y, THICKNESS * max(x, y)])
+            _add(ElementTree.SubElement(geometry, "box"), "size", text(sides))
+        case ("rod", (length, radius)):
+            _add_sizes(ElementTree.SubElement(geometry, "capsule"), radius, length)
+        case ("cylinder", (length, radius)):
+            _add_sizes(ElementTree.SubElement(geometry, "cylinder"), radius, length)
+        case ("disc" | "ring", (radius,)):
+            _add_sizes(ElementTree.SubElement(geometry, "cylinder"), radius, THICKNESS * radius)
+        case ("sphere" | "particle", (radius,)):
+            _add(ElementTree.SubElement(geometry, "sphere"), "radius", number(radius))
+    if shape.color:
+        color = np.array([*(int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)), 1.0])
+        material = ElementTree.SubElement(visual, "material")
+        _add(material, "diffuse", text(color))
+
+
+def _add_sizes(form: Element, radius: float, length: float) -> None:
+    _add(form, "radius", number(radius))
+    _add(form, "length", number(length))
+
+
+def _add_joints(document: Document) -> None:
+    mechanism, mimics = document.mechanism, mimics_of(document.mechanism)
+    joints: list[WrittenJoint] = []
+    for joint in mechanism.joints.values():
+        if joint.type == "free":
+            if joint.inboard != GROUND:
+                document.leave_out("free joints between parts, which move freely in the world", [joint.name])
+            continue
+        chain = written_chain(joint, document.placement, mimics)
+        joints += chain.joints
+        for name, pose in chain.links.items():
+            document.names.add(name)
+            zero = np.zeros(3)
+            _add_link(_placed_at(document, name, pose), Part(name, 0.0, zero, np.zeros((3, 3))))
+    for joint in mechanism.closing.values():
+        if (written := written_closing(joint, document.placement)) is None:
+            document.leave_out(f"{joint.type} joints that close loops", [joint.name])
+        else:
+            joints.append(written)
+    for one in joints:
+        name = unique_name(one.name, document.names)
+        document.names.add(name)
+        document.joints[one.name] = name
+        document.axes |= {axis.coordinate: (name, tag) for tag, axis in zip(AXES, one.axes, strict=False)}
+        if name != one.name:
+            document.leave_out("joints renamed because a link has their name", [f"{one.name} → {name}"])
+    for one in joints:
+        _add_joint(document, one)
+
+
+def _placed_at(document: Document, name: str, pose: Pose) -> Document:
+    """The document, with the pose of a link that is no part."""
+    poses = {**document.placement.poses, name: pose}
+    document.placement = Placement(poses, document.placement.offsets)
+    return document
+
+
+def _add_joint(document: Document, joint: WrittenJoint) -> None:
+    element = ElementTree.SubElement(document.model, "joint", name=document.joints[joint.name], type=joint.type)
+    _add_pose(element, joint.frame)
+    for tag, part in (("parent", joint.parent), ("child", joint.child)):
+        _add(element, tag, WORLD if part == GROUND else part)
+    for tag, axis in zip(AXES, joint.axes, strict=False):
+        _add_axis(document, ElementTree.SubElement(element, tag), axis, joint)
+    if joint.type == "screw":
+        _add(element, "screw_thread_pitch", number(joint.lead))
+
+
+def _add_axis(document: Document, element: Element, axis: WrittenAxis, joint: WrittenJoint) -> None:
+    _add(element, "xyz", text(axis.direction))
+    bounds = {"lower": axis.lower, "upper": axis.upper, "effort": joint.effort, "velocity": joint.velocity}
+    limit = ElementTree.SubElement(element, "limit")
+    unlimited = {"lower": "-inf", "upper": "inf"}
+    for tag, value in bounds.items():
+        if value is not None:
+            _add(limit, tag, number(value))
+        elif tag in unlimited:
+            _add(limit, tag, unlimited[tag])
+    forces = {"damping": axis.damping, "friction": axis.friction, "spring_stiffness": axis.stiffness}
+    if any(forces.values()):
+        dynamics = ElementTree.SubElement(element, "dynamics")
+        for tag, value in forces.items():
+            _add(dynamics, tag, number(value))
+        _add(dynamics, "spring_reference", number(axis.rest if axis.stiffness else 0.0))
+    if axis.mimic is not None:
+        leader, tag = document.axes[axis.mimic.joint]
+        mimic = ElementTree.SubElement(element, "mimic", joint=leader, axis=tag)
+        for tag, value in (("multiplier", axis.mimic.multiplier), ("offset", axis.mimic.offset), ("reference", 0.0)):
+            _add(mimic, tag, number(value))
+
+
+def _add_frames(document: Document) -> None:
+    for part, points in [(GROUND, document.mechanism.ground_points)] + [
+        (part.name, part.points) for part in document.mechanism.parts.values()
+    ]:
+        for point, pose in points.items():
+            name = unique_name(f"{part}_{point}", document.names)
+            document.names.add(name)
+            if part == GROUND:  # beside the model, because frames in it move with it
+                frame = ElementTree.SubElement(document.world, "frame", name=name)
+            else:
+                frame = ElementTree.SubElement(document.model, "frame", name=name, attached_to=part)
+            _add_pose(frame, pose)
+
+
+def _note_rest(document: Document) -> None:
+    mechanism = document.mechanism
+    joints = mechanism.all_joints.values()
+    mimicked = {mimic.constraint for mimic in mimics_of(mechanism).values()}
+    constraints = [one.name for one in mechanism.constraints if one.name not in mimicked]
+    balls = [joint for joint in joints if joint.kind.quaternion is not None]
+    moving = [joint.name for joint in joints if joint.drive]
+    started = [
+        joint.name
+        for joint in mechanism.joints.values()
+        if np.any(joint.velocity)
+        or (not mechanism.closures and joint.kind.quaternion is None and np.any(joint.position))
+    ]
+    elements = [*mechanism.two_point_elements, *mechanism.applied]
+    laws = [joint.name for joint in joints if joint.spring is not None or joint.damper is not None]
+    other_friction = [joint.name for joint in joints if joint.friction and not joint.friction.is_plain]
+    for kind, names in (
+        ("drives, whose joints move freely", moving),
+        ("constraints", constraints),
+        ("springs, dampers and forces", [element.name for element in elements]),
+        (
+            "efforts and potentials",
+            [one.name for one in mechanism.efforts] + [one.name for one in mechanism.potentials],
+        ),
+        ("bushings, and springs of spherical and free joints", [one.name for one in mechanism.bushings]),
+        ("dampers of spherical and free joints", [joint.name for joint in balls if np.any(joint.damping)]),
+        ("nonlinear springs and dampers of joints", laws),
+        ("friction other than Coulomb's", other_friction),
+        ("positions and velocities at the start", started),
+        ("coordinates, which count from the start", list(document.placement.offsets) if mechanism.closures else []),
+        ("actuators", [actuator.name for actuator in mechanism.actuators]),
+        ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
+        ("sensors", [sensor.name for sensor in mechanism.sensors]),
+    ):
+        document.leave_out(kind, names)
+
+
+def _add(parent: Element, tag: str, content: str) -> None:
+    ElementTree.SubElement(parent, tag).text = content
+
+
+def _add_pose(parent: Element, pose: Pose) -> None:
+    if not np.any(pose.position) and not np.any(pose.rotation != np.eye(3)):
+        return
+    w, x, y, z = to_quaternion(pose.rotation)
+    values: Array = np.array([*pose.position, x, y, z, w])
+    element = ElementTree.SubElement(parent, "pose", rotation_format="quat_xyzw")
+    element.text = text(values)

@@ -1,0 +1,1 @@
+"""The text of mechanism files: YAML, units, values, parameters, functions."""

@@ -1,0 +1,95 @@
+"""The mechanisms that ship with the package, by name."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from pathlib import Path
+
+from mbd_sim.base.errors import MechanismError, Problem, nearest, quoted
+
+READ_SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf", ".world")
+SUFFIXES = (*READ_SUFFIXES, ".xacro")
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+
+@functools.cache
+def config_directory() -> Path | None:
+    """The folder `config/` of a source tree, of an ament install space, or of a pip install."""
+    above = [parent / "share" / "mbd_sim" / "config" for parent in _PACKAGE.parents]
+    for folder in [_PACKAGE.parent / "config", *above, Path(sys.prefix) / "share" / "mbd_sim" / "config"]:
+        if folder.is_dir():
+            return folder
+    return None
+
+
+def shipped() -> dict[str, Path]:
+    """The shipped mechanisms, by name."""
+    folder = config_directory()
+    return {path.stem: path for path in sorted(folder.rglob("*.yaml"))} if folder else {}
+
+
+def find(mechanism: str | Path) -> Path:
+    """The file of a mechanism given as a path or as a shipped name.
+
+    :raises MechanismError: it is neither; the remedy lists the shipped names, the most similar one first.
+    """
+    try:
+        path = Path(mechanism).expanduser()
+        return _found(path)
+    except (OSError, ValueError, RuntimeError) as error:  # a name too long, a NUL in it, no such home directory
+        why = getattr(error, "strerror", None) or str(error)
+        raise MechanismError(
+            [
+                Problem(
+                    f"cannot be searched for: {why}", "Check the path.", key="mechanism", value=quoted(str(mechanism))
+                )
+            ]
+        ) from error
+
+
+def _found(path: Path) -> Path:
+    if path.suffix in SUFFIXES or path.parent != Path():
+        if path.is_file():
+            return path
+        if path.is_dir():
+            raise MechanismError([_folder(path)])
+        raise MechanismError([_missing(path)])
+    ships = shipped()
+    if path.name in ships:
+        return ships[path.name]
+    if path.is_file():
+        message = "a file of this name is here, but its ending is not that of a mechanism"
+        remedy = f"Rename it, for example to '{path.stem}.yaml'."
+        raise MechanismError([Problem(message, remedy, key="mechanism", value=quoted(str(path)))])
+    if path.name and path.is_dir():
+        raise MechanismError([_folder(path)])
+    remedy = nearest(path.name, ships) + " Or give the path of a .yaml, .urdf, .xml or .sdf file."
+    raise MechanismError(
+        [
+            Problem(
+                message="there is no shipped mechanism of this name",
+                remedy=remedy,
+                key="mechanism",
+                value=quoted(path.name),
+            )
+        ]
+    )
+
+
+def _folder(path: Path) -> Problem:
+    return Problem("is a folder", "Give a mechanism file in it.", key="mechanism", value=quoted(str(path)))
+
+
+def _missing(path: Path) -> Problem:
+    """The problem with a path at which there is no regular file."""
+    if path.is_symlink():
+        message, remedy = f"is a link to '{path.readlink()}', where there is no file", "Correct the link."
+    elif path.exists():
+        message, remedy = "is not a regular file", "Copy what it contains into a file."
+    else:
+        beside = path.parent.iterdir() if path.parent.is_dir() else ()
+        names = [str(near) for near in beside if near.suffix in READ_SUFFIXES]
+        message, remedy = "there is no such file", nearest(str(path), names) or "Check the path."
+    return Problem(message, remedy, key="mechanism", value=quoted(str(path)))

@@ -1,0 +1,1 @@
+"""Elements of XML files, with their lines."""

@@ -1,0 +1,223 @@
+"""Parses XML text to elements with their lines.
+
+Document type declarations are refused, so that only XML's five predefined entities exist. Size, depth and the number of
+elements are bounded, so that no file can exhaust the machine.
+
+XML that is not well-formed, and that TinyXML-2, with which Gazebo, urdfdom and MuJoCo read, accepts.
+
+Slips are mended in the text, without moving any line: `--` in a comment, a blank before `<?xml`, a bare `&`, and no
+blank between two attributes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from mbd_sim.base.errors import quoted
+from mbd_sim.files.text.file_limits import MAX_BYTES, MAX_VALUES, file_error
+
+_TOKENS = re.compile(
+    r"(?P<comment><!--.*?-->)"
+    r"|(?P<verbatim><!\[CDATA\[.*?\]\]>|<\?.*?\?>)"
+    r"|(?P<tag><[A-Za-z_](?:[^<>\"']|\"[^\"]*\"|'[^']*')*>)"
+    r"|(?P<entity>&)",
+    re.DOTALL,
+)
+_DECLARATION = re.compile(r"\s+<\?xml\b.*?\?>", re.DOTALL)
+_BARE = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]+|#x[0-9A-Fa-f]+);)")
+_QUOTED = re.compile(r"(=\s*(?:\"[^\"]*\"|'[^']*'))(?=[A-Za-z_])")
+_NO_NEWLINE = re.compile(r"[^\n]")
+
+
+def mended(text: str) -> tuple[str, tuple[str, ...]]:
+    """The text as well-formed XML, as far as these slips go, and each of them with its line."""
+    found: list[tuple[int, str]] = []
+    if declaration := _DECLARATION.match(text):
+        found.append((declaration.end(), "a blank before <?xml"))
+        text = _NO_NEWLINE.sub(" ", declaration[0]) + text[declaration.end() :]
+
+    def mend(token: re.Match[str]) -> str:
+        whole, start = token[0], token.start()
+        if token["comment"]:
+            inner = whole[4:-3]
+            if "--" not in inner and not inner.endswith("-"):
+                return whole
+            found.append((start, "'--' in a comment"))
+            return f"<!--{_NO_NEWLINE.sub(' ', inner)}-->"
+        if token["verbatim"]:
+            return whole
+        if token["entity"]:
+            bare = _BARE.match(text, start)
+            if bare:
+                found.append((start, "a bare '&'"))
+            return "&amp;" if bare else whole
+        spaced = _QUOTED.sub(r"\1 ", whole)
+        if spaced != whole:
+            found.append((start, "no blank between attributes"))
+        if _BARE.search(spaced):
+            found.append((start, "a bare '&'"))
+        return _BARE.sub("&amp;", spaced)
+
+    result = _TOKENS.sub(mend, text)
+    return result, tuple(f"{slip} (line {text.count(chr(10), 0, place) + 1})" for place, slip in found)
+
+
+def slips_of(text: str) -> tuple[str, ...]:
+    """The slips in a text, if it is not well-formed because of them."""
+    try:
+        expat.ParserCreate().Parse(text.removeprefix("\ufeff"), True)
+    except (expat.ExpatError, UnicodeError):
+        return mended(text)[1]
+    return ()
+
+
+MAX_NESTING = 200  # levels; a chain of bodies in an MJCF has as many as it has bodies
+_BEGINS_AS_XML = re.compile(r"\ufeff?\s*<(?!<)")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+
+
+@dataclass(eq=False)
+class Element:
+    """An element: its tag, attributes, line, the elements in it, its text, and the file where it stands.
+
+    `slips` of a root element are those that were mended in the file, see `xml_slips`.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+    file: str = ""
+    slips: tuple[str, ...] = ()
+
+    def all(self, tag: str) -> list[Element]:
+        """The elements right inside with this tag."""
+        return [child for child in self.children if child.tag == tag]
+
+    def first(self, tag: str) -> Element | None:
+        """The first of them, if there is one."""
+        return next(iter(self.all(tag)), None)
+
+    def walk(self) -> Iterator[Element]:
+        """This element and all within it, in the order of the file."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting += reversed(element.children)
+
+
+def is_xml(text: str) -> bool:
+    """Whether a text is XML rather than YAML."""
+    return _BEGINS_AS_XML.match(text) is not None
+
+
+def root_tag(text: str) -> str:
+    """The tag of the root element, without reading what is in it; empty if there is none, or it is not XML."""
+
+    def stop(tag: str, attributes: object) -> None:
+        raise _RootError(tag)
+
+    text = text.removeprefix("\ufeff")
+    for read in (str, _mended):
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = stop
+        try:
+            parser.Parse(read(text), True)
+        except _RootError as root:
+            return root.tag
+        except (expat.ExpatError, UnicodeError):
+            pass
+    return ""
+
+
+def _mended(text: str) -> str:
+    return mended(text)[0]
+
+
+class _RootError(Exception):
+    """Stops a parser at the root element."""
+
+    def __init__(self, tag: str) -> None:
+        super().__init__(tag)
+        self.tag = tag
+
+
+def parse_xml(text: str, file: str) -> Element:
+    """The root element.
+
+    :raises MechanismError: it is not XML, has a document type declaration, or is too large.
+    """
+    if len(text) > MAX_BYTES:
+        raise file_error(
+            file,
+            1,
+            f"the text is longer than {MAX_BYTES} characters",
+            "Remove everything that does not describe the robot.",
+        )
+    if found := _SURROGATE.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise file_error(file, line, f"the character U+{ord(found[0]):04X} is not allowed", "Remove it.")
+    text = text.removeprefix("\ufeff")
+    try:
+        return _parsed(text, file)
+    except expat.ExpatError as error:
+        with suppress(expat.ExpatError):
+            plain, slips = mended(text)
+            root = _parsed(plain, file)
+            root.slips = slips
+            return root
+        message = f"not valid XML: {expat.ErrorString(error.code)}"
+        raise file_error(file, error.lineno, message, "Check the tags and quotes near this line.") from error
+
+
+def _parsed(text: str, file: str) -> Element:
+    reader = _Reader(file)
+    reader.parser.Parse(text, True)
+    return reader.root.children[0]
+
+
+class _Reader:
+    """Builds elements from expat's events, within the limits on size and depth."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.root = Element("", {}, 1)
+        self.open = [self.root]
+        self.count = 0
+        self.parser = expat.ParserCreate()
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._characters
+        self.parser.StartDoctypeDeclHandler = self._doctype
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self.parser.CurrentLineNumber
+        self.count += 1 + len(attributes)
+        if self.count > MAX_VALUES:
+            raise file_error(
+                self.file, line, f"more than {MAX_VALUES} values", "Remove everything that does not describe the robot."
+            )
+        if len(self.open) > MAX_NESTING:
+            raise file_error(self.file, line, f"nested deeper than {MAX_NESTING} levels", "Flatten the file.")
+        element = Element(tag, attributes, line, file=self.file)
+        self.open[-1].children.append(element)
+        self.open.append(element)
+
+    def _characters(self, text: str) -> None:
+        if not text.isspace():
+            self.open[-1].text += text
+
+    def _end(self, tag: str) -> None:
+        self.open.pop()
+
+    def _doctype(self, name: str, *_: object) -> None:
+        message, remedy = "a document type declaration is not allowed", "Remove it, and the entities that it declares."
+        line = self.parser.CurrentLineNumber
+        raise file_error(self.file, line, message, remedy, key="DOCTYPE", value=quoted(name))

@@ -1,1 +1,0 @@
-"""Poses and rotations as numerical arrays."""

@@ -1,0 +1,1 @@
+"""The coefficients of methods, as they were published."""

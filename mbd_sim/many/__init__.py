@@ -1,0 +1,1 @@
+"""Many runs: learning environments and sweeps."""

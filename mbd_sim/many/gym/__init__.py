@@ -1,0 +1,18 @@
+"""Gymnasium environments of mechanisms, without ROS: `pip install "mbd_sim[gym]"`.
+
+Importing this package registers the tasks of `mbd_sim.many.gym.tasks` with Gymnasium:
+
+import gymnasium, mbd_sim.many.gym
+
+env = gymnasium.make("mbd_sim/CartPendulumSwingUp-v0")
+"""
+
+from __future__ import annotations
+
+from mbd_sim.many.gym.environment import MechanismEnv
+from mbd_sim.many.gym.tasks import TASKS, register_tasks
+from mbd_sim.many.gym.vector_environment import MechanismVectorEnv
+
+__all__ = ["TASKS", "MechanismEnv", "MechanismVectorEnv", "register_tasks"]
+
+register_tasks()

@@ -1,0 +1,1 @@
+"""The records of parts, joints, forces, constraints, contacts, actuators and sensors."""

@@ -1,0 +1,120 @@
+"""Contacts between shapes of parts as plain records.
+
+Each contact is one gap between two bodies; shapes with edges have several of them, such as a block its eight corners.
+Directions (3,) are unit vectors in the frame of the part that carries them; SI units throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.elements.constraints import ContactLaw
+from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.mechanism.values.expression import TimeExpression
+
+CAM_ANGLE = "angle"  # the variable of a cam's profile
+FIRST_RIM, LAST_RIM = " rim -", " rim +"  # of a cylinder, in the quantities of contacts
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A sphere; with the radius 0 a point."""
+
+    at: Attachment
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """The circle around `axis`: the edge of a disc, or one of the two of a cylinder of a `length` in m.
+
+    The `first` rim of a cylinder is that from which `axis` leads to the other one.
+    """
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float = 0.0
+    first: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class RimPoint:
+    """A point of the lower rim, in the `direction` (3,) from its center; it touches a plane only if the rim is flat.
+
+    `at` is the center of the first rim; the other is at the distance `length` in m along `axis`.
+    """
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+    direction: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Barrel:
+    """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A plane; its `normal` points away from the material."""
+
+    at: Attachment
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Cam:
+    """A disc in the x-y plane of `axes` (3, 3): its `profile` is the radius in m as an expression of `angle` in rad."""
+
+    at: Attachment
+    axes: Array
+    profile: TimeExpression
+
+
+ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam
+
+
+@dataclass(frozen=True)
+class Cushion:
+    """A compliant contact (Hunt & Crossley 1975): the normal force k δⁿ (1 + c δ') at the depth δ, never negative.
+
+    Its `friction` μ is smooth at rest: it falls to zero with slip below the speed `regularization`.
+    """
+
+    stiffness: float
+    exponent: float
+    damping: float
+    friction: float
+    regularization: float
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
+
+    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
+    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
+    `quantity` both and the corner or rim in one word.
+    """
+
+    name: str
+    quantity: str
+    names: tuple[str, str]
+    first: ContactBody
+    second: ContactBody
+    law: ContactLaw | Cushion
+    inside: bool = False
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it has no compliance: then it is one-sided, and its motion has events."""
+        return isinstance(self.law, ContactLaw)

@@ -1,0 +1,201 @@
+"""Parts, joints and points as plain records.
+
+Frames: every part has its own frame, in which its points, mass center and inertia are given. A `Pose` places one
+frame in another: `x_outer = position + rotation @ x_inner`. SI units throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import assert_never
+
+import numpy as np
+
+from mbd_sim.base.errors import counted
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive, JointCoordinate, JointKind, JointType
+from mbd_sim.mechanism.values.expression import TimeExpression
+from mbd_sim.mechanism.values.laws import ElasticLaw, Friction, PowerLaw, Varying
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape to draw: `kind` as in the file, centered on `pose`; rods and axial shapes are along z.
+
+    `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
+    (x, y, z) for blocks and (length, radius) for cylinders.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Pose
+    color: str | None = None
+    hole: bool = False
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A surface for other programs to draw: its URI, the pose of its origin, scale factors (3,) along its axes."""
+
+    file: str
+    pose: Pose
+    scale: tuple[float, float, float]
+    color: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
+
+    name: str
+    mass: float
+    center: Array
+    inertia: Array
+    points: Mapping[str, Pose] = field(default_factory=dict)
+    shapes: tuple[Shape, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Part {self.name}: {self.mass:g} kg, {counted(len(self.points), 'point')}>"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The range of a joint coordinate; `stiffness` k is None if the limits are only passed on to URDF.
+
+    A stop pushes back with k δ (1 + c δ') at the depth δ beyond it, never less than 0; `damping` c is in s/rad or s/m.
+    With a `restitution` the stops are rigid.
+    """
+
+    lower: float
+    upper: float
+    stiffness: float | None = None
+    damping: float = 0.0
+    restitution: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint: the motion of `child` relative to `parent`, between the frames `parent_pose` and `child_pose`.
+
+    `axis` and `second` (3,) are unit vectors in the parent-side frame, or zero: the axis, a universal joint's
+    second axis, a planar joint's x direction. `position` and `velocity` are start values of the joint's q and u; a
+    spherical or free joint has its unit quaternion (w, x, y, z) and its angular velocity (3,) in the child's axes
+    there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
+    `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
+    expressions of time, or follow commands. `limits` have an entry for each coordinate, or none at all. A `spring` law
+    takes the elongation q - rest, the laws `damper` and `friction` the speed; only revolute and prismatic joints have
+    them. A `reversed` joint leads from child to parent in the spanning tree. `velocity_limit` is not simulated, only
+    passed on to URDF.
+    A joint that `splits` its outboard part closes a loop, but has coordinates: it carries a piece of that part, which
+    is welded to the rest, see `Mechanism.bodies`.
+    `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
+    with `cut` closes a loop. Redundant joints share the load in inverse proportion to their relative `compliance`.
+    """
+
+    name: str
+    type: JointType
+    parent: str
+    child: str
+    parent_pose: Pose
+    child_pose: Pose
+    axis: Array
+    second: Array
+    position: Array
+    velocity: Array
+    stiffness: Array
+    rest: Array
+    damping: Array
+    lead: float = 0.0
+    drive: tuple[TimeExpression, ...] | CommandedDrive = ()
+    limits: tuple[Limits | None, ...] = ()
+    effort_limit: float | None = None
+    velocity_limit: float | None = None
+    spring: ElasticLaw | Varying | None = None
+    damper: PowerLaw | None = None
+    friction: Friction | None = None
+    fixed_in_assembly: tuple[bool, ...] = ()
+    fixed_speeds: tuple[bool, ...] = ()
+    cut: bool = False
+    reversed: bool = False
+    splits: bool = False
+    compliance: float = 1.0
+
+    def __repr__(self) -> str:
+        return f"<Joint {self.name}: {self.type}, {self.parent} – {self.child}>"
+
+    @property
+    def kind(self) -> JointKind:
+        """The properties of its type."""
+        return JOINT_KINDS[self.type]
+
+    @property
+    def outboard_part(self) -> str:
+        """The part on the far side of this joint, seen from ground through the spanning tree."""
+        return self.parent if self.reversed else self.child
+
+    @property
+    def outboard(self) -> str:
+        """The body that this joint adds to the spanning tree: the part on its far side, or a piece of that."""
+        return f"{self.outboard_part}/{self.name}" if self.splits else self.outboard_part
+
+    @property
+    def inboard(self) -> str:
+        """The part of the spanning tree that this joint starts from."""
+        return self.child if self.reversed else self.parent
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each degree of freedom, in the order of the generalized speeds u."""
+        return () if self.drive else self.motion_names
+
+    def limits_of(self, coordinate: int) -> Limits | None:
+        """The range of a coordinate, by its index."""
+        return self.limits[coordinate] if self.limits else None
+
+    @property
+    def motion_names(self) -> tuple[str, ...]:
+        """A name for each coordinate of the joint, also of a driven joint."""
+        return tuple(f"{self.name}{label}" for label in self.kind.labels)
+
+    def direction(self, coordinate: JointCoordinate) -> Array:
+        """The direction (3,) about or along which a coordinate moves, in the frame that the coordinate names."""
+        match coordinate.direction:
+            case "axis":
+                return self.axis
+            case "second":
+                return self.second
+            case "third":
+                return np.asarray(np.cross(self.axis, self.second))
+            case "x" | "y" | "z" as letter:
+                return np.asarray(np.eye(3)["xyz".index(letter)])
+            case _:
+                assert_never(coordinate.direction)
+
+
+@dataclass(frozen=True)
+class Move:
+    """By how much the frames of a joint were moved at most, so that its loops are exact: in m and in rad."""
+
+    distance: float
+    angle: float
+
+    def exceeds(self, other: Move) -> bool:
+        """Whether it is longer or turns by more than another one."""
+        return self.distance > other.distance or self.angle > other.angle
+
+
+@dataclass(frozen=True, eq=False)
+class Attachment:
+    """A point (3,) of a part, or of ground, in that part's frame."""
+
+    part: str
+    point: Array
+
+    __repr__ = short_repr

@@ -1,0 +1,1 @@
+"""What the entries of a mechanism consist of: expressions, tables, laws, places in files."""

@@ -1,1 +1,0 @@
-"""Mechanism files: read, checked against the schema, and built into records."""

@@ -1,1 +1,0 @@
-"""Builds the records of a mechanism from a checked file."""

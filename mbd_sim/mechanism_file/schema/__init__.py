@@ -1,1 +1,0 @@
-"""The mechanism file as data: one class for each thing that a user may write."""

@@ -1,1 +1,0 @@
-"""The topics of a run and their messages, serialized without ROS: the node publishes them, recordings contain them."""

@@ -1,1 +1,0 @@
-"""MJCF, the format of MuJoCo, read as a mechanism, and a mechanism written as MJCF."""

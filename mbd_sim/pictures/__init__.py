@@ -1,0 +1,1 @@
+"""Mechanisms as pictures, animations and scenes in Rerun."""

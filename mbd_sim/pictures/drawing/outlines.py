@@ -1,0 +1,372 @@
+"""The parts of a mechanism as paths, and the space they occupy.
+
+The shapes of parts as paths: bars with round ends, shaded blocks and cylinders, rings around other parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import assert_never
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.rotation import unit_or_zero
+from mbd_sim.mechanism.elements.constraints import Surface
+from mbd_sim.mechanism.elements.parts import Joint, Part, Shape
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.drawing.mesh_outlines import mesh_paths
+from mbd_sim.pictures.drawing.sheet import (
+    BODIES,
+    INK,
+    LINE,
+    MARKS,
+    WHITE,
+    Page,
+    SheetPath,
+    arc,
+    fill_color,
+    outline_color,
+)
+from mbd_sim.pictures.shapes.meshes import part_triangles
+from mbd_sim.pictures.shapes.palette import Color, from_hex, mixed
+from mbd_sim.pictures.shapes.solids import Ball, Box, Cylinder, Ring, Rod, half_sizes, solid_of
+
+BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths: of rods, from and to; and of rods on which something slides
+DOT, MAX_DOT = 5.0, 11.0  # pt
+ROUNDING = 3.0  # pt
+
+
+def shape_paths(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[SheetPath]:
+    """The paths of a shape of a part whose frame is at `pose` in ground's.
+
+    :param tube: draw a rod wide, because something slides in it.
+    """
+    placed = pose @ shape.pose
+    depth = page.depth(placed.position)
+    match solid_of(shape):
+        case Rod(length, radius):
+            half = 0.5 * length * placed.rotation[:, 2]
+            ends = page.project(np.array([placed.position - half, placed.position + half]))
+            half_width = TUBE if tube else float(np.clip(radius * page.scale, BAR, MAX_BAR))
+            return [_bar(ends, half_width, color, depth, tube)]
+        case Ball(radius, particle=True):
+            return [dot(page.project(placed.position), color, depth, radius * page.scale)]
+        case Ball(radius):
+            return _sphere(page, placed, radius, color, depth)
+        case Ring(radius):
+            return _ring(page, placed, radius, color)
+        case Cylinder(length, radius, disc):
+            return cylinder(page, placed, length, radius, color, shape.hole, spoke=disc)
+        case Box(size):
+            return _block(page, placed, np.array(size) / 2.0, color, shape.hole)
+        case _ as unknown:
+            assert_never(unknown)
+
+
+def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> SheetPath:
+    """A particle."""
+    fill = mixed(color, INK, 0.25)
+    circle = arc(at, float(np.clip(radius, DOT, MAX_DOT)))
+    return SheetPath(circle, edge=outline_color(color), fill=fill, closed=True, depth=depth, particle=True)
+
+
+def cylinder(
+    page: Page, pose: Pose, length: float, radius: float, color: Color, hole: bool = False, spoke: bool = False
+) -> list[SheetPath]:
+    """A cylinder about z of `pose`, which is its center; a `spoke` makes its rotation visible."""
+    axis, depth = pose.rotation[:, 2], page.depth(pose.position)
+    sign = 1.0 if axis @ page.view.toward >= 0.0 else -1.0
+    circle = pose.rotation[:, :2] @ arc(np.zeros(2), radius, count=73).T
+    half = sign * 0.5 * length * axis
+    near, far = (page.project((pose.position + side * half)[:, None].T + circle.T) for side in (1, -1))
+    outline = SheetPath(
+        hull(np.vstack([near, far])),
+        edge=outline_color(color),
+        fill=WHITE if hole else fill_color(color),
+        closed=True,
+        dash=(3.0, 2.0) if hole else (),
+        depth=depth,
+    )
+    paths = [outline]
+    if abs(float(axis @ page.view.toward)) > 1e-3 and not page.view.planar:
+        paths.append(replace(outline, points=near, fill=None if hole else _lit(page, color, sign * axis)))
+    if spoke and abs(float(axis @ page.view.toward)) > 0.2:
+        hub = pose.position + half
+        rim = hub + radius * pose.rotation[:, 0]
+        paths.append(SheetPath(page.project(np.array([hub, rim])), edge=mixed(color, INK, 0.3), width=0.8, depth=depth))
+    return paths
+
+
+def hull(points: Array) -> Array:
+    """The convex hull (k, 2) of points (n, 2), counterclockwise."""
+    ordered = sorted({(round(float(x), 6), round(float(y), 6)) for x, y in points})
+    chains: list[list[tuple[float, float]]] = []
+    for line in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in line:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+                chain.pop()
+            chain.append(p)
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1] or ordered)
+
+
+def rounded(corners: Array, radius: float) -> Array:
+    """A convex polygon (n, 2), counterclockwise, with rounded corners."""
+    points: list[Array] = []
+    for before, corner, after in zip(np.roll(corners, 1, axis=0), corners, np.roll(corners, -1, axis=0), strict=True):
+        cut = min(radius, 0.45 * float(np.hypot(*(before - corner))), 0.45 * float(np.hypot(*(after - corner))))
+        start, stop = corner + cut * unit_or_zero(before - corner), corner + cut * unit_or_zero(after - corner)
+        s = np.linspace(0.0, 1.0, 6)[:, None]
+        points.append((1 - s) ** 2 * start + 2 * s * (1 - s) * corner + s**2 * stop)
+    return np.vstack(points)
+
+
+def capsule(ends: Array, half: float) -> Array:
+    """The outline (n, 2) of a bar with round ends between two points (2, 2)."""
+    along = unit_or_zero(ends[1] - ends[0])
+    angle = float(np.arctan2(along[1], along[0])) if along.any() else 0.0
+    quarter = 0.5 * np.pi
+    head = arc(ends[1], half, angle - quarter, angle + quarter, 25)
+    tail = arc(ends[0], half, angle + quarter, angle + 3.0 * quarter, 25)
+    return np.vstack([head, tail])
+
+
+def _bar(ends: Array, half: float, color: Color, depth: float, tube: bool) -> SheetPath:
+    fill = mixed(color, WHITE, 0.78) if tube else fill_color(color)
+    return SheetPath(capsule(ends, half), edge=outline_color(color), fill=fill, closed=True, depth=depth)
+
+
+def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -> list[SheetPath]:
+    at, projected = page.project(pose.position), max(radius * page.scale, DOT)
+    paths = [SheetPath(arc(at, projected), edge=outline_color(color), fill=fill_color(color), closed=True, depth=depth)]
+    if not page.view.planar:
+        shine = arc(at + 0.3 * projected * np.array([-0.8, 1.0]), 0.32 * projected)
+        paths.append(SheetPath(shine, edge=None, fill=mixed(color, WHITE, 0.78), closed=True, depth=depth))
+    return paths
+
+
+def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[SheetPath]:
+    """Two halves, the far one behind the parts inside the ring."""
+    circle = arc(np.zeros(2), radius, count=97)
+    points = pose.position + circle @ pose.rotation[:, :2].T
+    heights = (points - pose.position) @ page.view.toward
+    start = int(np.argmin(heights[:-1] ** 2 - 1e-9 * np.arange(96))) if np.ptp(heights) > 1e-9 * radius else 0
+    points, heights = np.roll(points[:-1], -start, axis=0), np.roll(heights[:-1], -start)
+    points, heights = np.vstack([points, points[:1]]), np.append(heights, heights[0])
+    depth, width = page.depth(pose.position), float(np.clip(0.035 * radius * page.scale, 3.5, 6.0))
+    rims, fills = [], []
+    for half in (slice(0, 49), slice(48, 97)):
+        offset = 0.0 if page.view.planar else float(np.mean(heights[half]))
+        line = page.project(points[half])
+        rims.append(SheetPath(line, edge=outline_color(color), width=width, depth=depth + offset))
+        fills.append(SheetPath(line, edge=fill_color(color), width=width - 2.0 * LINE, depth=depth + offset))
+    if page.view.planar:
+        return rims + fills
+    return sorted([*rims, *fills], key=lambda path: (path.depth, -path.width))
+
+
+def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> list[SheetPath]:
+    depth = page.depth(pose.position)
+    paths = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            normal = sign * pose.rotation[:, axis]
+            if normal @ page.view.toward < 1e-6:
+                continue
+            a, b = (np.eye(3)[other] * half[other] for other in ((axis + 1) % 3, (axis + 2) % 3))
+            face = sign * np.eye(3)[axis] * half[axis]
+            corners = np.array([face + a + b, face - a + b, face - a - b, face + a - b])
+            projected = hull(page.project(pose.position + corners @ pose.rotation.T))
+            if len(projected) < 3:
+                continue
+            fill = WHITE if hole else fill_color(color) if page.view.planar else _lit(page, color, normal)
+            points = rounded(projected, ROUNDING) if page.view.planar else projected
+            paths.append(
+                SheetPath(points, edge=outline_color(color), fill=fill, closed=True, depth=depth, layer=BODIES)
+            )
+    return paths
+
+
+def _lit(page: Page, color: Color, normal: Array) -> Color:
+    """The color of a face, lit from the upper left."""
+    light = 0.9 * page.view.up + 0.55 * page.view.toward - 0.35 * page.view.right
+    share = 0.5 + 0.5 * float(normal @ light) / float(np.linalg.norm(light))
+    return mixed(mixed(color, INK, 0.06), WHITE, 0.18 + 0.52 * share)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+POINTER = 0.4  # width of the bar to a traced point, relative to that of other bars
+PIN_BAR = 0.7  # the same for a pin beside the shapes
+POINTER_TOLERANCE = 1e-6  # relative distance up to which a point lies on a shape
+ROD_TOLERANCE = 1e-6  # relative; largest deviation of a slide from the rod that guides it
+
+
+def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
+    """The meshes of a part, or else its shapes, or else bars from its origin to its points and a dot at its center."""
+    if meshes := mesh_paths(page, part, mechanism.source.file, pose, color):
+        return meshes
+    paths: list[SheetPath] = []
+    for shape in sorted(part.shapes, key=lambda shape: shape.hole):
+        own_color = from_hex(shape.color) if shape.color else color
+        tube = shape.kind == "rod" and is_tube(mechanism, part, shape)
+        paths += shape_paths(page, shape, pose, own_color, tube)
+    if part.shapes or not part.mass:
+        return paths
+    center = pose.position + pose.rotation @ part.center
+    for point in sorted({tuple(point.position) for point in part.points.values()} | {tuple(part.center)}):
+        if np.any(point) and _has_pin(mechanism, part):
+            ends = page.project(np.array([pose.position, pose.position + pose.rotation @ np.array(point)]))
+            paths.append(
+                SheetPath(
+                    capsule(ends, 0.7 * BAR),
+                    edge=outline_color(color),
+                    fill=fill_color(color),
+                    closed=True,
+                    depth=page.depth(center),
+                )
+            )
+    return [*paths, dot(page.project(center), color, page.depth(center))]
+
+
+def pin_bar_paths(
+    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], colors: Mapping[str, Color]
+) -> list[SheetPath]:
+    """Bars from the shapes of parts to their pins beside these, such as the third pin of a coupler that is a rod."""
+    paths = []
+    for joint in mechanism.all_joints.values():
+        ends = ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
+        for name, at in ends if joint.kind.keeps_point and joint.kind.connects else ():
+            if name in mechanism.parts and any(shape.kind == "rod" for shape in mechanism.parts[name].shapes):
+                part = mechanism.parts[name]
+                paths += pointer_paths(page, part, at.position, poses[name], colors[name], PIN_BAR)
+    return paths
+
+
+def pointer_paths(
+    page: Page, part: Part, point: Array, pose: Pose, color: Color, width: float = POINTER
+) -> list[SheetPath]:
+    """A bar from the nearest shape of a part to a point (3,) in its frame, unless that lies on a shape.
+
+    :param width: relative to that of other bars.
+    """
+    shapes = [shape for shape in part.shapes if not shape.hole]
+    if not shapes or part.meshes:
+        return []
+    at, gap = min((_nearest(shape, point) for shape in shapes), key=lambda found: found[1])
+    if gap <= POINTER_TOLERANCE * float(np.linalg.norm(point - at) + np.linalg.norm(point)):
+        return []
+    ends = page.project(pose.position + np.array([at, point]) @ pose.rotation.T)
+    depth = 0.0 if page.view.planar else page.depth(pose.position + pose.rotation @ at)
+    edge, fill = outline_color(color), fill_color(color)
+    return [SheetPath(capsule(ends, width * BAR), edge=edge, fill=fill, closed=True, depth=depth)]
+
+
+def _nearest(shape: Shape, point: Array) -> tuple[Array, float]:
+    """The point (3,) of a shape, or of the axis of a rod, next to another point, and the distance of the shape in m."""
+    half, radius = half_sizes(shape), 0.0
+    if shape.kind == "rod":
+        half, radius = np.array([0.0, 0.0, half[2]]), float(shape.size[1])
+    local = shape.pose.rotation.T @ (point - shape.pose.position)
+    inside = np.clip(local, -half, half)
+    return shape.pose.position + shape.pose.rotation @ inside, float(np.linalg.norm(local - inside)) - radius
+
+
+def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:
+    """The quartered circle at a part's mass center, unless a dot or another symbol is there.
+
+    :param occupied: points (2,) on the sheet at which there are other symbols.
+    """
+    at = page.project(pose.position + pose.rotation @ part.center)
+    dots = [shape for shape in part.shapes if shape.kind in ("particle", "sphere")]
+    hidden = any(np.allclose(shape.pose.position, part.center, atol=1e-9) for shape in dots)
+    if part.mass == 0.0 or hidden or not part.shapes or any(np.hypot(*(at - other)) < 11.0 for other in occupied):
+        return []
+    quarters = [np.vstack([at, arc(at, 4.6, start, start + 0.5 * np.pi, 13)]) for start in (0.0, np.pi)]
+    return [
+        SheetPath(arc(at, 4.6), edge=INK, fill=WHITE, width=0.9, closed=True, layer=MARKS),
+        *(SheetPath(points, edge=None, fill=INK, closed=True, layer=MARKS) for points in quarters),
+    ]
+
+
+def corners(part: Part) -> Array:
+    """Points (n, 3) in the part's frame that bound it; the drawn radii of particles and rods do not count."""
+    points = [np.array(part.center), *(pose.position for pose in part.points.values())] if part.mass else []
+    points += [pose.position for pose in part.points.values()]
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    for shape in part.shapes:
+        half = half_sizes(shape)
+        if shape.kind == "particle":
+            half = np.zeros(3)
+        elif shape.kind == "rod":
+            half = np.array([0.0, 0.0, half[2]])
+        points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
+    return np.array(points or [np.zeros(3)])
+
+
+def span_along(part: Part, into: Pose, axis: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
+    """The smallest and largest coordinate in m of a part's shapes along `axis` (3,), in the frame `into` of the part.
+
+    :param kinds: the kinds of shapes that count, all if empty. Returns None where there is no such shape.
+    """
+    shapes = tuple(shape for shape in part.shapes if not kinds or shape.kind in kinds)
+    if not shapes:
+        return None
+    only = Part(part.name, 0.0, part.center, part.inertia, {}, shapes)
+    values = (corners(only) - into.position) @ into.rotation @ axis
+    return float(values.min()), float(values.max())
+
+
+def is_tube(mechanism: Mechanism, part: Part, rod: Shape) -> bool:
+    """Whether particles slide along a rod of a part: then it is drawn wide."""
+    return any(
+        joint.child in mechanism.parts and along_rod(part, joint, rod) and is_point(mechanism.parts[joint.child])
+        for joint in mechanism.all_joints.values()
+        if joint.parent == part.name and joint.type == "prismatic"
+    )
+
+
+def along_rod(part: Part, joint: Joint, rod: Shape) -> bool:
+    """Whether a sliding joint of a part runs along one of its rods."""
+    axis, direction = joint.parent_pose.rotation @ joint.axis, rod.pose.rotation[:, 2]
+    aside = np.cross(joint.parent_pose.position - rod.pose.position, direction)
+    length = rod.size[0]
+    return bool(
+        np.linalg.norm(np.cross(axis, direction)) < ROD_TOLERANCE and np.linalg.norm(aside) < ROD_TOLERANCE * length
+    )
+
+
+def is_point(part: Part) -> bool:
+    """Whether a part is drawn as a dot."""
+    return all(shape.kind == "particle" for shape in part.shapes)
+
+
+def bounding_points(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
+    """Points (n, 3) in ground's frame that bound the mechanism."""
+    points = []
+    for name, part in mechanism.parts.items():
+        meshes = [triangles.reshape(-1, 3) for _, triangles in part_triangles(part, mechanism.source.file)]
+        points += [poses[name].position + at @ poses[name].rotation.T for at in (corners(part), *map(_box, meshes))]
+    used = [pose.position[None] for pose in mechanism.ground_points.values()]
+    used += [joint.parent_pose.position[None] for joint in mechanism.all_joints.values() if joint.parent not in poses]
+    bases = [constraint.base for constraint in mechanism.constraints if isinstance(constraint, Surface)]
+    used += [(at.point if at.part not in poses else poses[at.part].position)[None] for at in bases]
+    return np.vstack([*points, *used] or [np.zeros((1, 3))])
+
+
+def _box(points: Array) -> Array:
+    """The corners (8, 3) of the box around points (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+
+
+def _has_pin(mechanism: Mechanism, part: Part) -> bool:
+    """Whether a joint holds a point of the part at a point of another."""
+    return any(
+        part.name in (joint.parent, joint.child) and joint.kind.keeps_point for joint in mechanism.all_joints.values()
+    )

@@ -1,0 +1,160 @@
+"""The viewer's process: turns rows of numbers into columns of Rerun, outside the simulation's interpreter.
+
+It ends when its input does, so that the recording is complete even when the simulation was killed.
+
+The list of all chunks at the end of a file of Rerun, by which other programs find data without reading it all.
+
+Rerun itself keeps this list in memory while it writes a file. The viewer's process writes files without it, so that its
+memory hardly grows, and has it added at the end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.pictures.rerun import rows as protocol
+from mbd_sim.pictures.rerun import sinks
+from mbd_sim.pictures.rerun.sinks import is_live
+
+if TYPE_CHECKING:
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
+
+LARGEST = 50_000_000  # bytes of a file: the list is added in 0.5 s, with 2.6 bytes of memory for each of them
+TIMEOUT = 10.0  # s
+
+
+def add_footer(path: Path) -> None:
+    """Rewrite a file with its list of chunks; files beyond `LARGEST`, or that cannot be rewritten, stay as they are."""
+    rewritten = path.with_name(f".{path.name}.partial")
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        if path.stat().st_size <= LARGEST:
+            command = [sinks.executable(), "rrd", "merge", str(path), "-o", str(rewritten)]
+            subprocess.run(command, capture_output=True, check=True, timeout=TIMEOUT)  # noqa: S603  (own arguments)
+            rewritten.replace(path)
+    with contextlib.suppress(OSError):
+        rewritten.unlink(missing_ok=True)
+
+
+FILE_PERIOD, FILE_BATCH = 1.0, 500_000  # s, bytes: rows for a file are sent when either is reached
+NUMBER = 8  # bytes
+FILE_GROWTH = 0.01  # of the time since the start, by which the period grows
+RERUN_LOG = "warn,re_log_encoding::rrd::file_sink=error"  # Rerun warns of files without a footer
+NICENESS = 10  # so that the simulation comes first where there is not enough processor time for both
+
+
+def main() -> int:
+    """Read the scene description and the rows from standard input until it ends; returns the exit code."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries must not mix with the answers
+    with contextlib.suppress(OSError):
+        os.nice(NICENESS)
+    os.environ.setdefault("RUST_LOG", RERUN_LOG)
+    return _run(sys.stdin.buffer, answers)
+
+
+class RowBatches:
+    """Rows and measurements of sensors on their way into a stream.
+
+    Each batch becomes a chunk for every entity, and larger chunks take less space. Therefore rows for a file, which
+    nobody watches, are collected: for a second, and for 1 % of the time since the start if that is longer, but not
+    beyond `FILE_BATCH`, which they occupy in memory. Rows for a viewer are sent as they come.
+    """
+
+    def __init__(self, stream: RerunStream, width: int, *, live: bool) -> None:
+        self._stream, self._width, self._live = stream, width, live
+        self._waiting: list[bytes] = []
+        self._measured: dict[tuple[str, str], list[tuple[float, list[float]]]] = {}  # by sensor and quantity
+        self._size, self._start = 0, time.monotonic()
+        self._sent = self._start
+
+    def add(self, rows: bytes) -> None:
+        """Take rows, and send them if it is time."""
+        self._waiting.append(rows)
+        self._send_if_due(len(rows))
+
+    def measure(self, measurements: Iterable[tuple[float, str, str, list[float]]]) -> None:
+        """Take measurements of sensors, and send all that waits if it is time."""
+        size = 0
+        for time_s, sensor, quantity, values in measurements:
+            self._measured.setdefault((sensor, quantity), []).append((time_s, values))
+            size += NUMBER * (1 + len(values))
+        self._send_if_due(size)
+
+    def _send_if_due(self, size: int) -> None:
+        self._size += size
+        now = time.monotonic()
+        period = max(FILE_PERIOD, FILE_GROWTH * (now - self._start))
+        if self._live or self._size >= FILE_BATCH or now - self._sent >= period:
+            self.send()
+
+    def send(self) -> None:
+        """Send all rows and measurements that wait."""
+        if self._waiting:
+            self._stream.send_samples(np.frombuffer(b"".join(self._waiting)).reshape(-1, self._width))
+        for (sensor, quantity), measurements in self._measured.items():
+            times, values = zip(*measurements, strict=True)
+            self._stream.send_measurements(sensor, quantity, np.array(times), np.array(values))
+        self._measured.clear()
+        self._waiting, self._size, self._sent = [], 0, time.monotonic()
+
+
+def _run(source: IO[bytes], answers: IO[str]) -> int:
+    def answer(**fields: object) -> None:
+        with contextlib.suppress(OSError):  # the simulation's process has ended
+            answers.write(f"{json.dumps(fields)}\n")
+
+    try:
+        # Rerun is imported while the other process prepares the scene description.
+        from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
+        from mbd_sim.simulation.run.events import EventKind
+
+        first = protocol.read(source)
+        if first is None:
+            return 1
+        scene, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
+        stream = RerunStream(scene, sink, footer=False)  # a run may last for days
+    except Exception as error:  # reported by the simulation's process
+        answer(failed=str(error) or repr(error))
+        return 1
+    answer(address=stream.address)
+    batches = RowBatches(stream, scene.rows.width, live=is_live(sink))
+    try:
+        while (message := protocol.read(source)) is not None:
+            kind, payload = message
+            if kind == protocol.ROWS:
+                batches.add(payload)
+            elif kind == protocol.MEASUREMENTS:
+                batches.measure(json.loads(payload))
+            elif kind == protocol.EVENTS:
+                events = json.loads(payload)
+                stream.send_events([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])
+            elif kind == protocol.FLUSH:
+                batches.send()
+                stream.flush()
+                answer(flushed=int.from_bytes(payload, "little"))
+        batches.send()
+        stream.flush()
+    except Exception as error:
+        answer(failed=str(error) or repr(error))
+        stream.close()
+        return 1
+    stream.close()
+    if not is_live(sink):
+        add_footer(Path(sink))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,142 @@
+"""The box that a mechanism and its motion fill: it determines the camera, the grid and the sizes of markers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array, identity_pose, unpack_poses
+from mbd_sim.mechanism.elements.parts import GROUND, Part
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.shapes.meshes import part_triangles
+from mbd_sim.pictures.shapes.solids import half_sizes
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.model.model import Model
+
+PREVIEW_TIME = 5.0  # s
+PREVIEW_STEPS = 5_000
+PREVIEW_FRAMES = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """The box from `lower` to `upper` (3,) that the motion fills, in ground's frame in m.
+
+    `size` is the length in m of the mechanism at the start; markers are sized relative to it. `normal` (3,) is the unit
+    normal of the plane of motion, None for spatial mechanisms. `travel` holds the smallest and the largest displacement
+    in m of each prismatic and cylindrical joint.
+    """
+
+    lower: Array
+    upper: Array
+    size: float
+    normal: Array | None
+    travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def center(self) -> Array:
+        """The center of the box, (3,)."""
+        return (self.lower + self.upper) / 2.0
+
+
+def extent_of(model: Model) -> Extent:
+    """Find the extent from the start and the first seconds of free motion, which take milliseconds to simulate.
+
+    The motion counts up to three times the box of the start, so that parts that fly away do not take the camera along.
+    """
+    corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
+    if all(not np.ptp(points, axis=0).any() for points in corners.values()):  # meshes are read only where they must be
+        source = model.mechanism.source.file
+        corners = {name: _mesh_corners(part, source, corners[name]) for name, part in model.mechanism.parts.items()}
+    fixed = [pose.position for pose in model.mechanism.ground_points.values()]
+    fixed += [joint.parent_pose.position for joint in model.mechanism.all_joints.values() if joint.parent == GROUND]
+    times, states = _preview(model)
+    frames = [model.pose_array(time, y) for time, y in zip(times, states, strict=True)]
+    points = [_points_in_ground(frame, model.part_names, corners) for frame in frames]
+    start = np.vstack([points[0], *fixed]) if fixed else points[0]
+    lower, upper = start.min(axis=0), start.max(axis=0)
+    size = max(float(np.max(upper - lower)), 1e-6)
+    limits = (lower + upper) / 2.0 - 1.5 * size, (lower + upper) / 2.0 + 1.5 * size
+    reached = np.clip(np.vstack(points), *limits)
+    return Extent(
+        np.minimum(lower, reached.min(axis=0)),
+        np.maximum(upper, reached.max(axis=0)),
+        size,
+        _plane(model.mechanism, model),
+        _travel(model, frames, size),
+    )
+
+
+def _preview(model: Model) -> tuple[list[float], list[Array]]:
+    """Times and states at the start and in the seconds after it, without efforts."""
+    y, inputs, step = model.start.copy(), model.kernel_inputs(), model.mechanism.step
+    times, states = [0.0], [y.copy()]
+    last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
+    stride = max(last // PREVIEW_FRAMES, 1)
+    for first in range(0, last, stride):
+        if not model.kernel.advance(y.ctypes.data, inputs.ctypes.data, first, step, stride):
+            break
+        times.append((first + stride) * step)
+        states.append(y.copy())
+    return times, states
+
+
+def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:
+    """The range of displacements of each joint, in m; at most the size of the mechanism on both sides of the start."""
+    rows = np.array(frames)
+    poses = {name: unpack_poses(rows[:, index]) for index, name in enumerate(model.part_names)}
+    poses[GROUND] = np.zeros((len(frames), 3)), np.tile(np.eye(3), (len(frames), 1, 1))
+    travel = {}
+    for name, joint in model.mechanism.all_joints.items():
+        if not joint.kind.slides_along_axis:
+            continue
+        parent, child = (
+            poses[part][0] + poses[part][1] @ frame.position
+            for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
+        )
+        axes = poses[joint.parent][1] @ joint.parent_pose.rotation @ joint.axis
+        displacement = np.sum((child - parent) * axes, axis=1)
+        displacement = np.clip(displacement, displacement[0] - size, displacement[0] + size)
+        travel[name] = (float(displacement.min()), float(displacement.max()))
+    return travel
+
+
+def _points_in_ground(frame: Array, names: tuple[str, ...], corners: dict[str, Array]) -> Array:
+    poses = zip(names, *unpack_poses(frame), strict=True)
+    points = [position + corners[name] @ rotation.T for name, position, rotation in poses]
+    return np.vstack(points or [np.zeros((1, 3))])
+
+
+def _corners(part: Part) -> Array:
+    """Points (n, 3) in the part's frame that bound it."""
+    points = [part.center, *(pose.position for pose in part.points.values())]
+    for shape in part.shapes:
+        half = half_sizes(shape)
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
+    return np.array(points)
+
+
+def _mesh_corners(part: Part, source: str, corners: Array) -> Array:
+    """Points (n, 3) in the part's frame that bound it and its meshes."""
+    meshes = [triangles.reshape(-1, 3) for _, triangles in part_triangles(part, source)]
+    return np.vstack([corners, *(end for points in meshes for end in (points.min(axis=0), points.max(axis=0)))])
+
+
+def _plane(mechanism: Mechanism, model: Model) -> Array | None:
+    """The normal of the plane in which all joints move, found at the start; None when there is no such plane."""
+    poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
+    axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
+    for joint in mechanism.all_joints.values():
+        if joint.type in axes:
+            axes[joint.type].append((poses[joint.parent] @ joint.parent_pose).rotation @ joint.axis)
+        elif joint.type != "fixed":
+            return None
+    normal = axes["revolute"][0] if axes["revolute"] else np.array([0.0, 1.0, 0.0])
+    parallel = all(abs(float(axis @ normal)) > 1.0 - 1e-6 for axis in axes["revolute"])
+    perpendicular = all(abs(float(axis @ normal)) < 1e-6 for axis in axes["prismatic"])
+    return normal if parallel and perpendicular and (axes["revolute"] or axes["prismatic"]) else None

@@ -1,0 +1,202 @@
+"""The solids that stand for the shapes of a part, the same in Rerun, in RViz and in drawings.
+
+The lines of which symbols are made, in the plane and in space: circles, spirals, coils, dashpots, curved arrows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.geometry.rotation import aligning_z
+from mbd_sim.mechanism.elements.parts import Part, Shape
+
+COIL_TURNS = 9
+COIL_END = 0.08  # straight part at each end of a coil, relative to its length
+ARC_POINTS = 25
+
+# The segments of a dashpot, point pairs (along, across): along from 0 to 1, across in half widths.
+_DASHPOT = np.array([
+    [0.0, 0.0], [0.35, 0.0], [0.35, -1.0], [0.35, 1.0], [0.35, 1.0], [0.7, 1.0], [0.35, -1.0], [0.7, -1.0],
+    [0.55, -0.8], [0.55, 0.8], [0.55, 0.0], [1.0, 0.0],
+])  # fmt: skip
+
+
+def circle(angles: Array) -> Array:
+    """Points (n, 2) of the unit circle at angles (n,) in rad."""
+    return np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def spiral(inner: float, outer: float, turns: float, count: int = 120) -> Array:
+    """Points (count, 2) of a spiral about the origin whose radius grows from `inner` to `outer`."""
+    radius = np.linspace(inner, outer, count)
+    return np.asarray(radius[:, None] * circle(np.linspace(0.0, 2.0 * np.pi * turns, count)))
+
+
+def coil(radius: float) -> Array:
+    """Points (n, 3) of a coil spring of a `radius` along z from 0 to 1, with straight ends."""
+    angles = np.linspace(0.0, 2.0 * np.pi * COIL_TURNS, 24 * COIL_TURNS + 1)
+    radii = radius * np.minimum(1.0, np.minimum(angles, angles[-1] - angles) / np.pi)  # from the axis and back to it
+    height = COIL_END + (1.0 - 2.0 * COIL_END) * angles / angles[-1]
+    return np.vstack([[0.0, 0.0, 0.0], np.column_stack([radii[:, None] * circle(angles), height]), [0.0, 0.0, 1.0]])
+
+
+def flat_coil(length: float, end: float, turns: int, amplitude: float) -> Array:
+    """Points (n, 2), forward and sideways, of a coil spring seen at a slant, between straight parts of length `end`.
+
+    The windings run backward on the far side, as those of a helix do in an oblique view.
+    """
+    angles = np.linspace(0.0, 2.0 * np.pi * (turns + 0.5), 24 * turns + 13)
+    loop = 0.26 * (length - 2.0 * end) / (turns + 0.5)
+    forward = end + loop + (length - 2.0 * end - 2.0 * loop) * angles / angles[-1] - loop * np.cos(angles)
+    return np.column_stack([forward, amplitude * np.sin(angles)])
+
+
+def dashpot(half_width: float) -> Array:
+    """The segments of a dashpot along z from 0 to 1, as pairs of consecutive points (n, 3) in the xz plane."""
+    along, across = _DASHPOT.T
+    return np.column_stack([half_width * across, np.zeros(len(across)), along])
+
+
+def between(points: Array, start: Array, stop: Array) -> Array:
+    """Points (n, 3) given along z from 0 to 1, moved so that they lead from `start` (3,) to `stop` (3,).
+
+    z is stretched to the distance of the two; x and y keep their scale. Where the two coincide, x and y are ground's.
+    """
+    line = stop - start
+    length = float(np.linalg.norm(line))
+    rotation = aligning_z(line / length) if length > 1e-12 else np.eye(3)
+    return np.asarray(start + np.outer(points[:, 2], line) + points[:, :2] @ rotation[:, :2].T)
+
+
+def arc_arrow(center: Array, axis: Array, sweep: float, radius: float) -> Array:
+    """Points (n, 3) of an arc of `sweep` rad about a unit `axis` (3,), right-handed, ending in an arrow head."""
+    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x /= np.linalg.norm(x)
+    y = np.cross(axis, x)
+    angles = np.linspace(0.0, sweep, ARC_POINTS)
+    points = radius * (np.outer(np.cos(angles), x) + np.outer(np.sin(angles), y))
+    base = sweep - min(0.35, 0.6 * sweep)
+    outward = np.cos(base) * x + np.sin(base) * y
+    barbs = [scale * radius * outward for scale in (1.18, 0.82)]
+    return np.asarray(center + np.vstack([points, barbs[0], points[-1], barbs[1]]))
+
+
+DISC_THICKNESS = 0.08  # relative to the radius
+PLATE_THICKNESS = 0.02  # relative to the shorter side
+RING_TUBE = 0.04  # radius of the tube, relative to that of the ring
+POINT_MASS_RADIUS = 0.02  # of the ball at the mass center of a part without shapes, relative to the mechanism's size
+LINE_WIDTH = 0.006  # relative to the mechanism's size
+
+
+@dataclass(frozen=True)
+class Rod:
+    """A rod along z of a `length` in m between the centers of its rounded ends."""
+
+    length: float
+    radius: float
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder about z; a disc is a flat one."""
+
+    length: float
+    radius: float
+    disc: bool = False
+
+    @property
+    def mark_height(self) -> float:
+        """The height above the center at which lines lie visibly on its faces, m."""
+        return 0.042 * self.radius if self.disc else 0.505 * self.length
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A ring about z, a torus whose tube has the radius `tube`."""
+
+    radius: float
+    tube: float
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box with edges of `size` (x, y, z) along the axes."""
+
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball; a `particle` is a point mass, whose radius is only that of its picture."""
+
+    radius: float
+    particle: bool = False
+
+
+Solid = Rod | Cylinder | Ring | Box | Ball
+
+
+def solid_of(shape: Shape) -> Solid:
+    """The solid of a shape, centered on the shape's pose.
+
+    :raises ValueError: there is no such kind of shape.
+    """
+    match shape.kind, shape.size:
+        case "rod", (length, radius):
+            return Rod(length, radius)
+        case "cylinder", (length, radius):
+            return Cylinder(length, radius)
+        case "disc", (radius,):
+            return Cylinder(DISC_THICKNESS * radius, radius, disc=True)
+        case "ring", (radius,):
+            return Ring(radius, RING_TUBE * radius)
+        case "plate", (x, y):
+            return Box((x, y, PLATE_THICKNESS * min(x, y)))
+        case "block", (x, y, z):
+            return Box((x, y, z))
+        case ((("sphere" | "particle") as kind), (radius,)):
+            return Ball(radius, particle=kind == "particle")
+        case _:
+            raise ValueError(f"no solid for a shape of kind '{shape.kind}' and size {shape.size}")
+
+
+def half_sizes(shape: Shape) -> Array:
+    """Half the size (3,) in m of the box around a shape, along the shape's axes; plates, discs and rings are flat."""
+    match shape.kind, shape.size:
+        case (("rod" | "cylinder"), (length, radius)):
+            return np.array([radius, radius, length / 2.0])
+        case (("disc" | "ring"), (radius,)):
+            return np.array([radius, radius, 0.0])
+        case "plate", (x, y):
+            return np.array([x, y, 0.0]) / 2.0
+        case "block", (x, y, z):
+            return np.array([x, y, z]) / 2.0
+    return np.full(3, shape.size[0])
+
+
+def diameters(radius: float, heights: tuple[float, ...], *, crossed: bool = False) -> list[Array]:
+    """Lines (2, 3) along x at heights z, and along y with `crossed`: they show how something round turns about z."""
+    lines = [np.array([[-radius, 0.0, z], [radius, 0.0, z]]) for z in heights]
+    if crossed:
+        lines += [np.array([[0.0, -radius, z], [0.0, radius, z]]) for z in heights]
+    return lines
+
+
+def meridian(radius: float) -> Array:
+    """A circle (33, 3) about y, slightly larger than a ball of this radius: it shows how the ball turns."""
+    x, z = (1.005 * radius * circle(np.linspace(0.0, 2.0 * np.pi, 33))).T
+    return np.column_stack([x, 0.0 * x, z])
+
+
+def skeleton(part: Part) -> list[Array]:
+    """Lines (2, 3) that stand for a part without shapes: from its origin to its points, or else its mass center."""
+    ends = [pose.position for pose in part.points.values()] or [part.center]
+    return [np.array([np.zeros(3), end]) for end in ends if np.any(end)]
+
+
+def is_invisible(part: Part) -> bool:
+    """Whether a part has neither mass nor shape nor mesh: it only carries coordinates, and is not drawn."""
+    return part.mass == 0.0 and not part.shapes and not part.meshes

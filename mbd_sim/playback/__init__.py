@@ -1,1 +1,0 @@
-"""Recorded runs as tables, as plots, and in Rerun."""

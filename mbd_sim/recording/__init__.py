@@ -1,1 +1,0 @@
-"""Writing, reading, recovering, recomputing and verifying recordings."""

@@ -1,0 +1,1 @@
+"""Recorded runs: their messages and files, and what is made of them."""

@@ -1,0 +1,1 @@
+"""MCAP and rosbag2 files: written, read, checked and repaired."""

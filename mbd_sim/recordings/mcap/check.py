@@ -1,0 +1,176 @@
+"""Checks a complete MCAP file as strictly as its strictest reader: all checksums, offsets, indexes and statistics."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
+from mbd_sim.recordings.mcap.scanner import (
+    MAGIC,
+    PARSE_ERRORS,
+    RECORD_HEADER,
+    ByteSource,
+    Definitions,
+    FileBytes,
+    data_stream,
+    scan_records,
+)
+from mbd_sim.recordings.messages.cdr import ReadingError
+
+_FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4
+_FOOTER_HEADER = RECORD_HEADER.pack(Opcode.FOOTER, 8 + 8 + 4)
+_INDEXES: dict[int, tuple[type[Any], str]] = {
+    Opcode.CHUNK_INDEX: (ChunkIndex, "chunk_start_offset"),
+    Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
+    Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
+}
+_SUMMARY_RECORDS: dict[int, type[Any]] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.STATISTICS: Statistics,
+    Opcode.SUMMARY_OFFSET: SummaryOffset,
+    **{opcode: kind for opcode, (kind, _) in _INDEXES.items()},
+}
+
+
+@dataclass(frozen=True)
+class FileCheck:
+    """Damage of a complete file: of its index, which `recover` repairs, and of its contents; "" if there is none."""
+
+    index_problem: str = ""
+    content_problem: str = ""
+
+
+def check_file(path: Path) -> FileCheck:
+    """Check a file; one that is truncated has no index to be checked.
+
+    :raises ReadingError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            data = FileBytes(stream)
+            found = read_data_section(data)
+            if data[len(data) - len(MAGIC) :] != MAGIC:
+                return FileCheck()
+            index_problem = found.problem or found.index_problem or summary_problem(data, found)
+            content_problem = found.content_problem or definition_problem(found.definitions)
+    except OSError as error:
+        raise ReadingError(f"{path}: cannot be read: {error.strerror}") from error
+    if not found.crc_agrees and not content_problem and not index_problem:
+        content_problem = "the checksum of its data differs: something outside the messages was changed"
+    return FileCheck(index_problem, content_problem)
+
+
+def summary_problem(data: ByteSource, found: DataSection) -> str:
+    """Return how the end of a file is damaged or contradicts its data section, or "" if it does not."""
+    try:
+        return _summary_problem(data, found)
+    except PARSE_ERRORS as error:
+        return f"the summary cannot be read ({str(error) or 'it is too short'})"
+
+
+def _summary_problem(data: ByteSource, found: DataSection) -> str:
+    size = len(data)
+    if data[size - len(MAGIC) :] != MAGIC:
+        return "the end of the file is missing"
+    footer_start = size - len(MAGIC) - _FOOTER_SIZE
+    footer_content = footer_start + RECORD_HEADER.size
+    if footer_start < found.end or data[footer_start:footer_content] != _FOOTER_HEADER:
+        return "the footer is damaged"
+    footer = Footer.read(data_stream(bytes(data[footer_content : size - len(MAGIC)])))
+    start = footer.summary_start or footer_start
+    if not found.end <= start <= footer_start:
+        return "the footer gives a wrong position of the summary"
+    crc = zlib.crc32(bytes(data[start : size - len(MAGIC) - 4]))
+    if footer.summary_crc and footer.summary_crc != crc:
+        return "the summary fails its CRC check"
+    if [opcode for opcode, _, _ in scan_records(bytes(data[found.end : start]))] != [Opcode.DATA_END]:
+        return "the summary does not follow the data"
+    if start == footer_start:
+        return "" if not found.chunks else "there is no summary"
+    return _contradiction(bytes(data[start:footer_start]), start, footer, found)
+
+
+def _contradiction(summary: bytes, start: int, footer: Footer, found: DataSection) -> str:
+    """Compare the records of a summary, which begins at byte `start`, with the data section."""
+    definitions, indexes = Definitions(), {opcode: dict[int, McapRecord]() for opcode in _INDEXES}
+    spans: dict[int, tuple[int, int]] = {}
+    statistics, offsets_start, end = None, 0, 0
+    for opcode, begin, end in scan_records(summary):
+        content, record_start = summary[begin:end], start + begin - RECORD_HEADER.size
+        if opcode in _SUMMARY_RECORDS:
+            strictly_read(_SUMMARY_RECORDS[opcode], content)
+        definitions.add(opcode, content)
+        if opcode == Opcode.STATISTICS:
+            statistics = Statistics.read(data_stream(content))
+        elif opcode in _INDEXES:
+            kind, key = _INDEXES[opcode]
+            record = kind.read(data_stream(content))
+            indexes[opcode][getattr(record, key)] = record
+        elif opcode == Opcode.SUMMARY_OFFSET:
+            offsets_start = offsets_start or record_start
+            offset = SummaryOffset.read(data_stream(content))
+            if spans.get(offset.group_opcode) != (offset.group_start, offset.group_length):
+                return "an offset in the summary is wrong"
+            continue
+        first, length = spans.get(opcode, (record_start, 0))
+        spans[opcode] = first, length + end - begin + RECORD_HEADER.size
+    if end != len(summary):
+        return "the summary ends within a record"
+    if footer.summary_offset_start not in (0, offsets_start):
+        return "the footer gives a wrong position of the summary's offsets"
+    return _index_contradiction(definitions, indexes, statistics, found)
+
+
+def _index_contradiction(
+    definitions: Definitions,
+    indexes: dict[int, dict[int, McapRecord]],
+    statistics: Statistics | None,
+    found: DataSection,
+) -> str:
+    expected: dict[int, list[Any]] = {
+        Opcode.CHUNK_INDEX: [chunk.index for chunk in found.chunks],
+        Opcode.ATTACHMENT_INDEX: found.attachments,
+        Opcode.METADATA_INDEX: found.metadata,
+    }
+    for opcode, records in expected.items():
+        kind, key = _INDEXES[opcode]
+        if indexes[opcode] != {getattr(record, key): record for record in records}:
+            return f"the {_words(kind)} differs from the contents of the file"
+    known = found.definitions
+    if definitions.schemas != known.schemas or definitions.channels != known.channels:
+        return "the schemas and channels of the summary differ from those of the data"
+    if statistics is None:
+        return "the statistics are missing"
+    summary, counts = found.summary(), {number: count for number, count in found.counts.items() if count}
+    recorded = {number: count for number, count in statistics.channel_message_counts.items() if count}
+    if recorded != counts or statistics.message_count != sum(counts.values()):
+        return "the statistics and the file differ in the numbers of messages"
+    if (statistics.message_start_time, statistics.message_end_time) != (summary.first_ns, summary.last_ns):
+        return "the statistics and the messages differ in their times"
+    numbers = (statistics.schema_count, statistics.channel_count, statistics.chunk_count)
+    if numbers != (len(known.schemas), len(known.channels), len(found.chunks)):
+        return "the statistics differ from the contents of the file"
+    if (statistics.attachment_count, statistics.metadata_count) != (len(found.attachments), len(found.metadata)):
+        return "the statistics differ from the contents of the file"
+    return ""
+
+
+def _words(kind: type[Any]) -> str:
+    return {ChunkIndex: "index of chunks", AttachmentIndex: "index of attachments"}.get(kind, "index of metadata")

@@ -1,0 +1,461 @@
+"""The data section of an MCAP file, read strictly: all that precedes its summary, up to the first damage.
+
+What was found in the data section of an MCAP file: its undamaged records, and the problems with the others.
+
+The definitions in an MCAP file: as strict a check as that of `rosbags`, and repair of those of recorded runs.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, TypeVar
+
+import yaml
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Header,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
+
+from mbd_sim.recordings.mcap.scanner import (
+    MAGIC,
+    MESSAGE_HEADER,
+    PARSE_ERRORS,
+    RECORD_HEADER,
+    BrokenRecordError,
+    ByteSource,
+    Definitions,
+    attachment_is_intact,
+    chunk_content,
+    crc_of,
+    data_stream,
+    scan_records,
+)
+from mbd_sim.recordings.mcap.summary import Summary, attachment_index, chunk_index, encoded
+from mbd_sim.recordings.messages.cdr import RUN_METADATA
+from mbd_sim.recordings.messages.definitions import definition
+from mbd_sim.recordings.messages.topics import PART, TOPICS
+
+if TYPE_CHECKING:
+    from rosbags.interfaces.typing import Typesdict
+
+
+@dataclass
+class IndexedChunk:
+    """A chunk as its index should describe it, and the number of its messages by channel."""
+
+    index: ChunkIndex
+    counts: dict[int, int]
+
+
+@dataclass
+class DataSection:
+    """The undamaged records of a file; they end at byte `end`.
+
+    If the file is cut off or damaged after the content of a chunk, `missing_indexes` are the indexes of the messages of
+    that chunk, which belong at `end`.
+
+    `index_problem` is damage that new indexes repair, `content_problem` damage that is confined to one record and
+    cannot be repaired, and `problem` says why the records end before the end of the data section. All are "" if absent.
+    """
+
+    end: int = len(MAGIC)
+    missing_indexes: bytes = b""
+    definitions: Definitions = field(default_factory=Definitions)
+    chunks: list[IndexedChunk] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    unchunked: Counter[int] = field(default_factory=Counter)  # number of messages outside of chunks, by channel
+    times: list[int] = field(default_factory=list)  # of the first and the last message outside of chunks
+    index_problem: str = ""
+    content_problem: str = ""
+    problem: str = ""
+    has_header: bool = False
+    crc_agrees: bool = True
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """The number of messages by channel."""
+        total = Counter(self.unchunked)
+        for chunk in self.chunks:
+            total.update(chunk.counts)
+        return dict(total)
+
+    def counts_by_topic(self) -> dict[str, int]:
+        """Return the number of messages by topic."""
+        counts, found = self.counts, Counter[str]()
+        for number, channel in self.definitions.channels.items():
+            found[channel.topic] += counts.get(number, 0)
+        return dict(found)
+
+    def drop_last_chunk(self) -> None:
+        """End before the last chunk."""
+        self.end, self.missing_indexes = self.chunks.pop().index.chunk_start_offset, b""
+
+    def replace_last_indexes(self, entries: Mapping[int, list[tuple[int, int]]]) -> None:
+        """End after the content of the last chunk; `entries` are times and offsets of its messages, by channel."""
+        chunk = self.chunks[-1].index
+        self.end = chunk.chunk_start_offset + chunk.chunk_length
+        self.missing_indexes, chunk.message_index_offsets = b"", {}
+        for channel, each in sorted(entries.items()):
+            chunk.message_index_offsets[channel] = self.end + len(self.missing_indexes)
+            self.missing_indexes += encoded(MessageIndex(channel, each))
+        chunk.message_index_length = len(self.missing_indexes)
+
+    def summary(self) -> Summary:
+        """Return the summary of a file that ends here."""
+        indexes = [chunk.index for chunk in self.chunks]
+        filled = [chunk.index for chunk in self.chunks if chunk.counts]
+        starts = [*self.times[:1], *(index.message_start_time for index in filled)]
+        ends = [*self.times[1:], *(index.message_end_time for index in filled)]
+        return Summary(
+            schemas=list(self.definitions.schemas.values()),
+            channels=list(self.definitions.channels.values()),
+            attachments=self.attachments,
+            metadata=self.metadata,
+            chunks=b"".join(encoded(index) for index in indexes),
+            chunk_count=len(indexes),
+            counts=self.counts,
+            first_ns=min(starts, default=0),
+            last_ns=max(ends, default=0),
+        )
+
+
+_TEXT = "ros2msg"
+_ENCODINGS = (_TEXT, "ros2idl", "omgidl", "")  # that other ROS tools know; "" is a schema without a definition
+_QOS_KEYS = {
+    "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness", "liveliness_lease_duration"
+}  # fmt: skip
+
+
+def definition_problem(definitions: Definitions) -> str:
+    """Return which topic has no valid definition of its messages, or ""."""
+    from rosbags.typesys import Stores, get_typestore
+
+    for channel in definitions.channels.values():
+        if channel.schema_id not in definitions.schemas:
+            return f"the definition of {channel.topic} is missing"
+        if not _is_qos(channel.metadata.get("offered_qos_profiles", "")):
+            return f"the QoS profiles of {channel.topic} cannot be read"
+    for schema in definitions.schemas.values():
+        if schema.encoding not in _ENCODINGS:
+            return f"the definition of {schema.name} has the unknown encoding '{schema.encoding}'"
+        try:
+            text = schema.data.decode()
+            if schema.encoding == _TEXT:
+                store = get_typestore(Stores.EMPTY)
+                store.register(_parsed(text, schema.name))
+                store.hash_rihs01(schema.name)  # needs the definitions of all types that it contains
+        except KeyError as error:
+            return f"the definition of {schema.name} lacks that of {error}"
+        except Exception as error:  # the parser raises errors of its own
+            return f"the definition of {schema.name} cannot be read ({error})"
+    return ""
+
+
+def repair_definitions(definitions: Definitions) -> str:
+    """Replace the damaged schemas of a recorded run by the definitions of its topics; return what was damaged, or "".
+
+    A schema is damaged if it is missing, or differs from the definition in more than comments. Topics whose names
+    belong to none that `sim_node` records keep their schemas.
+    """
+    expected: dict[int, set[str]] = {}
+    for channel in definitions.channels.values():
+        if message_type := _recorded_type(channel.topic):
+            expected.setdefault(channel.schema_id, set()).add(message_type)
+    problem = ""
+    for number, message_types in expected.items():
+        schema, message_type = definitions.schemas.get(number), min(message_types)
+        if len(message_types) == 1 and not (schema is not None and _defines(schema, message_type)):
+            text = definition(message_type).encode()
+            definitions.schemas[number] = Schema(id=number, data=text, encoding=_TEXT, name=message_type)
+            problem = problem or f"the definition of {message_type} is damaged"
+    if problem:
+        used = {channel.schema_id for channel in definitions.channels.values()}
+        for number in definitions.schemas.keys() - used:
+            del definitions.schemas[number]
+    return problem
+
+
+def _recorded_type(topic: str) -> str:
+    """Return the type of a topic that `sim_node` records, in any namespace, by the last words of its name, or ""."""
+    words = topic.split("/")[1:]
+    for entry in TOPICS:
+        own = entry.name.lstrip("~/").split("/")
+        last = words[-len(own) :]
+        if len(last) == len(own) and all(word in (one, PART) for one, word in zip(last, own, strict=True)):
+            return entry.message_type
+    return ""
+
+
+def _defines(schema: Schema, message_type: str) -> bool:
+    """Whether a schema is the definition of a type; comments may differ."""
+    if (schema.name, schema.encoding) != (message_type, _TEXT):
+        return False
+    try:
+        return _parsed(schema.data.decode(), message_type) == _expected(message_type)
+    except Exception:  # the parser raises errors of its own
+        return False
+
+
+@cache
+def _expected(message_type: str) -> Typesdict:
+    return _parsed(definition(message_type), message_type)
+
+
+def _parsed(text: str, message_type: str) -> Typesdict:
+    from rosbags.typesys import get_types_from_msg
+
+    return get_types_from_msg(text, message_type)
+
+
+def _is_qos(text: str) -> bool:
+    """Whether a text holds rosbag2's QoS profiles, or nothing."""
+    try:
+        profiles = yaml.safe_load(text) or []
+    except yaml.YAMLError:
+        return False
+    return isinstance(profiles, list) and all(isinstance(one, dict) and one.keys() >= _QOS_KEYS for one in profiles)
+
+
+_SUMMARY_ONLY = {
+    Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET
+}  # fmt: skip
+_FOOTER = struct.Struct("<QQI")  # start of the summary and of its offsets, checksum
+_Entries = dict[int, list[tuple[int, int]]]  # log time and offset of messages, by channel
+
+
+def read_data_section(data: ByteSource) -> DataSection:
+    """Read and check all records up to the end of the data section or the first damage.
+
+    Damaged definitions of a recorded run are replaced by those of its topics, unless summary and data agree on them.
+    """
+    trusted = checked_definitions(data)
+    found = _read_records(data, trusted)
+    is_run = any(record.name == RUN_METADATA for record in found.metadata)
+    if is_run and (found.index_problem or not trusted.channels):
+        found.index_problem = repair_definitions(found.definitions) or found.index_problem
+    return found
+
+
+def _read_records(data: ByteSource, trusted: Definitions) -> DataSection:
+    found = DataSection()
+    reader = _DataSectionReader(data, found, trusted)
+    try:
+        for opcode, begin, end in scan_records(data, len(MAGIC)):
+            start = begin - RECORD_HEADER.size
+            try:
+                if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                    reader.finish(opcode, start, bytes(data[begin:end]))
+                    return found
+                reader.read(opcode, start, bytes(data[begin:end]))
+            except PARSE_ERRORS as error:
+                reason = str(error) or "it is too short"
+                raise BrokenRecordError(f"damaged: the record at byte {start} cannot be read ({reason})") from error
+            found.end = end
+        found.problem = f"cut off: it ends at byte {len(data)} without an index"
+    except BrokenRecordError as error:
+        found.problem = str(error)
+    reader.end_truncated()
+    return found
+
+
+class _DataSectionReader:
+    """Adds record after record to a `DataSection`."""
+
+    def __init__(self, data: ByteSource, found: DataSection, trusted: Definitions) -> None:
+        self._data, self._found, self._trusted = data, found, trusted
+        self._entries: _Entries | None = None  # of the messages of the last chunk, while its indexes follow
+        self._indexed: _Entries = {}
+
+    def read(self, opcode: int, start: int, content: bytes) -> None:
+        """Read a record that begins at byte `start`.
+
+        :raises PARSE_ERRORS: it is damaged.
+        """
+        found, length = self._found, len(content) + RECORD_HEADER.size
+        if opcode == Opcode.MESSAGE_INDEX:
+            self._read_message_index(start, content)
+            return
+        self.end_chunk()
+        if start == len(MAGIC):
+            found.has_header = opcode == Opcode.HEADER and _is_ros_header(content)
+            if not found.has_header:
+                self._add_index_problem("the header is damaged")
+        elif opcode in _SUMMARY_ONLY or opcode == Opcode.HEADER:
+            raise BrokenRecordError(f"a record of kind {opcode} is out of place")
+        self._define_outside(opcode, content)
+        if opcode == Opcode.ATTACHMENT:
+            attachment = Attachment.read(data_stream(content))
+            if not attachment_is_intact(content):
+                found.content_problem = f"the attachment '{attachment.name}' fails its CRC check"
+            found.attachments.append(attachment_index(attachment, start, length))
+        elif opcode == Opcode.METADATA:
+            name = strictly_read(Metadata, content).name
+            found.metadata.append(MetadataIndex(offset=start, length=length, name=name))
+        elif opcode == Opcode.CHUNK:
+            self._read_chunk(start, content)
+        elif opcode == Opcode.MESSAGE:
+            channel, time_ns = self._message(content, 0, len(content))
+            found.unchunked[channel] += 1
+            found.times = [min([*found.times[:1], time_ns]), max([*found.times[1:], time_ns])]
+
+    def _define_outside(self, opcode: int, content: bytes) -> None:
+        """Add a schema or a channel that is not in a chunk, which has no checksum: the summary's copy prevails."""
+        found, trusted = self._found, self._trusted
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or not trusted.channels:
+            try:
+                self._define(opcode, content)
+            except PARSE_ERRORS:
+                if opcode != Opcode.SCHEMA:
+                    raise
+                self._add_index_problem("a definition cannot be read")  # it is repaired, or said to be missing
+            return
+        known = trusted.schemas if opcode == Opcode.SCHEMA else trusted.channels
+        if content not in [encoded(record)[RECORD_HEADER.size :] for record in known.values()]:
+            self._add_index_problem("a definition in the data differs from that in the summary")
+        found.definitions.schemas |= trusted.schemas
+        found.definitions.channels |= trusted.channels
+
+    def _define(self, opcode: int, content: bytes) -> None:
+        """Add a record if it is a schema or a channel."""
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            strictly_read(Schema if opcode == Opcode.SCHEMA else Channel, content)
+            self._found.definitions.add(opcode, content)
+
+    def _message(self, data: bytes, begin: int, end: int) -> tuple[int, int]:
+        """Return channel and log time of a message."""
+        if end - begin < MESSAGE_HEADER.size:
+            raise BrokenRecordError("a message is too short")
+        channel, _, time_ns, _ = MESSAGE_HEADER.unpack_from(data, begin)
+        if channel not in self._found.definitions.channels:
+            raise BrokenRecordError(f"a message belongs to channel {channel}, which does not exist")
+        return channel, time_ns
+
+    def _read_chunk(self, start: int, content: bytes) -> None:
+        found, chunk = self._found, strictly_read(Chunk, content)
+        entries = self._message_entries(chunk_records(chunk))
+        index = chunk_index(chunk, start, len(content) + RECORD_HEADER.size)
+        times = [time_ns for channel in entries.values() for time_ns, _ in channel] or [0]
+        index.message_start_time, index.message_end_time = min(times), max(times)
+        if times != [0] and (chunk.message_start_time, chunk.message_end_time) != (min(times), max(times)):
+            self._add_index_problem(f"the times of the chunk at byte {start} differ from those of its messages")
+        found.chunks.append(IndexedChunk(index, {channel: len(each) for channel, each in entries.items()}))
+        self._entries, self._indexed = entries, {}
+
+    def _message_entries(self, records: bytes) -> _Entries:
+        """Return times and offsets of the messages of a chunk; add its definitions."""
+        entries: _Entries = {}
+        end = 0
+        for opcode, begin, end in scan_records(records):
+            if opcode == Opcode.MESSAGE:
+                channel, time_ns = self._message(records, begin, end)
+                entries.setdefault(channel, []).append((time_ns, begin - RECORD_HEADER.size))
+            else:
+                self._define(opcode, records[begin:end])
+        if end != len(records):
+            raise BrokenRecordError("the last record of the chunk is incomplete")
+        return entries
+
+    def _read_message_index(self, start: int, content: bytes) -> None:
+        index = strictly_read(MessageIndex, content)
+        if self._entries is None:
+            raise BrokenRecordError("an index of messages does not follow a chunk")
+        chunk = self._found.chunks[-1].index
+        chunk.message_index_offsets[index.channel_id] = start
+        chunk.message_index_length += len(content) + RECORD_HEADER.size
+        self._indexed[index.channel_id] = list(index.records)
+
+    def end_chunk(self) -> None:
+        """Compare the indexes of messages that follow the last chunk with its messages."""
+        if self._entries is None:
+            return
+        if _sorted(self._entries) != _sorted(self._indexed):
+            start = self._found.chunks[-1].index.chunk_start_offset
+            self._add_index_problem(f"the index of messages does not fit the chunk at byte {start}")
+        self._entries = None
+
+    def end_truncated(self) -> None:
+        """End a file that is cut off or damaged here; the indexes of the last chunk may be incomplete."""
+        if self._entries is not None and _sorted(self._entries) != _sorted(self._indexed):
+            self._found.replace_last_indexes(self._entries)
+
+    def finish(self, opcode: int, start: int, content: bytes) -> None:
+        """End the data section at byte `start`, where its last record or the footer begins."""
+        self.end_chunk()
+        self._found.end = start
+        if opcode == Opcode.DATA_END:
+            crc = strictly_read(DataEnd, content).data_section_crc
+            self._found.crc_agrees = not crc or crc == crc_of(self._data, start)
+
+    def _add_index_problem(self, problem: str) -> None:
+        self._found.index_problem = self._found.index_problem or problem
+
+
+def checked_definitions(data: ByteSource) -> Definitions:
+    """Return the schemas and channels of the summary if its checksum is valid, else none."""
+    definitions, end = Definitions(), len(data) - len(MAGIC)
+    content = end - _FOOTER.size
+    if content < 0 or data[end:] != MAGIC:
+        return definitions
+    start, _, crc = _FOOTER.unpack(data[content:end])
+    if not start or not crc or start >= content or zlib.crc32(data[start : end - 4]) != crc:
+        return definitions
+    try:
+        summary = bytes(data[start : content - RECORD_HEADER.size])
+        for opcode, begin, record_end in scan_records(summary):
+            definitions.add(opcode, summary[begin:record_end])
+    except PARSE_ERRORS:
+        return Definitions()
+    return definitions
+
+
+_Record = TypeVar("_Record", bound=McapRecord)
+
+
+def strictly_read(kind: type[_Record], content: bytes) -> _Record:
+    """Read a record of which every byte must be understood.
+
+    :raises PARSE_ERRORS: it is damaged.
+    """
+    record: _Record = kind.read(data_stream(content))
+    if encoded(record)[RECORD_HEADER.size :] != content:
+        raise BrokenRecordError(f"its lengths contradict each other: {kind.__name__}")
+    return record
+
+
+def _is_ros_header(content: bytes) -> bool:
+    try:
+        return bool(strictly_read(Header, content).profile == "ros2")
+    except PARSE_ERRORS:
+        return False
+
+
+def chunk_records(chunk: Chunk) -> bytes:
+    """Return the uncompressed records of a chunk.
+
+    :raises BrokenRecordError: they are damaged.
+    """
+    records = chunk_content(chunk.data, chunk.compression, chunk.uncompressed_size, chunk.uncompressed_crc)
+    if len(records) != chunk.uncompressed_size:
+        raise BrokenRecordError("the size of the uncompressed chunk is wrong")
+    return records
+
+
+def _sorted(entries: _Entries) -> _Entries:
+    return {channel: sorted(each) for channel, each in entries.items() if each}

@@ -1,0 +1,190 @@
+"""The end of an MCAP file: summary, index and footer (https://mcap.dev/spec).
+
+The index of the chunks of a file that is being written, in the encoded form in which the file will contain it.
+
+It holds no Python object for each chunk: in runs of many hours the garbage collector would traverse them all.
+"""
+
+from __future__ import annotations
+
+import errno
+import struct
+import zlib
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from mbd_sim.recordings.mcap.scanner import MAGIC
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FREED_AT_MOST = 1 << 15  # bytes of chunks, besides its own size, that the end of a file may replace on a full disk
+FREED_IN_VAIN = 1 << 13  # bytes after which the disk, if it still accepts nothing, is not merely full
+_FOOTER_START = struct.Struct("<BQQQ")  # the footer's record up to the checksum
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The contents of a file: `chunks` are the encoded chunk indexes, `counts` the numbers of messages by channel."""
+
+    schemas: Sequence[Schema]
+    channels: Sequence[Channel]
+    attachments: Sequence[AttachmentIndex]
+    metadata: Sequence[MetadataIndex]
+    chunks: bytes
+    chunk_count: int
+    counts: Mapping[int, int]
+    first_ns: int
+    last_ns: int
+
+    def file_end(self, position: int, crc: int) -> bytes:
+        """Return everything that follows the last chunk's message indexes, which end at byte `position`.
+
+        `crc` is the CRC-32 of all bytes before, or 0 if it is not known.
+        """
+        data_end = encoded(DataEnd(crc))
+        start = position + len(data_end)
+        groups: list[tuple[Opcode, bytes]] = [
+            (Opcode.SCHEMA, _concatenated(self.schemas)),
+            (Opcode.CHANNEL, _concatenated(self.channels)),
+            (Opcode.STATISTICS, encoded(self._statistics())),
+            (Opcode.CHUNK_INDEX, self.chunks),
+            (Opcode.ATTACHMENT_INDEX, _concatenated(self.attachments)),
+            (Opcode.METADATA_INDEX, _concatenated(self.metadata)),
+        ]
+        summary, offsets = b"", b""
+        for opcode, group in groups:
+            if group:
+                offsets += encoded(SummaryOffset(opcode, start + len(summary), len(group)))
+                summary += group
+        offsets_start = start + len(summary)
+        summary += offsets
+        # The checksum covers the summary, and the footer up to the checksum itself.
+        footer_start = _FOOTER_START.pack(Opcode.FOOTER, 8 + 8 + 4, start, offsets_start)
+        footer = Footer(start, offsets_start, zlib.crc32(footer_start, zlib.crc32(summary)))
+        return data_end + summary + encoded(footer) + MAGIC
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=len(self.attachments),
+            channel_count=len(self.channels),
+            channel_message_counts=dict(self.counts),
+            chunk_count=self.chunk_count,
+            message_count=sum(self.counts.values()),
+            metadata_count=len(self.metadata),
+            message_start_time=self.first_ns,
+            message_end_time=self.last_ns,
+            schema_count=len(self.schemas),
+        )
+
+
+def may_replace_chunks(error: OSError, end_size: int, freed: int, accepted: int) -> bool:
+    """Whether more chunks should make room for the end of a file of `end_size` bytes, after `freed` bytes of them.
+
+    :param error: that of the last attempt to write the end, of which the disk accepted the first `accepted` bytes.
+    """
+    in_vain = not accepted and freed > FREED_IN_VAIN
+    return error.errno in DISK_FULL and not in_vain and freed <= end_size + FREED_AT_MOST
+
+
+def encoded(record: Any) -> bytes:
+    """Encode a record of `mcap.records`."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())
+
+
+def attachment_index(attachment: Attachment, offset: int, length: int) -> AttachmentIndex:
+    """Return the index entry of an attachment whose record begins at `offset` and has `length` bytes."""
+    return AttachmentIndex(
+        offset=offset,
+        length=length,
+        create_time=attachment.create_time,
+        log_time=attachment.log_time,
+        data_size=len(attachment.data),
+        name=attachment.name,
+        media_type=attachment.media_type,
+    )
+
+
+def chunk_index(chunk: Chunk, offset: int, length: int) -> ChunkIndex:
+    """Return the index entry of a chunk whose record begins at `offset`, still without its message indexes."""
+    return ChunkIndex(
+        message_start_time=chunk.message_start_time,
+        message_end_time=chunk.message_end_time,
+        chunk_start_offset=offset,
+        chunk_length=length,
+        message_index_offsets={},
+        message_index_length=0,
+        compression=chunk.compression,
+        compressed_size=len(chunk.data),
+        uncompressed_size=chunk.uncompressed_size,
+    )
+
+
+def _concatenated(records: Iterable[Any]) -> bytes:
+    return b"".join(encoded(record) for record in records)
+
+
+_PLACE = struct.Struct("<QQQQQ")  # start and end in the file, end in the encoded index, first and last log time
+
+
+class WrittenChunks:
+    """The chunks that are completely in the file, with the number of messages of each topic."""
+
+    def __init__(self, topic_count: int) -> None:
+        self._topic_count = topic_count
+        self._encoded = bytearray()
+        self._places = bytearray()
+        self._counts = array("I")  # by chunk, then by topic
+        self.totals = [0] * topic_count
+        self.first_ns = self.last_ns = 0  # log times of the earliest and the latest message
+
+    def __len__(self) -> int:
+        """Return the number of chunks."""
+        return len(self._places) // _PLACE.size
+
+    @property
+    def index(self) -> bytes:
+        """The encoded chunk index records."""
+        return bytes(self._encoded)
+
+    def add(self, index: ChunkIndex, counts: Sequence[int]) -> None:
+        """Add a chunk, with its messages by topic number."""
+        self._encoded += encoded(index)
+        start, first_ns, last_ns = index.chunk_start_offset, index.message_start_time, index.message_end_time
+        end = start + index.chunk_length + index.message_index_length
+        self.first_ns = min(self.first_ns, first_ns) if len(self) else first_ns
+        self.last_ns = max(self.last_ns, last_ns)
+        self._places += _PLACE.pack(start, end, len(self._encoded), first_ns, last_ns)
+        self._counts.extend(counts)
+        self.totals = [total + count for total, count in zip(self.totals, counts, strict=True)]
+
+    def drop_last(self) -> tuple[int, int]:
+        """Forget the last chunk; return its start and end in the file."""
+        start, end, _, _, _ = _PLACE.unpack_from(self._places, len(self._places) - _PLACE.size)
+        del self._places[-_PLACE.size :]
+        counts = self._counts[-self._topic_count :]
+        del self._counts[-self._topic_count :]
+        self.totals = [total - count for total, count in zip(self.totals, counts, strict=True)]
+        places = list(_PLACE.iter_unpack(self._places))
+        del self._encoded[places[-1][2] if places else 0 :]
+        self.first_ns = min((first_ns for _, _, _, first_ns, _ in places), default=0)
+        self.last_ns = max((last_ns for _, _, _, _, last_ns in places), default=0)
+        return start, end

@@ -1,0 +1,300 @@
+"""Writes an MCAP file in complete chunks, and ends it in whatever way the disk permits.
+
+The recorder and the changed runs of `rerun-with` write with it. It replaces `mcap.writer.Writer`, which keeps a Python
+object for each chunk: in runs of many hours the garbage collector traverses them all (18 ms for those of one hour)
+while every thread waits. Here `WrittenChunks` keeps the index in encoded form.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import time
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import zstandard
+from mcap.opcode import Opcode
+from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
+
+from mbd_sim.recordings.mcap.durable_file import DurableFile
+from mbd_sim.recordings.mcap.rosbag2 import FileStatistics
+from mbd_sim.recordings.mcap.scanner import MAGIC
+from mbd_sim.recordings.mcap.summary import (
+    Summary,
+    WrittenChunks,
+    attachment_index,
+    chunk_index,
+    encoded,
+    may_replace_chunks,
+)
+from mbd_sim.recordings.messages.cdr import RUN_METADATA
+
+CHUNK_SIZE = 1 << 20  # bytes of messages after which a chunk is written
+RESERVE = 1 << 20  # bytes left free on a disk, so that the end of the file still fits, and
+INDEX_RESERVE = 256  # bytes of it for each chunk
+ATTACHMENT = "mechanism.yaml"
+_MESSAGE = struct.Struct("<BQHIQQ")  # a message's record up to its payload: 22 bytes of it follow opcode and length
+_INDEX_ENTRY = struct.Struct("<QQ")  # log time, and offset in the chunk
+_MESSAGE_INDEX = struct.Struct("<BQHI")  # its record up to the entries
+
+
+class DiskNearlyFullError(OSError):
+    """So little space is left on the disk that the file should be finished."""
+
+
+class OutputFile(Protocol):
+    """The file written to; see `DurableFile`."""
+
+    def write(self, data: bytes, /) -> int:
+        """Write all of the data."""
+        ...
+
+    def truncate(self, size: int, /) -> None:
+        """Remove everything after the first `size` bytes, and continue there."""
+        ...
+
+    def tell(self) -> int:
+        """Return the number of bytes written."""
+        ...
+
+    def check(self) -> None:
+        """Raise an error that occurred in the background."""
+        ...
+
+    def free(self) -> int | None:
+        """Return the number of bytes left on the disk."""
+        ...
+
+    def sync(self) -> None:
+        """Force the data to the disk."""
+        ...
+
+    def close(self) -> None:
+        """Close the file."""
+        ...
+
+
+class WrittenTopic(Protocol):
+    """The description of a topic in a file: see `Topic` and `RecordedTopic`."""
+
+    @property
+    def name(self) -> str:
+        """The absolute name."""
+        ...
+
+    @property
+    def type(self) -> str:
+        """The type, such as `std_msgs/msg/String`."""
+        ...
+
+    @property
+    def qos(self) -> str:
+        """The offered QoS profiles in rosbag2's YAML."""
+        ...
+
+    @property
+    def definition(self) -> str:
+        """The definition of the type as in a `ros2msg` schema."""
+        ...
+
+    @property
+    def hash(self) -> str:
+        """The REP 2011 hash of the type, or ""."""
+        ...
+
+
+class McapWriter:
+    """Writes all that describes the file first, so that it survives a kill; then chunks of messages."""
+
+    def __init__(
+        self, path: Path, topics: Sequence[WrittenTopic], open_file: Callable[[Path], OutputFile] = DurableFile
+    ) -> None:
+        """Open an empty file.
+
+        :raises OSError: it cannot be opened.
+        """
+        self.path = path
+        self.statistics = FileStatistics(path)
+        self.size = 0  # of the complete records in the file, in bytes
+        self.complete = False  # whether the file has its summary and index
+        self._file = open_file(path)
+        types = list(dict.fromkeys(topic.type for topic in topics))
+        definitions = {topic.type: topic.definition.encode() for topic in topics}
+        self._schemas = [Schema(n, definitions[name], "ros2msg", name) for n, name in enumerate(types, 1)]
+        self._channels = [
+            Channel(
+                id=number,
+                topic=topic.name,
+                message_encoding="cdr",
+                metadata={"offered_qos_profiles": topic.qos, "topic_type_hash": topic.hash},
+                schema_id=types.index(topic.type) + 1,
+            )
+            for number, topic in enumerate(topics, 1)
+        ]
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._compressor = zstandard.ZstdCompressor()
+        self._chunk, self._entries = bytearray(), [bytearray() for _ in topics]
+        self._first_ns = self._last_ns = 0  # of the chunk
+        self._chunks = WrittenChunks(len(topics))
+        self._crc = 0  # of the complete records
+
+    def begin(self, mechanism_text: str, metadata: Mapping[str, str]) -> None:
+        """Write the header, the mechanism's file, the metadata and the definitions of all topics.
+
+        :raises OSError: they cannot be written.
+        """
+        now = time.time_ns()
+        attachment = Attachment(now, now, ATTACHMENT, "application/yaml", mechanism_text.encode())
+        head = MAGIC + encoded(Header("ros2", "mbd_sim"))
+        attached, described = encoded(attachment), encoded(Metadata(RUN_METADATA, dict(metadata)))
+        definitions = b"".join(encoded(definition) for definition in (*self._schemas, *self._channels))
+        self._write(head + attached + described + definitions)  # in one call: a kill leaves all of it, or nothing
+        self._attachments = [attachment_index(attachment, len(head), len(attached))]
+        self._metadata = [MetadataIndex(len(head) + len(attached), len(described), RUN_METADATA)]
+
+    def add(self, topic: int, payload: bytes, time_ns: int, sequence: int) -> None:
+        """Add a message of a topic, given by its number, to the chunk.
+
+        :raises OSError: the chunk was full and cannot be written.
+        :raises DiskNearlyFullError: the chunk was full and has been written, but little space is left.
+        """
+        chunk = self._chunk
+        if not chunk:
+            self._first_ns = self._last_ns = time_ns
+        elif time_ns > self._last_ns:
+            self._last_ns = time_ns
+        elif time_ns < self._first_ns:
+            self._first_ns = time_ns
+        self._entries[topic] += _INDEX_ENTRY.pack(time_ns, len(chunk))
+        chunk += _MESSAGE.pack(Opcode.MESSAGE, 22 + len(payload), topic + 1, sequence, time_ns, time_ns)
+        chunk += payload
+        if len(chunk) > CHUNK_SIZE:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the chunk, so that its messages survive a kill.
+
+        :raises OSError: it cannot be written.
+        :raises DiskNearlyFullError: it has been written, but little space is left.
+        """
+        self._write_chunk()
+        free = self._file.free()
+        if free is not None and free < RESERVE + INDEX_RESERVE * len(self._chunks):
+            raise DiskNearlyFullError(f"only {free / 1e6:.1f} MB are left on the disk")
+
+    def _write_chunk(self) -> None:
+        if not self._chunk:
+            return
+        content = bytes(self._chunk)
+        chunk = Chunk(
+            compression="zstd",
+            data=self._compressor.compress(content),
+            message_start_time=self._first_ns,
+            message_end_time=self._last_ns,
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
+        )
+        record = bytearray(encoded(chunk))
+        offset, length = self.size, len(record)
+        index = chunk_index(chunk, offset, length)
+        for number, entries in enumerate(self._entries):
+            if entries:
+                index.message_index_offsets[number + 1] = offset + len(record)
+                record += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(entries), number + 1, len(entries))
+                record += entries
+        index.message_index_length = len(record) - length
+        self._write(bytes(record))
+        self._chunks.add(index, [len(entries) // _INDEX_ENTRY.size for entries in self._entries])
+        for entries in self._entries:
+            entries.clear()
+        self._chunk.clear()
+        self._update_statistics()
+
+    def sync(self) -> None:
+        """Force the written data to the disk, however long it takes; from any thread."""
+        self._file.sync()
+
+    def finish(self) -> None:
+        """Write the last chunk, the summary and the index.
+
+        :raises OSError: they cannot be written; `abandon` then saves as much as possible.
+        """
+        self._write_chunk()
+        self._file.write(self._file_end())
+        self._file.check()
+        self.size, self.complete = self._file.tell(), True
+
+    def close(self) -> None:
+        """Force the file to the disk, however long it takes, and close it.
+
+        :raises OSError: the disk refused it.
+        """
+        self._file.close()
+
+    def abandon(self) -> int:
+        """End the file after its last complete chunk, with an index if the disk accepts it, and close it.
+
+        For use after an error. On a full disk the index takes the place of the last chunks. `complete` says whether
+        the index has been written. Returns how many of the added messages are not in the file.
+        """
+        added = self.statistics.messages + sum(len(entries) for entries in self._entries) // _INDEX_ENTRY.size
+        with contextlib.suppress(OSError):
+            self._end_after_error()
+        with contextlib.suppress(OSError):
+            self._file.close()
+        self._update_statistics()
+        return added - self.statistics.messages
+
+    def repaired(self, counts: Sequence[int]) -> None:
+        """Note that the file has been completed after `abandon`, with these messages by topic."""
+        self.complete = True
+        self.statistics.counts = {number: count for number, count in enumerate(counts) if count}
+
+    def _end_after_error(self) -> None:
+        if not self.size or self.complete:
+            return
+        freed = 0
+        while True:
+            self._file.truncate(self.size)
+            try:
+                self._file.write(end := self._file_end())
+                self.complete = True
+                return
+            except OSError as error:
+                accepted = self._file.tell() - self.size
+                if not len(self._chunks) or not may_replace_chunks(error, len(end), freed, accepted):
+                    self._file.truncate(self.size)
+                    raise
+            self.size, chunk_end = self._chunks.drop_last()
+            freed += chunk_end - self.size
+            self._crc = 0  # unknown, which a zero in the file stands for
+
+    def _file_end(self) -> bytes:
+        summary = Summary(
+            schemas=self._schemas,
+            channels=self._channels,
+            attachments=self._attachments,
+            metadata=self._metadata,
+            chunks=self._chunks.index,
+            chunk_count=len(self._chunks),
+            counts={number + 1: count for number, count in enumerate(self._chunks.totals) if count},
+            first_ns=self._chunks.first_ns,
+            last_ns=self._chunks.last_ns,
+        )
+        return summary.file_end(self.size, self._crc)
+
+    def _update_statistics(self) -> None:
+        chunks, statistics = self._chunks, self.statistics
+        statistics.counts = {number: count for number, count in enumerate(chunks.totals) if count}
+        statistics.first_ns, statistics.last_ns = chunks.first_ns, chunks.last_ns
+
+    def _write(self, records: bytes) -> None:
+        """Write complete records."""
+        self._file.write(records)
+        self._file.check()
+        self._crc = zlib.crc32(records, self._crc)
+        self.size += len(records)

@@ -1,0 +1,373 @@
+"""The messages that are published with each state; the table in `topics` says which of them are always published.
+
+The message of accelerations: of the coordinates, and of parts and their points.
+
+The state of a run at a tick, from which its messages are written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Flag, auto
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError
+from mbd_sim.base.geometry.pose import Array, Pose, identity_pose, unpack_poses
+from mbd_sim.base.geometry.rotation import quaternions
+from mbd_sim.files.checks.override import with_values
+from mbd_sim.files.urdf.writer import floating_joints
+from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.names import readings, reference
+from mbd_sim.recordings.messages.cdr import MessageBuilder, SerializedMessage
+from mbd_sim.simulation.kernel.sensors import Arrival
+from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.model.state_records import Energies, Violation
+from mbd_sim.simulation.run.moving_points import named_frame
+from mbd_sim.simulation.run.state import RunPoint, joint_state_arrays, joint_state_names
+
+
+class Due(Flag):
+    """The messages that are due with a snapshot."""
+
+    NONE = 0
+    STATE = auto()
+    CLOCK = auto()
+    MARKERS = auto()
+    VIEW = auto()  # the Rerun scene
+    SENSORS = auto()
+    RECORDING = auto()  # a recording begins, continues in another file, or ends here
+    ALL = STATE | CLOCK | MARKERS | VIEW
+    NEW = ALL | SENSORS  # of a state that has not been measured before
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The `point` of a run at a tick.
+
+    `ticks` counts the steps since the node or the recording started, across resets. `clock_ns` is the simulated clock,
+    `time` the mechanism's time in s. `repeated` says that nothing has changed since the last snapshot.
+    `arrivals` are measurements of sensors that arrive at this tick. `taken` is the time in s of the steady clock, where
+    a state that is published late may be left out for a newer one; infinite, where all are published.
+    """
+
+    ticks: int
+    clock_ns: int
+    time: float
+    point: RunPoint
+    due: Due = Due.STATE
+    repeated: bool = False
+    arrivals: Sequence[Arrival] = ()
+    taken: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class StateWriter:
+    """A message, and the function that writes a snapshot with its energies into it."""
+
+    message: SerializedMessage
+    write: Callable[[Snapshot, Energies], None]
+
+    def payload(self, snapshot: Snapshot, energies: Energies) -> bytes:
+        """The serialized message of a snapshot."""
+        self.write(snapshot, energies)
+        self.message.stamp(snapshot.clock_ns)
+        return self.message.payload()
+
+
+def joint_states(model: Model) -> StateWriter:
+    """Positions, velocities and efforts; driven coordinates come last, with the force of their drive as effort."""
+    names = joint_state_names(model)
+    builder = MessageBuilder()
+    builder.header()
+    builder.texts(names)
+    places = [builder.sequence(len(names)) for _ in range(3)]
+    message = builder.message()
+    position, velocity, effort = (message.view(place) for place in places)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        position[:], velocity[:], effort[:] = joint_state_arrays(
+            model, snapshot.time, snapshot.point.state, snapshot.point.inputs
+        )
+
+    return StateWriter(message, write)
+
+
+def energies(model: Model) -> StateWriter:
+    """The energy audit in J, labeled."""
+    message, values = labeled_array(Energies._fields)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        values[:] = energies
+
+    return StateWriter(message, write)
+
+
+def energy_values(model: Model) -> StateWriter:
+    """The energy audit in J as positions by name, with a stamp: tools plot joint states by name, but not arrays."""
+    builder = MessageBuilder()
+    builder.header()
+    builder.texts(Energies._fields)
+    place = builder.sequence(len(Energies._fields))
+    builder.integer(0)  # no velocities,
+    builder.integer(0)  # no efforts
+    message = builder.message()
+    values = message.view(place)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        values[:] = energies
+
+    return StateWriter(message, write)
+
+
+def constraint_violation(model: Model) -> StateWriter:
+    """The largest violation of loops and constraints, in position and in velocity."""
+    message, values = labeled_array(Violation._fields)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        values[:] = model.violation(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+
+    return StateWriter(message, write)
+
+
+def contact_states(model: Model) -> StateWriter:
+    """One-sided elements and compliant contacts: gap, its rate and the normal force as position, velocity and effort.
+
+    After each element that has friction comes an entry for each direction of that: its position is 1 while the contact
+    slides, its velocity the slip and its effort the friction.
+    """
+    names = model.contact_entry_names()
+    builder = MessageBuilder()
+    builder.header()
+    builder.texts(names)
+    places = [builder.sequence(len(names)) for _ in range(3)]
+    message = builder.message()
+    columns = [message.view(place) for place in places]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        rows = model.contact_entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
+            column[:] = values
+
+    return StateWriter(message, write)
+
+
+def joint_reactions(model: Model, frame_prefix: str) -> StateWriter:
+    """The force and moment of each joint on its second part, in ground's axes, in the field `wrench`."""
+    names = list(model.mechanism.all_joints)
+    builder = MessageBuilder()
+    builder.header(frame_prefix + GROUND)
+    builder.texts(names)
+    builder.integer(0)  # no transforms,
+    builder.integer(0)  # no twists
+    builder.integer(len(names))
+    places = [builder.doubles(6) for _ in names]
+    message = builder.message()
+    rows = [message.view(place) for place in places]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        reactions = model.reactions(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        for row, reaction in zip(rows, reactions.values(), strict=True):
+            row[:3], row[3:] = reaction.force, reaction.moment
+
+    return StateWriter(message, write)
+
+
+class SharedPoses:
+    """The poses of all parts in the last snapshot, for the messages of one thread."""
+
+    def __init__(self) -> None:
+        self._snapshot: Snapshot | None = None
+        self._rows = np.empty((0, 7))
+
+    def rows(self, model: Model, snapshot: Snapshot) -> Array:
+        """(parts, 7): see `ros_poses`."""
+        if snapshot is not self._snapshot:
+            self._rows = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
+            self._snapshot = snapshot
+        return self._rows
+
+
+def part_pose(model: Model, frame_prefix: str, part: str, poses: SharedPoses) -> StateWriter:
+    """The pose of one part in ground's frame."""
+    builder = MessageBuilder()
+    builder.header(frame_prefix + GROUND)
+    place = builder.doubles(7)
+    message = builder.message()
+    values, index = message.view(place), model.part_names.index(part)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        values[:] = poses.rows(model, snapshot)[index]
+
+    return StateWriter(message, write)
+
+
+def transforms(model: Model, frame_prefix: str) -> StateWriter:
+    """The transform from ground to each part."""
+    builder = MessageBuilder()
+    builder.integer(len(model.part_names))
+    places = []
+    for part in model.part_names:
+        builder.header(frame_prefix + GROUND)
+        builder.text(frame_prefix + part)
+        places.append(builder.doubles(7))
+    message = builder.message()
+    rows = [message.view(place) for place in places]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        poses = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
+        for row, values in zip(rows, poses, strict=True):
+            row[:] = values
+
+    return StateWriter(message, write)
+
+
+def floating_transforms(model: Model, frame_prefix: str) -> StateWriter:
+    """The transforms of the floating joints of `robot_description`, which robot_state_publisher does not publish."""
+    joints = floating_joints(model.mechanism)
+    builder = MessageBuilder()
+    builder.integer(len(joints))
+    places = []
+    for joint in joints:
+        builder.header(frame_prefix + joint.parent)
+        builder.text(frame_prefix + joint.child)
+        places.append(builder.doubles(7))
+    message = builder.message()
+    rows = [message.view(place) for place in places]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        poses = {**model.poses(snapshot.time, snapshot.point.state, snapshot.point.inputs), GROUND: identity_pose()}
+        for row, joint in zip(rows, joints, strict=True):
+            pose = poses[joint.parent].inverse() @ poses[joint.part] @ joint.pose
+            row[:3], row[3:] = pose.position, quaternions(pose.rotation[None])[0]
+
+    return StateWriter(message, write)
+
+
+def ros_poses(poses: Array) -> Array:
+    """(n, 7): positions and quaternions (x, y, z, w) in ROS order, from the pose rows (n, 12) of `Model.pose_array`."""
+    positions, rotations = unpack_poses(poses)
+    return np.hstack([positions, quaternions(rotations)])
+
+
+def labeled_array(labels: Sequence[str], sizes: Sequence[int] = ()) -> tuple[SerializedMessage, Array]:
+    """An array message whose dimensions carry labels, as Rerun and PlotJuggler plot it, and a view of its numbers.
+
+    :param sizes: how many numbers each label stands for; by default one.
+    """
+    sizes = sizes or [1] * len(labels)
+    builder = MessageBuilder()
+    builder.integer(len(labels))
+    for label, size in zip(labels, sizes, strict=True):
+        builder.text(label)
+        builder.integer(size)
+        builder.integer(1)  # stride
+    builder.integer(0)  # offset of the data
+    place = builder.sequence(sum(sizes))
+    message = builder.message()
+    return message, message.view(place)
+
+
+COORDINATES = "coordinates"  # stands for all coordinates
+ALL = "*"
+
+
+class Accelerations:
+    """The accelerations that are requested, as labels and numbers.
+
+    With `coordinates` in the request, those of the joint states come first, in their order, m/s² or rad/s². The
+    acceleration of each frame has three numbers, in m/s² and ground's axes.
+    """
+
+    def __init__(self, model: Model, requested: Sequence[str]) -> None:
+        """Find what the names stand for: `coordinates`, parts, points as `part.point`; `*` are all of them.
+
+        :raises InputError: there is no such part or point.
+        """
+        names = [COORDINATES, *_frames(model.mechanism)] if ALL in requested else list(dict.fromkeys(requested))
+        self._model = model
+        self.coordinates = joint_state_names(model) if COORDINATES in names else ()
+        self._frames = [name for name in names if name != COORDINATES]
+        self._live: Mapping[str, float] = {}
+        self._place_frames(model.mechanism)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A label for each coordinate and each frame."""
+        return (*self.coordinates, *self._frames)
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many numbers each label stands for."""
+        return [1] * len(self.coordinates) + [3] * len(self._frames)
+
+    def _place_frames(self, mechanism: Mechanism) -> None:
+        """Find the number of each frame's part, and its origin (3,) in that part."""
+        frames = [_moving_frame(mechanism, name) for name in self._frames]
+        self._parts = [self._model.part_names.index(part) for part, _ in frames]
+        self._origins = np.array([pose.position for _, pose in frames]).reshape(-1, 3)
+
+    def write(self, values: Array, time: float, y: Array, inputs: Array, live: Mapping[str, float]) -> None:
+        """Write the accelerations (n,) in a state; the places of points follow the live values by key."""
+        if self._frames and live != self._live:
+            self._live = live
+            self._place_frames(with_values(self._model.mechanism, live))
+        first = len(self.coordinates)
+        if first:
+            values[:first] = self._model.accelerations(time, y, inputs)
+        if self._frames:
+            _, rotations = unpack_poses(self._model.pose_array(time, y, inputs)[self._parts])
+            arms = np.einsum("nij,nj->ni", rotations, self._origins)
+            _, turning, acceleration, angular = self._model.motion_rows(time, y, inputs)[self._parts].swapaxes(0, 1)
+            found = acceleration + _cross(angular, arms) + _cross(turning, _cross(turning, arms))
+            values[first:] = found.reshape(-1)
+
+
+def accelerations(model: Model, requested: Sequence[str]) -> StateWriter:
+    """The requested accelerations, labeled: see `Accelerations`.
+
+    :raises InputError: there is no such part or point.
+    """
+    source = Accelerations(model, requested)
+    message, values = labeled_array(source.labels, source.sizes)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        source.write(values, snapshot.time, snapshot.point.state, snapshot.point.inputs, snapshot.point.live)
+
+    return StateWriter(message, write)
+
+
+def requested_by(model: Model, labels: Sequence[str]) -> list[str]:
+    """The names that give a message these labels."""
+    coordinates = joint_state_names(model)
+    if labels and tuple(labels[: len(coordinates)]) == coordinates:
+        return [COORDINATES, *labels[len(coordinates) :]]
+    return list(labels)
+
+
+def _cross(first: Array, second: Array) -> Array:
+    """The cross products of rows (n, 3); `np.cross` takes several times as long for few rows."""
+    after, last = [1, 2, 0], [2, 0, 1]
+    found: Array = first[:, after] * second[:, last] - first[:, last] * second[:, after]
+    return found
+
+
+def _frames(mechanism: Mechanism) -> list[str]:
+    return [
+        name
+        for part in mechanism.parts.values()
+        for name in (reference(part.name), *(reference(part.name, point) for point in part.points))
+    ]
+
+
+def _moving_frame(mechanism: Mechanism, name: str) -> tuple[str, Pose]:
+    named = [first for first, _ in readings(name)]
+    if any(one in mechanism.all_joints for one in named) and not any(one in mechanism.parts for one in named):
+        raise InputError(f"'{name}' is a joint", f"Write '{COORDINATES}' for the accelerations of all joints.")
+    part, pose = named_frame(mechanism, name)
+    if part == GROUND:
+        raise InputError(f"'{name}' is on ground, which does not move", "Name a part, or a point of one.")
+    return part, pose

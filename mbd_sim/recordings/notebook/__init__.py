@@ -1,0 +1,1 @@
+"""Pictures and plots of mechanisms and runs in notebooks."""

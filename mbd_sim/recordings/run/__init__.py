@@ -1,0 +1,1 @@
+"""Recordings of runs: the recorder, recomputation and verification."""

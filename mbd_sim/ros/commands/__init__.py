@@ -1,0 +1,1 @@
+"""Commands of topics on their way to the simulation."""

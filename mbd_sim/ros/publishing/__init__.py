@@ -1,0 +1,1 @@
+"""The thread that publishes, its messages and markers."""

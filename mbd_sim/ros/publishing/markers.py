@@ -1,0 +1,273 @@
+"""The topic `markers`: the mechanism as RViz draws it without TF, every marker in ground's frame.
+
+Contacts as markers: a ball where each one touches, and an arrow for its force; both shrink to nothing while open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, assert_never
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Vector3
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from mbd_sim.base.geometry.pose import Array, pack_poses, unpack_poses
+from mbd_sim.base.geometry.rotation import aligning_z, to_quaternion
+from mbd_sim.mechanism.actuation import line_ports
+from mbd_sim.mechanism.elements.constraints import (
+    Cable,
+    Clutch,
+    Constraint,
+    Coupling,
+    Distance,
+    Flat,
+    KnifeEdge,
+    Rolling,
+    Surface,
+)
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
+from mbd_sim.pictures.shapes import palette, solids
+from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, has_cylinder, pulls, weight
+from mbd_sim.pictures.shapes.palette import Color
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH
+from mbd_sim.recordings.messages.states import Snapshot, ros_poses
+from mbd_sim.ros.publishing.marker_shapes import PartMarker, Points, drive_markers, joint_markers, part_markers
+from mbd_sim.ros.publishing.message_types import STAMP, MessageTemplate, slot
+from mbd_sim.simulation.model.model import Model
+
+CONTACT_COLOR: Color = palette.CONTACT
+RADIUS, SHAFT, HEAD = 0.014, 0.012, 0.028  # relative to the mechanism's size
+SHORT = 1e-3  # length relative to the mechanism's size, below which an arrow is not drawn
+NOTHING = 1e-6  # relative to the mechanism's size; RViz does not accept zero
+
+
+def ball_row(point: Array, closed: bool, size: float) -> Array:
+    """The pose and the scale (10,) of the ball of a contact."""
+    diameter = 2.0 * RADIUS * size if closed else NOTHING * size
+    return np.concatenate([point, [0.0, 0.0, 0.0, 1.0], np.full(3, diameter)])
+
+
+def arrow_row(point: Array, force: Array, full_force: float, size: float, pushes: bool) -> Array:
+    """The pose and the scale (10,) of the arrow of a force (3,) in N; it points along x.
+
+    :param full_force: in N, which an arrow of `LONG` stands for.
+    :param pushes: it ends at the point (3,); otherwise it starts there.
+    """
+    force_size = float(np.linalg.norm(force))
+    length = min(LONG * force_size / full_force, LONGEST)
+    if length < SHORT:
+        return np.concatenate([point, [0.0, 0.0, 0.0, 1.0], np.full(3, NOTHING * size)])
+    rotation = aligning_z(force / force_size)[:, [2, 0, 1]]  # x along the force
+    w, x, y, z = to_quaternion(rotation)
+    start = point - length * size * rotation[:, 0] if pushes else point
+    return np.concatenate([start, [x, y, z, w], np.array([length, SHAFT, HEAD]) * size])
+
+
+TRACE_POINTS = 150  # five seconds at 30 Hz
+COIL_RADIUS, DASHPOT_HALF_WIDTH = 0.03, 0.02  # relative to the mechanism's size
+
+LineKind = Literal["coil", "dashpot", "straight", "trace"]
+
+
+@dataclass(frozen=True, eq=False)
+class _MovingLine:
+    """A line whose points are computed for each message from those of parts.
+
+    `ends` are rows of `_AttachedPoints`, `number` is that of the marker and `count` how many points it has.
+    """
+
+    kind: LineKind
+    ends: tuple[int, ...]
+    number: int
+    count: int
+
+
+class _AttachedPoints:
+    """Points of parts, transformed to ground's frame all at once."""
+
+    def __init__(self, model: Model) -> None:
+        self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
+        self._parts: list[int] = []
+        self._points: list[Array] = []
+
+    def add(self, attachment: Attachment) -> int:
+        """Add a point; returns its row."""
+        self._parts.append(self._index[attachment.part])
+        self._points.append(attachment.point)
+        return len(self._parts) - 1
+
+    def at(self, poses: Array) -> Array:
+        """The points (n, 3) in ground's frame, from pose rows (parts + 1, 12) of the parts and of ground."""
+        if not self._parts:
+            return np.empty((0, 3))
+        positions, rotations = unpack_poses(poses[self._parts])
+        rotated: Array = np.einsum("nij,nj->ni", rotations, np.array(self._points))
+        return positions + rotated
+
+
+class Markers:
+    """The markers of a mechanism, as a serialized message whose numbers are overwritten for each snapshot."""
+
+    def __init__(self, model: Model, prefix: str = "") -> None:
+        """Create the markers of shapes, joints, springs, dampers, constraints and traces.
+
+        :param prefix: precedes `ground` in the name of the frame.
+        """
+        self._model, self._frame = model, prefix + GROUND
+        self._size = extent_of(model).size
+        self._full_force = weight(model.mechanism, self._size)
+        self._coil = solids.coil(COIL_RADIUS * self._size)
+        self._dashpot = solids.dashpot(DASHPOT_HALF_WIDTH * self._size)
+        self._time = np.inf
+        self._messages: list[Marker] = []
+        self._add_part_markers()
+        self._attached, self._lines = _AttachedPoints(model), list[_MovingLine]()
+        self._add_force_elements()
+        for constraint in model.mechanism.constraints:
+            self._add_constraint(constraint)
+        self._add_traces()
+        self._add_contacts()
+        self._template = MessageTemplate(MarkerArray(markers=self._messages))
+        self._contacts = [[self._template.doubles(number, 10) for number in pair] for pair in self._contact_markers]
+        self._poses = [self._template.doubles(number, 7) for number in range(len(self._part_rows))]
+        self._line_points = [self._template.doubles(line.number, 3 * line.count).reshape(-1, 3) for line in self._lines]
+
+    def payload(self, snapshot: Snapshot) -> bytes:
+        """The message at a snapshot, serialized."""
+        ground = pack_poses(np.zeros(3), np.eye(3))
+        poses = np.vstack([self._model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs), ground])
+        origins, rotations = unpack_poses(poses[self._part_rows])
+        positions = origins + np.einsum("nij,nj->ni", rotations, self._positions)
+        rows = pack_poses(positions, rotations @ self._rotations)
+        for view, pose in zip(self._poses, ros_poses(rows), strict=True):
+            view[:] = pose
+        restarted, self._time = snapshot.time < self._time, snapshot.time
+        attached = self._attached.at(poses)
+        for line, points in zip(self._lines, self._line_points, strict=True):
+            self._update(points, line.kind, attached[list(line.ends)], restarted)
+        self._update_contacts(snapshot)
+        self._template.stamp(snapshot.clock_ns)
+        return self._template.payload()
+
+    def _update(self, points: Array, kind: LineKind, ends: Array, restarted: bool) -> None:
+        """Overwrite the `points` (n, 3) of a line with its `ends` (k, 3) in ground's frame."""
+        match kind:
+            case "coil":
+                points[:] = solids.between(self._coil, ends[0], ends[1])
+            case "dashpot":
+                points[:] = solids.between(self._dashpot, ends[0], ends[1])
+            case "straight":
+                points[:] = ends
+            case "trace":
+                points[:-1] = points[1:]
+                points[slice(None) if restarted else -1] = ends[0]
+            case _:
+                assert_never(kind)
+
+    def _update_contacts(self, snapshot: Snapshot) -> None:
+        """Overwrite the pose and the scale of the ball and the arrow of each contact."""
+        model = self._model
+        if not self._contacts:
+            return
+        places = model.contact_places(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        closed = [None if index is None else snapshot.point.inputs[index] > 0.0 for _, index in model.placed_contacts]
+        rows = zip(self._contacts, places, closed, self._pushes, strict=True)
+        for (ball, arrow), (point, force), is_closed, pushes in rows:
+            touches = force.any() if is_closed is None else is_closed
+            ball[:] = ball_row(point, bool(touches), self._size)
+            arrow[:] = arrow_row(point, force, self._full_force, self._size, pushes)
+
+    def _add_part_markers(self) -> None:
+        mechanism, size = self._model.mechanism, self._size
+        markers: list[PartMarker] = [
+            *(marker for part in mechanism.parts.values() for marker in part_markers(mechanism, part, size)),
+            *(marker for joint in mechanism.all_joints.values() for marker in joint_markers(mechanism, joint, size)),
+            *drive_markers(mechanism, size),
+        ]
+        names = (*self._model.part_names, GROUND)
+        self._part_rows = [names.index(marker.part) for marker in markers]
+        self._positions = np.array([marker.pose.position for marker in markers]).reshape(-1, 3)
+        self._rotations = np.array([marker.pose.rotation for marker in markers]).reshape(-1, 3, 3)
+        for marker in markers:
+            self._add_marker(marker.namespace, marker.type, marker.scale, marker.color, marker.points, marker.mesh)
+
+    def _add_force_elements(self) -> None:
+        for element in self._model.mechanism.two_point_elements:
+            ends = (element.first, element.second)
+            if element.elastic:
+                self._add_line("coil", "springs", ends, len(self._coil), palette.STEEL)
+            if has_cylinder(element):
+                self._add_line("dashpot", "dampers", ends, len(self._dashpot), palette.STEEL)
+
+        for port in line_ports(self._model.mechanism).values():
+            self._add_line("dashpot", "actuators", (port.first, port.second), len(self._dashpot), palette.STEEL)
+
+    def _add_constraint(self, constraint: Constraint) -> None:
+        match constraint:
+            case Distance(first=first, second=second):
+                self._add_line("straight", "links", (first, second), 2, palette.JOINT)
+            case Cable(points=points):
+                self._add_line("straight", "cables", points, len(points), palette.JOINT)
+            case Flat() | Surface() | Coupling() | Rolling() | KnifeEdge() | Clutch():
+                pass  # RViz shows the parts that they constrain, not the constraint
+            case _:
+                assert_never(constraint)
+
+    def _add_traces(self) -> None:
+        colors = palette.part_colors(self._model.mechanism)
+        for name, attachment in default_traces(self._model.mechanism).items():
+            self._add_line("trace", "traces", (attachment,), TRACE_POINTS, colors[name])
+
+    def _add_contacts(self) -> None:
+        self._pushes: list[bool] = []
+        self._contact_markers: list[tuple[int, int]] = []
+        unit = (1.0, 1.0, 1.0)
+        for owner, _ in self._model.placed_contacts:
+            self._pushes.append(not pulls(self._model.mechanism, owner))
+            number = len(self._messages)
+            self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())
+            self._add_marker("contact_forces", Marker.ARROW, unit, CONTACT_COLOR, ())
+            self._contact_markers.append((number, number + 1))
+
+    def _add_line(
+        self, kind: LineKind, namespace: str, ends: tuple[Attachment, ...], count: int, color: palette.Color
+    ) -> None:
+        number = len(self._messages)
+        width = (0.5 if kind == "trace" else 1.0) * LINE_WIDTH * self._size
+        type_ = Marker.LINE_LIST if kind == "dashpot" else Marker.LINE_STRIP
+        self._add_marker(namespace, type_, (width, 0.0, 0.0), color, ())
+        self._messages[-1].pose = Pose()
+        self._messages[-1].points = [Point(x=slot(number)), *(Point() for _ in range(count - 1))]
+        self._lines.append(_MovingLine(kind, tuple(self._attached.add(end) for end in ends), number, count))
+
+    def _add_marker(
+        self,
+        namespace: str,
+        type_: int,
+        scale: tuple[float, float, float],
+        color: palette.Color,
+        points: Points,
+        mesh: str = "",
+    ) -> None:
+        """Append a message; the place of its pose in the serialized message is found by its number."""
+        number = len(self._messages)
+        red, green, blue = (channel / 255.0 for channel in color)
+        x, y, z = scale
+        own_materials = bool(mesh) and not mesh.lower().endswith(".stl")  # which a color of 0 leaves as they are
+        self._messages.append(
+            Marker(
+                header=Header(stamp=STAMP, frame_id=self._frame),
+                ns=namespace,
+                id=number,
+                type=type_,
+                pose=Pose(position=Point(x=slot(number))),
+                scale=Vector3(x=x, y=y, z=z),
+                color=ColorRGBA() if own_materials else ColorRGBA(r=red, g=green, b=blue, a=1.0),
+                points=[Point(x=px, y=py, z=pz) for px, py, pz in points],
+                mesh_resource=mesh,
+                mesh_use_embedded_materials=own_materials,
+            )
+        )

@@ -1,0 +1,149 @@
+"""What the stepping thread hands to the publishing thread: snapshots and events, with the node's clock.
+
+The records that the stepping thread passes to the publishing thread.
+
+The changes of contacts as events of the node, at a bounded rate.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import SimpleQueue
+
+from mbd_sim.recordings.messages.journal import Journal
+from mbd_sim.recordings.messages.states import Due, Snapshot
+from mbd_sim.ros.stepping.clock import Rates
+from mbd_sim.simulation.run.events import Event, EventKind, Payload
+from mbd_sim.simulation.run.simulation import Simulation
+
+Item = Snapshot | Event | None  # None ends the output
+
+
+@dataclass
+class Counters:
+    """The stepping thread's counters: seconds spent in stepping, and snapshots that were dropped."""
+
+    stepping: float = 0.0
+    dropped: int = 0
+
+
+MOST = 20  # reports in each second of real time; further changes are only counted
+
+
+class ContactReports:
+    """Reports what has happened at the contacts of a simulation since the last report."""
+
+    def __init__(self, simulation: Simulation, report: Callable[[EventKind, str], object]) -> None:
+        self._simulation, self._report_event = simulation, report
+        self._seen = simulation.contact_event_count
+        self._second, self._reported, self._omitted = 0, 0, 0
+
+    def report(self) -> None:
+        """Report all changes, or count those beyond `MOST` in a second."""
+        new = self._simulation.contact_event_count - self._seen
+        if new <= 0:
+            return
+        self._seen += new
+        second = int(time.monotonic())
+        if second != self._second:
+            self._second, self._reported = second, 0
+        for event in self._simulation.contact_events[-new:]:
+            if self._reported >= MOST:
+                self._omitted += 1
+                continue
+            if self._omitted:
+                self._put(f"{self._omitted} further changes before {event.time:.6f} s")
+                self._omitted = 0
+            self._put(event.text)
+
+    def _put(self, text: str) -> None:
+        self._report_event(EventKind.CONTACT, text)
+        self._reported += 1
+
+
+MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
+
+
+class SteppingOutput:
+    """The queue of snapshots and events; while it is `silent`, states and those that recordings wait for are held."""
+
+    def __init__(self, simulation: Simulation, *, silent: bool = False) -> None:
+        self.queue: SimpleQueue[Item] = SimpleQueue()
+        self.counters = Counters()
+        self.last_emitted = -1  # the tick of the last state
+        self.newest: Snapshot | None = None  # with a state
+        self._simulation, self.journal = simulation, Journal(simulation)
+        self._clock = self.journal.clock
+        self._last_viewed = -1  # the tick of the last sample for the viewer
+        self._emitted_at = 0.0  # s of the steady clock
+        self._silent, self._held_moments = silent, 0
+        self._contacts = ContactReports(simulation, self.report)
+
+    @property
+    def silence(self) -> float:
+        """The time since the last state in s."""
+        return time.perf_counter() - self._emitted_at
+
+    def due(self, rates: Rates) -> Due:
+        """What is due at the present tick."""
+        simulation = self._simulation
+        due = rates.due(self._clock.whole_steps, simulation.step_size)
+        return due | Due.SENSORS if simulation.arrivals else due
+
+    def steps_until_due(self, rates: Rates, *, at_most: int) -> int:
+        """The steps to the next tick at which something is due, or fewer."""
+        simulation = self._simulation
+        steps = simulation.steps_to_arrival(at_most)
+        return rates.steps_until_due(self._clock.whole_steps, simulation.step_size, at_most=steps)
+
+    def emit(self, due: Due, repeated: bool = False, *, in_real_time: bool = False) -> None:
+        """Put the present state into the queue, or count it as dropped if the queue is too long.
+
+        :param in_real_time: whether the state may be left out if it is published late.
+        """
+        if self._silent:
+            return
+        if self.queue.qsize() >= MAX_WAITING:
+            self.counters.dropped += 1
+            return
+        if repeated and self._last_viewed == self._clock.ticks:
+            due &= ~Due.VIEW
+        if Due.STATE in due:
+            self.last_emitted, self._emitted_at = self._clock.ticks, time.perf_counter()
+        if Due.VIEW in due:
+            self._last_viewed = self._clock.ticks
+        snapshot = self.journal.snapshot(due, repeated, time.perf_counter() if in_real_time else math.inf)
+        if Due.STATE in due:
+            self.newest = snapshot
+        self.queue.put(snapshot)
+
+    def report(self, kind: EventKind, payload: Payload = None) -> Event:
+        """Put an event into the queue."""
+        event = self.journal.event(kind, payload)
+        self.queue.put(event)
+        return event
+
+    def report_contacts(self) -> None:
+        """Put what has happened at contacts since the last call into the queue, at a bounded rate."""
+        self._contacts.report()
+
+    def report_new_state(self) -> None:
+        """Put the state into the queue as one from which the run continues."""
+        self.report(EventKind.NEW_STATE, self._simulation.snapshot())
+
+    def put_moment(self) -> None:
+        """Put the present state, for a recording, into the queue, or as soon as the output is no longer silent."""
+        if self._silent:
+            self._held_moments += 1
+        else:
+            self.queue.put(self.journal.snapshot(Due.RECORDING))
+
+    def begin(self) -> None:
+        """End the silence."""
+        self._silent = False
+        for _ in range(self._held_moments):
+            self.queue.put(self.journal.snapshot(Due.RECORDING))
+        self._held_moments = 0

@@ -1,0 +1,184 @@
+"""A run between two steps: commands take effect, steps are taken, the state and live values are set. Without ROS.
+
+For the stepping thread, which decides when to step and how far.
+
+Efforts, commands of actuators and wrenches that take effect between two steps, and the events that say so.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from mbd_sim.base.errors import CommandError, DivergedError, listed
+from mbd_sim.files.checks.bare_angles import TURN
+from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.joint_commands import CommandRanges
+from mbd_sim.ros.commands.wrenches import WrenchBuffer
+from mbd_sim.ros.stepping.output import SteppingOutput
+from mbd_sim.simulation.model.live_values import PreparedValues
+from mbd_sim.simulation.run.advice import OPEN_ACCOUNT, TOLERATED, open_share
+from mbd_sim.simulation.run.changes import StateValues
+from mbd_sim.simulation.run.events import AppliedCommands, AppliedEfforts, AppliedWrench, ChangedValues, EventKind
+from mbd_sim.simulation.run.simulation import Simulation
+
+
+def apply_commands(
+    simulation: Simulation, commands: CommandBuffer, wrenches: WrenchBuffer, time: float, output: SteppingOutput
+) -> None:
+    """Apply what is due; report expired commands, and those that change a bit of the inputs of the equations.
+
+    A command that repeats the inputs has no effect, so that a recording without it is recomputed bit for bit.
+
+    :param time: simulated s by which commands expire.
+    """
+    for due in commands.due(time):
+        before = simulation.efforts.tobytes()
+        simulation.set_efforts(due.efforts)
+        if due.kind is EventKind.EXPIRED or simulation.efforts.tobytes() != before:
+            output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
+    current = simulation.inputs[simulation.command_map.range]
+    values = commands.due_for_actuators(time, current)
+    if values is not None and values.tobytes() != current.tobytes():
+        simulation.apply_command_values(values)
+        output.report(EventKind.COMMAND, AppliedCommands(values))
+    if expired := commands.take_expired_actuators():
+        text = f"no more commands for {listed(expired)}: only positions are held (actuator_timeout, command_timeout)"
+        output.report(EventKind.WARNING, text)
+    for due_wrench in wrenches.due(time):
+        part = due_wrench.wrench.part
+        inputs = simulation.inputs[wrenches.input_range(part)]
+        before = inputs.tobytes()
+        due_wrench.wrench.apply(simulation)
+        if due_wrench.kind is EventKind.EXPIRED or inputs.tobytes() != before:
+            output.report(due_wrench.kind, AppliedWrench(part, inputs.copy()))
+
+
+AUDIT_PERIOD = 1.0  # simulated s between looks at the energy account
+
+
+class SteppedRun:
+    """A simulation with its commands, its clock, and the output that says what has happened.
+
+    `problem` is the last one that stopped the run, `advice` the last one on the step size; both "" without.
+    `start_values` are those to which a reset returns; None: the start of the file.
+    """
+
+    def __init__(
+        self, simulation: Simulation, commands: CommandBuffer, wrenches: WrenchBuffer, *, silent: bool = False
+    ) -> None:
+        """A run at its start; `silent` is described in `SteppingOutput`."""
+        self.simulation, self.commands, self.wrenches = simulation, commands, wrenches
+        self.output = SteppingOutput(simulation, silent=silent)
+        self.clock = self.output.journal.clock
+        self.start_values: StateValues | None = None
+        self._forget_problems()
+        self._next_audit = 0  # the tick
+
+    def advance(self, steps: int) -> None:
+        """Apply commands and take steps.
+
+        :raises DivergedError: the motion has diverged; `report_divergence` reports it.
+        """
+        time_now = self.clock.ticks * self.simulation.step_size
+        apply_commands(self.simulation, self.commands, self.wrenches, time_now, self.output)
+        began = time.perf_counter()
+        self.simulation.step(steps)
+        self.output.journal.count_steps()
+        self.output.report_contacts()
+        self._check_accuracy()
+        self.output.counters.stepping += time.perf_counter() - began
+
+    def report_divergence(self, error: DivergedError) -> None:
+        """Report that the motion has diverged."""
+        self.problem = self.output.report(EventKind.DIVERGED, str(error)).text
+
+    def report_failure(self, error: Exception) -> None:
+        """Report an error of the program, which pauses the run."""
+        self.problem = self.output.report(EventKind.FAILED, repr(error)).text
+
+    def reset(self, rewind_clock: bool, state: bool) -> str:
+        """Reset the state to the start state, the clock to zero, or both; returns the problem, or ""."""
+        if state:
+            before = self.simulation.snapshot()
+            try:
+                self.simulation.reset()
+                if self.start_values is not None:
+                    self.simulation.begin_at(*self.start_values)
+            except ValueError as error:
+                self.simulation.restore(before)
+                return f"the start state cannot be reached with the current live values: {error}"
+            self._forget_problems()
+            self.commands.clear()
+            self.wrenches.clear()
+        if rewind_clock:
+            self.clock.set(0)
+        self.output.report(EventKind.RESET if state else EventKind.CLOCK_RESET)
+        if state and self.start_values is not None:
+            self.output.report_new_state()
+        return ""
+
+    def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+        """Set positions and speeds by name, given as such or by a function; returns the problem, or ""."""
+        try:
+            given = given() if callable(given) else given
+            self.simulation.set_state(*given)
+        except CommandError as error:
+            return str(error)
+        self._forget_problems()
+        self.output.report_new_state()
+        self.output.report(EventKind.NOTE, f"state set: {given}")
+        positions, _ = given
+        for name, value in positions.items():
+            if abs(value) > TURN and self.simulation.mechanism.coordinate(name).rotation:
+                text = f"{name} = {value:g} is in rad ({math.degrees(value):.4g}°), as all angles in messages are"
+                self.output.report(EventKind.NOTE, text)
+        return ""
+
+    def live_change(self, prepared: PreparedValues) -> Callable[[], str]:
+        """What changes live values, and the ranges of commands with them; it returns the problem, or "".
+
+        It may be prepared in any thread.
+        """
+        ranges = CommandRanges(prepared.mechanism)
+        return lambda: self._apply_live(prepared, ranges)
+
+    def _apply_live(self, prepared: PreparedValues, ranges: CommandRanges) -> str:
+        efforts = self.simulation.efforts.tobytes()
+        try:
+            self.simulation.apply_live(prepared)
+        except CommandError as error:
+            return str(error)
+        self.commands.keep_within(ranges, prepared.mechanism.bases)
+        self.output.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.simulation.live))
+        if self.simulation.efforts.tobytes() != efforts:  # beyond changed limits
+            self.output.report(EventKind.COMMAND, AppliedEfforts(self.simulation.efforts.copy()))
+        return ""
+
+    def _forget_problems(self) -> None:
+        self.problem = self.advice = ""
+        self._error_threshold, self._share_threshold = TOLERATED, OPEN_ACCOUNT
+        self._said_passing = False
+
+    def _check_accuracy(self) -> None:
+        """Warn once of a step that is too large or an open energy account, and again when it has grown tenfold.
+
+        Warn once of contacts that a step may miss.
+
+        The account is left alone where the estimated error of a step says why it is open.
+        """
+        simulation, grown = self.simulation, False
+        if (estimate := simulation.error_estimate) > self._error_threshold:
+            self._error_threshold, grown = 10.0 * estimate, True
+        elif estimate <= TOLERATED and self.clock.ticks >= self._next_audit:
+            self._next_audit = self.clock.ticks + round(AUDIT_PERIOD / simulation.step_size)
+            energies, start_energy = simulation.energies, simulation.start_energy
+            share = open_share(simulation.model, energies, start_energy, simulation.step_size)
+            if share > self._share_threshold:
+                self._share_threshold, grown = 10.0 * share, True
+            if not self._said_passing and simulation.passing_advice:
+                self._said_passing = grown = True
+        if grown:
+            self.advice = simulation.step_advice or ""
+            self.output.report(EventKind.WARNING, self.advice)

@@ -1,0 +1,1 @@
+"""Contacts during a run: complementarity, impacts, modes and events."""

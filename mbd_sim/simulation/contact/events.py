@@ -1,0 +1,261 @@
+"""The steps of a mechanism with one-sided rows: compiled up to an event, the event in Python, and on from there.
+
+An event is located within its step, the impact or the new modes are computed, and the rest of the step follows. Steps
+keep their ends at k h, so that publishing and recording stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.base.errors import DivergedError
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.simulation.contact.candidates import RESTING, Forced
+from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
+from mbd_sim.simulation.contact.modes import ModeFinder
+from mbd_sim.simulation.contact.problem import NoSolutionError
+from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
+from mbd_sim.simulation.contact.search import EventSearch
+from mbd_sim.simulation.contact.terms import Mask, OneSidedModel, OneSidedReadings
+
+EVENTS_KEPT = 10_000
+MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
+MOST_STAGES = 5000  # of a step
+MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
+CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
+LONGER = 4.0  # than the last part of a step that a next one may be
+BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
+
+
+class EventError(DivergedError):
+    """A contact problem that has no solution; the message says where."""
+
+
+@dataclass
+class _Decided:
+    """What events at one instant have decided: gaps that `open`, friction that is `yielding`; and their `count`."""
+
+    open: frozenset[int] = frozenset()
+    yielding: frozenset[int] = frozenset()
+    count: int = 0
+
+
+class OneSidedStepper:
+    """Advances a state `y` and the modes among its `inputs`, both in place.
+
+    `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all. An `observer`
+    sees them as they are found.
+    """
+
+    def __init__(
+        self,
+        model: OneSidedModel,
+        energy: Callable[[float, Array, Array], float],
+        speeds: slice,
+        losses: slice,
+        rest_speed: float,
+        tolerance: float,
+        driven: bool,
+    ) -> None:
+        self._model, self._energy, self._speeds, self._losses = model, energy, speeds, losses
+        self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
+        self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, tolerance)
+        self.events: deque[ContactEvent] = deque(maxlen=EVENTS_KEPT)
+        self.count = 0
+        self.observer: ContactObserver | None = None
+        self._new: list[ContactEvent] = []  # of the present call
+
+    def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
+        """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
+
+        :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
+        """
+        before, modes, first = y.copy(), inputs.copy(), int(counter[0])
+        self._new.clear()
+        try:
+            done = 0
+            while done < n:
+                addresses = y.ctypes.data, inputs.ctypes.data
+                taken = self._model.kernel.advance_to_event(*addresses, first + done, h, n - done, estimate.ctypes.data)
+                if taken < 0:
+                    raise FloatingPointError
+                done += taken
+                if done < n:
+                    self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
+                    done += 1
+            counter[0] = first + n
+        except BaseException as error:  # Ctrl-C included, after which state and time must belong together
+            y[:], inputs[:], counter[0] = before, modes, first
+            if isinstance(error, FloatingPointError):
+                return False
+            raise
+        self._keep_new()
+        return True
+
+    def settle(self, time: float, y: Array, inputs: Array) -> None:
+        """Find the modes of a state as if nothing were known of them, with impacts of contacts that approach.
+
+        :raises EventError: contacts without a solution.
+        """
+        self._new.clear()
+        self._model.modes(inputs)[:] = 0.0
+        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
+        self._keep_new()
+
+    def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
+        t, events, ignored, longest, decided, creeping = start, 0, frozenset[int](), np.inf, _Decided(), 0
+        brief = BRIEF * (end - start)
+        for _ in range(MOST_STAGES):
+            stage = self._search.stage(y, inputs, t, min(end - t, brief) if ignored else end - t, longest, ignored)
+            y[:] = stage.y
+            longest = np.inf if stage.is_event else LONGER * stage.length
+            is_last = stage.length >= end - t
+            t = end if is_last else t + stage.length
+            creeping += stage.creeps
+            if stage.is_event or creeping > CREEPING:
+                creeping = 0
+                events += 1
+                if events > 2 * MOST_EVENTS:
+                    break
+                decided = decided if stage.length == 0.0 else _Decided()
+                ignored = self._switch(t, y, inputs, decided, events <= MOST_EVENTS)
+            elif stage.length > 0.0:
+                if ignored:
+                    brief, decided = LONGER * brief, _Decided()
+                ignored = frozenset()
+            if is_last:
+                return
+        self._record(ContactEvent(t, "contacts", ContactChange.BOUND))
+        if t < end:
+            self._model.kernel.part_step(y.ctypes.data, inputs.ctypes.data, t, end - t)
+        if not np.all(np.isfinite(y)):
+            raise FloatingPointError
+
+    def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> frozenset[int]:
+        """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
+        layout, modes = self._model.layout, self._model.modes(inputs)
+        readings = self._model.readings(time, y, inputs)
+        reached = readings.guards <= self._tolerance
+        old, speeds = modes.copy(), y[self._speeds].copy()
+        self._model.flip_signs(modes, reached)
+        closed = modes[layout.closed] != 0.0
+        touched = reached[: layout.gaps] & ~closed
+        decided.open |= frozenset(np.flatnonzero(reached[: layout.gaps] & closed).tolist())
+        at_limit = np.flatnonzero(reached[layout.gaps : layout.gaps + len(self._model.frictions)]).tolist()
+        decided.yielding |= frozenset(at_limit) - frozenset(self._model.sliding(modes))
+        self._resolve(time, y, inputs, Forced(decided.open, decided.yielding), touched, elastic)
+        decided.count += 1
+        is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
+        if (decided.count > 1 and is_same) or decided.count > MOST_AT_ONCE:
+            return frozenset(np.flatnonzero(reached).tolist())
+        return frozenset()
+
+    def _resolve(
+        self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
+    ) -> None:
+        """Impacts of touching contacts that approach, then the new modes."""
+        model = self._model
+        old = model.modes(inputs).copy()
+        readings = model.readings(time, y, inputs)
+        touching = self._finder.is_touching(readings) | touched
+        gaps = model.layout.gaps
+        rates = readings.rates[:gaps] / model.speeds[:gaps]
+        returning = touched & (rates > RESTING)
+        if np.any(touching & (rates < -RESTING)) or np.any(returning):
+            self._impact(time, y, inputs, readings, touching, returning, elastic)
+            forced = Forced()
+        try:
+            modes = self._finder.find(time, y, inputs, forced)
+        except NoSolutionError:
+            self._stop_slip(time, y, inputs, touching)
+            try:
+                modes = self._finder.find(time, y, inputs)
+            except NoSolutionError as error:
+                raise EventError(
+                    f"at {time:.9g} s no contact forces are possible ({self._names(touching)}): the mechanism jams, or "
+                    "slides with too much friction (Painlevé's paradox). Reduce the friction, or make the contacts "
+                    "compliant."
+                ) from error
+        model.modes(inputs)[:] = modes
+        if not first:
+            self._record_changes(time, old, modes)
+
+    def _names(self, touching: Mask) -> str:
+        return ", ".join(name for name, at in zip(self._model.names, touching, strict=True) if at)
+
+    def _stop_slip(self, time: float, y: Array, inputs: Array, touching: Mask) -> None:
+        """The impulse without collision that ends a motion for which there are no forces (Painlevé)."""
+        found = tangential_impact(self._model, time, y, inputs, touching)
+        if found is not None:
+            self._apply(time, y, inputs, found)
+
+    def _impact(
+        self,
+        time: float,
+        y: Array,
+        inputs: Array,
+        readings: OneSidedReadings,
+        touching: Mask,
+        returning: Mask,
+        elastic: bool,
+    ) -> None:
+        model = self._model
+        touching = touching | model.clutches  # an impact elsewhere may engage them
+        try:
+            found = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
+        except NoSolutionError as error:
+            raise EventError(
+                f"at {time:.9g} s no impulses satisfy the laws of impact and friction ({self._names(touching)}). "
+                "Reduce the friction, or make the contacts compliant."
+            ) from error
+        self._apply(time, y, inputs, found)
+
+    def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:
+        """Change the speeds and the audit by an impact, and record it."""
+        before = self._energy(time, y, inputs) if self._driven or self.observer is not None else 0.0
+        y[self._speeds] += found.u_change
+        y[self._losses.start] += found.loss
+        y[-1] += found.loss
+        if self._driven:
+            y[-2] += self._energy(time, y, inputs) - before + found.loss
+        if self.observer is not None:
+            self.observer.impact(time, before, self._energy(time, y, inputs))
+        for gap in np.flatnonzero(found.impulses[: self._model.layout.gaps]).tolist():
+            impulse = float(found.impulses[gap])
+            self._record(
+                ContactEvent(time, self._model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor)
+            )
+
+    def _record(self, event: ContactEvent) -> None:
+        self._new.append(event)
+        if self.observer is not None:
+            self.observer.event(event)
+
+    def _keep_new(self) -> None:
+        self.events.extend(self._new)
+        self.count += len(self._new)
+
+    def _record_changes(self, time: float, old: Array, new: Array) -> None:
+        layout, model = self._model.layout, self._model
+        for gap, (was, now) in enumerate(zip(old[layout.closed], new[layout.closed], strict=True)):
+            if was != now:
+                change = ContactChange.CLOSED if now else ContactChange.OPENED
+                self._record(ContactEvent(time, model.names[gap], change))
+        first = layout.direction.start - layout.gaps
+        sliding = [frozenset(model.sliding(modes)) for modes in (old, new)]
+        for index, (rows, load) in enumerate(model.frictions):
+            if load is not None and not new[load]:
+                continue
+            slid, slides = (index in elements for elements in sliding)
+            reverses = slid and slides and sum(old[first + row] * new[first + row] for row in rows) < 0.0
+            stuck = not slid and (load is None or old[load] != 0.0)
+            name = model.row_names[rows[0]] if load is None else model.names[load]
+            if (slides and not slid) or reverses:
+                self._record(ContactEvent(time, name, ContactChange.SLIDES))
+            elif not slides and (slid or not stuck):
+                self._record(ContactEvent(time, name, ContactChange.STICKS))

@@ -1,0 +1,163 @@
+"""Impacts: the speeds after several contacts have closed at one instant (Moreau 1988; Glocker 2001).
+
+v_N⁺ + e v_N⁻ ≥ 0, Λ_N ≥ 0, one of them zero; impulses of friction up to μ Λ_N against the slip after the impact. Joints
+and other two-sided constraints take up impulses as well. Newton's law with friction, or with different coefficients of
+restitution, can demand a gain of energy; the coefficients of that impact are then reduced by a common factor, the
+largest that gains none. A mechanism that wedges can have no impulses at all with which it would rebound; nothing then
+rebounds. Without restitution there always are some (Anitescu & Potra 1997).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.simulation.contact.complementarity import least_solution
+from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+from mbd_sim.simulation.contact.terms import Mask, OneSidedModel, OneSidedReadings
+
+GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
+HALVINGS = 50
+ELASTIC_REST = 1e-9  # of the natural speed, the approach speed below which even an elastic contact closes
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """The `impulses` (rows,) of an impact in N·s, the change of u (nv,), and the `loss` of energy in J.
+
+    `factor` is 1, or what the coefficients of restitution were reduced by.
+    """
+
+    impulses: Array
+    u_change: Array
+    loss: float
+    factor: float
+
+
+def impact(
+    model: OneSidedModel,
+    time: float,
+    y: Array,
+    inputs: Array,
+    readings: OneSidedReadings,
+    touching: Mask,
+    returning: Mask,
+    rest_speed: float,
+    elastic: bool = True,
+) -> Impact:
+    """The impact of all touching contacts.
+
+    :param returning: gaps (gaps,) that open so slowly that they close again before they differ from zero.
+    :param rest_speed: approach speed in m/s below which a contact does not rebound.
+    :param elastic: False: nothing rebounds.
+    :raises NoSolutionError: no impulses are admissible.
+    """
+    terms = model.terms(time, y, inputs)
+    e = model.restitution(inputs)
+    rest = rest_speed * model.speeds / model.units.speed
+    slow, rates = np.where(e == 1.0, ELASTIC_REST * model.speeds[: len(e)], rest[: len(e)]), readings.rates[: len(e)]
+    gaps = [int(index) for index in np.flatnonzero(touching)]
+    frictions = [
+        (rows, gap, terms.sizes[index, 0])
+        for index, (rows, gap) in enumerate(model.frictions)
+        if gap is not None and gap in gaps and terms.sizes[index, 0] > 0.0
+    ]
+    resting = [gap for gap in gaps if abs(rates[gap]) <= slow[gap] or returning[gap]]
+    if np.all(rates[gaps] >= -slow[gaps]) and resting:
+        own = [rows for rows, gap, _ in frictions if gap in resting]
+        slip = [row for rows in own for row in rows if abs(readings.rates[row]) <= rest[row]]
+        return _rest(model, time, y, inputs, readings, terms.matrix, [*resting, *slip])
+    chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
+    place = {row: position for position, row in enumerate(chosen)}
+    limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
+    matrix, before = terms.matrix[chosen][:, chosen], readings.rates[chosen]
+    approach = np.minimum(before[: len(gaps)], 0.0)
+    e = np.where(-approach < slow[gaps], 0.0, e[gaps]) * (1.0 if elastic else 0.0)
+
+    def with_factor(factor: float) -> tuple[Array, float]:
+        free = before.copy()
+        free[: len(gaps)] += factor * e * approach
+        impulses = contact_forces(ContactProblem(matrix, free, range(len(gaps)), limits, model.compliance[chosen]))
+        after = before.copy()
+        for column, impulse in enumerate(impulses.tolist()):
+            after += matrix[:, column] * impulse
+        return impulses, -0.5 * sum((impulses * (before + after)).tolist())
+
+    try:
+        found, loss, factor = *with_factor(1.0), 1.0
+    except NoSolutionError:
+        found, loss, factor = *with_factor(0.0), 0.0
+    exchanged = 0.5 * sum(abs(found * before).tolist())
+    if factor and loss < -GAIN * exchanged:
+        factor = _largest(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
+        found, loss = with_factor(factor)
+    impulses = np.zeros(model.layout.rows)
+    impulses[chosen] = found
+    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
+
+
+def tangential_impact(model: OneSidedModel, time: float, y: Array, inputs: Array, touching: Mask) -> Impact | None:
+    """The impulses that stop the slip of touching contacts which do not approach; None if there are none.
+
+    A body may slide with so much friction that no finite force keeps it from penetrating. Its tip then sticks at once
+    (Génot & Brogliato 1999): friction presses it onto the surface until the slip has ended. These are the impulses
+    that bring all rates to zero, if they are within the limits of friction.
+    """
+    terms, readings = model.terms(time, y, inputs), model.readings(time, y, inputs)
+    gaps = [int(gap) for gap in np.flatnonzero(touching)]
+    frictions = [(rows, gap, terms.sizes[index, 0]) for index, (rows, gap) in enumerate(model.frictions) if gap in gaps]
+    rows = [*gaps, *(row for own, _, _ in frictions for row in own)]
+    impulses = np.zeros(model.layout.rows)
+    impulses[rows] = least_solution(terms.matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
+    loads = {gap: impulses[gap] for _, gap, _ in frictions}
+    within = all(sum((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
+    if min(impulses[gaps].tolist(), default=0.0) < 0.0 or not within or not impulses.any():
+        return None
+    loss = -0.5 * sum((impulses * readings.rates).tolist())
+    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
+
+
+def _largest(loss: Callable[[float], float], last: float, enough: float) -> float:
+    """The largest factor in 0…1 with a loss that is not negative, by a bracketing root finder.
+
+    :param last: the loss with the factor 1, negative.
+    :param enough: the loss that is not distinguished from 0.
+    """
+    low, f_low, high, f_high, side = 0.0, loss(0.0), 1.0, last, 0
+    for count in range(HALVINGS):
+        middle = (low * f_high - high * f_low) / (f_high - f_low) if f_low > 0.0 else 0.0
+        if count % 4 == 3 or not low < middle < high:
+            middle = 0.5 * (low + high)
+        found = loss(middle)
+        if found >= 0.0:
+            f_high *= 0.5 if side > 0 else 1.0
+            low, f_low, side = middle, found, 1
+            if found <= enough:
+                break
+        else:
+            f_low *= 0.5 if side < 0 else 1.0
+            high, f_high, side = middle, found, -1
+    return low
+
+
+def _rest(
+    model: OneSidedModel,
+    time: float,
+    y: Array,
+    inputs: Array,
+    readings: OneSidedReadings,
+    matrix: Array,
+    rows: list[int],
+) -> Impact:
+    """What brings the rates of all these rows to zero, with the least loss of energy; so infinitely many impacts end.
+
+    A block that rocks on its edges rebounds without restitution, from one edge to the other.
+    """
+    solution = least_solution(matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
+    impulses = np.zeros(model.layout.rows)
+    impulses[rows] = solution
+    loss = 0.5 * sum((solution * -readings.rates[rows]).tolist())
+    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)

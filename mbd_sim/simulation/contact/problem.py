@@ -1,0 +1,393 @@
+"""Forces at one-sided contacts with Coulomb friction: Lemke's method finds the modes, Newton's the forces.
+
+With the rates s = A λ + r of all rows, of velocity for impulses λ and of acceleration for forces,
+
+- a normal row has s ≥ 0, λ ≥ 0, s λ = 0;
+- friction along one or two rows has |λ_T| ≤ μ λ_N, or |λ_T| ≤ F without a normal row, and s_T = -σ λ_T with σ ≥ 0,
+  which is zero unless friction is at its limit.
+
+For Lemke's method friction is written along opposite directions (Stewart & Trinkle 1996).
+
+Where rows depend on each other, as those of a table on four legs, rigid bodies leave the forces undetermined. They are
+then those of equal elastic supports: of all forces those with the least sum of squares. Rows that are a little elastic
+tell which of them bear a force.
+
+Forces that rigid bodies leave undetermined, as equal elastic supports would share them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.simulation.contact.complementarity import least_squares, lemke, product, rank, solve
+
+SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
+SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
+SHARING_STEPS, SETTLED = 60, 1e-15  # until forces that are shared do not change any more, relative to their size
+UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
+
+
+def shared_forces(problem: ContactProblem, forces: Array) -> Array:
+    """The forces of least Σ C λ² near some that satisfy all conditions: with the same contacts closed, and sticking.
+
+    Friction that slides follows its normal force in the direction that it has.
+    """
+    assert problem.compliance is not None
+    size = float(np.abs(forces).max())
+    pressed = [row for row in problem.normals if forces[row] > 0.0]
+    closed = _closed(problem, forces)
+    for _ in range(SHARING_STEPS):
+        unit, constant, held = _followers(problem, forces)
+        matrix, free = product(problem.matrix, unit), problem.rates(constant)
+        chosen, others = [*pressed, *held], [row for row in closed if row not in pressed]
+        found, duals = least_squares(matrix[chosen][:, chosen], -free[chosen], problem.compliance[chosen])
+        pulls = [row for row, force in zip(pressed, found.tolist(), strict=False) if force < -UNPRESSED * size]
+        pressed = [row for row in pressed if row not in pulls]
+        gains = product(matrix[chosen][:, others].T, duals)
+        added = [row for row, gain in zip(others, gains.tolist(), strict=True) if gain > UNPRESSED * size and not pulls]
+        pressed = sorted([*pressed, *added])
+        new = constant + product(unit[:, chosen], found)
+        change, forces = float(np.abs(new - forces).max()), new
+        if not pulls and not added and change <= SETTLED * size:
+            break
+    return forces
+
+
+def is_unique(problem: ContactProblem, forces: Array) -> bool:
+    """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
+    unit, _, held = _followers(problem, forces, limited=True)
+    chosen = [*_closed(problem, forces), *held]
+    return rank(product(problem.matrix, unit)[chosen][:, chosen]) == len(chosen)
+
+
+def _closed(problem: ContactProblem, forces: Array) -> list[int]:
+    """The normal rows that bear a force, or could bear one."""
+    still, rates = UNPRESSED * float(np.abs(forces).max()), problem.rates(forces)
+    return [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= still]
+
+
+def at_rest(problem: ContactProblem, forces: Array) -> Array:
+    """The rates (n,) of elastic supports that bear a force and do not slide; others are zero."""
+    rates, slow, found = problem.rates(forces), _slow(forces), np.zeros(len(forces))
+    for row in problem.normals:
+        if forces[row] > 0.0:
+            found[row] = rates[row]
+    for friction in problem.frictions:
+        rows = list(friction.rows)
+        if math.hypot(*rates[rows]) <= slow:
+            found[rows] = rates[rows]
+    return found
+
+
+def _slow(forces: Array) -> float:
+    """The rate beyond which friction at its limit slides."""
+    return SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
+
+
+def _followers(problem: ContactProblem, forces: Array, limited: bool = False) -> tuple[Array, Array, list[int]]:
+    """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,).
+
+    :param limited: friction of constant size that is at its limit, but does not slide, is held as well.
+    """
+    n, rates = len(forces), problem.rates(forces)
+    trial, slow = forces - rates, _slow(forces)
+    unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
+    for row in problem.normals:
+        unit[row, row] = 1.0
+    for friction in problem.frictions:
+        rows, own = list(friction.rows), trial[list(friction.rows)]
+        limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
+        length, slips = math.hypot(*own), math.hypot(*rates[rows]) > slow
+        if length < limit * (1.0 - UNPRESSED) or not (slips or (friction.normal is None and not limited)):
+            held += rows
+            unit[rows, rows] = 1.0
+        elif length > 0.0 and friction.normal is None:
+            constant[rows] = own * (limit / length)
+        elif length > 0.0:
+            unit[rows, friction.normal] = own * (friction.size / length)
+    return unit, constant, held
+
+
+ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
+NEWTON_STEPS, SWEEPS = 40, 400
+SOFTNESSES = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, SOFTNESS)  # of supports, one after the other
+STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
+
+
+class NoSolutionError(ValueError):
+    """No forces satisfy the conditions of all contacts (Painlevé), or they could not be found."""
+
+
+@dataclass(frozen=True)
+class FrictionLimit:
+    """Friction along one or two rows: up to `size` times the force of row `normal`, or up to `size` without one."""
+
+    rows: tuple[int, ...]
+    normal: int | None
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """`matrix` A (n, n) and rates r (n,) without forces, `normals` among the rows, and their friction.
+
+    Σ C λ² is least, with the `compliance` C (n,) of the supports; None where all are equal.
+    """
+
+    matrix: Array
+    free: Array
+    normals: Sequence[int]
+    frictions: Sequence[FrictionLimit]
+    compliance: Array | None = None
+
+    def rates(self, forces: Array) -> Array:
+        """s (n,), summed in order."""
+        total = self.free.copy()
+        for column, force in enumerate(forces.tolist()):
+            if force:
+                total += self.matrix[:, column] * force
+        return total
+
+
+def contact_forces(problem: ContactProblem) -> Array:
+    """λ (n,) that satisfies all conditions; of several the elastic ones.
+
+    :raises NoSolutionError: there is none, or none was found.
+    """
+    n = len(problem.free)
+    if not n:
+        return np.zeros(0)
+    scaled, scale = _scaled(problem)
+    if max(len(problem.normals), len(problem.frictions)) < 2 or rank(scaled.matrix) == n:
+        return _solution(scaled) * scale
+    rigid, _ = _quick(scaled)
+    if rigid is not None and is_unique(scaled, rigid):
+        return rigid * scale
+    elastic = _elastic(scaled)
+    if elastic is None:
+        elastic = _solution(scaled)
+    for forces in (shared_forces(scaled, elastic), elastic):
+        if _natural(scaled, forces)[2] <= ACCURATE:
+            return _newton(scaled, forces)[0] * scale
+    polished, residual = _newton(scaled, elastic)
+    return (polished if residual <= ACCURATE else _solution(scaled)) * scale
+
+
+def _elastic(problem: ContactProblem) -> Array | None:
+    """The forces of elastic supports that become stiffer and stiffer; None if they were not found.
+
+    Rates by which supports yield are made up for by a shift of their rest positions (method of multipliers).
+    """
+    forces = np.zeros(len(problem.free))
+    for softness in SOFTNESSES:
+        softened = _softened(problem, softness)
+        forces, residual = _newton(softened, forces)
+    if residual > ACCURATE and (found := _quick(softened)[0]) is not None:
+        forces, residual = found, 0.0
+    if residual > ACCURATE:
+        return None
+    last = np.inf
+    for _ in range(STIFFENINGS):
+        rates = at_rest(problem, forces)
+        size = float(np.abs(rates).max())
+        if size <= ACCURATE * SOFTNESS or size > 0.5 * last:
+            break
+        softened = replace(softened, free=softened.free + rates)
+        stiffer, residual = _newton(softened, forces)
+        if residual > ACCURATE:
+            break
+        forces, last = stiffer, size
+    return forces
+
+
+def _softened(problem: ContactProblem, softness: float) -> ContactProblem:
+    """A contact problem with elastic supports."""
+    assert problem.compliance is not None
+    softer, places = problem.matrix.copy(), range(len(problem.matrix))
+    softer[places, places] += softness * problem.compliance
+    return replace(problem, matrix=softer)
+
+
+def _quick(problem: ContactProblem) -> tuple[Array | None, Array | None]:
+    """The solution, or None; and what Lemke's method finds."""
+    start = _by_lemke(problem)
+    attempts = [start] if start is not None else []
+    for forces in (*attempts, np.zeros(len(problem.free))):
+        polished, residual = _newton(problem, forces)
+        if residual <= ACCURATE:
+            return polished, start
+    return None, start
+
+
+def _solution(problem: ContactProblem) -> Array:
+    found, start = _quick(problem)
+    if found is not None:
+        return found
+    if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
+        raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
+    swept = np.zeros(len(problem.free)) if start is None else start
+    for _ in range(20):
+        swept = _sweep(problem, swept)
+        polished, residual = _newton(problem, swept)
+        if residual <= ACCURATE:
+            return polished
+    raise NoSolutionError("no forces satisfy the conditions of all contacts")
+
+
+def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
+    """Scale a problem to rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
+
+    Its largest compliance is 1. The rows of one friction element keep a common scale, so that its circle stays one, and
+    so does its normal row.
+    """
+    diagonal = np.diag(problem.matrix).copy()
+    for friction in problem.frictions:
+        group = [*friction.rows, *([] if friction.normal is None else [friction.normal])]
+        diagonal[group] = np.max(diagonal[group])
+    changed = True
+    while changed:  # rows that share a normal row
+        changed = False
+        for friction in problem.frictions:
+            group = [*friction.rows, *([] if friction.normal is None else [friction.normal])]
+            if np.any(diagonal[group] != np.max(diagonal[group])):
+                diagonal[group], changed = np.max(diagonal[group]), True
+    weights = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    free = weights * problem.free
+    size = float(np.abs(free).max()) or 1.0
+    matrix = problem.matrix * weights[:, None] * weights[None, :]
+    scale = size * weights
+    frictions = [
+        friction if friction.normal is not None
+        else FrictionLimit(friction.rows, None, friction.size / scale[friction.rows[0]])
+        for friction in problem.frictions
+    ]  # fmt: skip
+    compliance = weights**2 * (1.0 if problem.compliance is None else problem.compliance)
+    compliance /= np.max(compliance)
+    return ContactProblem(matrix, free / size, problem.normals, frictions, compliance), scale
+
+
+def _by_lemke(problem: ContactProblem) -> Array | None:
+    """The solution with friction along the directions of the rows, which is exact for one direction."""
+    normals, n = list(problem.normals), len(problem.free)
+    columns = [(row, 1.0) for row in normals]
+    columns += [(row, sign) for friction in problem.frictions for row in friction.rows for sign in (1.0, -1.0)]
+    size, extra = len(columns), len(problem.frictions)
+    matrix, right = np.zeros((size + extra, size + extra)), np.zeros(size + extra)
+    rows, signs = [row for row, _ in columns], np.array([sign for _, sign in columns])
+    matrix[:size, :size] = signs[:, None] * problem.matrix[rows][:, rows] * signs
+    right[:size] = [sign * problem.free[row] for row, sign in columns]
+    first = len(normals)
+    for index, friction in enumerate(problem.frictions):
+        own = range(first, first + 2 * len(friction.rows))
+        first = own.stop
+        for column in own:
+            matrix[column, size + index], matrix[size + index, column] = 1.0, -1.0
+        if friction.normal is None:
+            right[size + index] = friction.size
+        else:
+            matrix[size + index, normals.index(friction.normal)] = friction.size
+    z = lemke(matrix, right)
+    if z is None:
+        return None
+    forces: Array = np.zeros(n)
+    for index, (row, sign) in enumerate(columns):
+        forces[row] += sign * z[index]
+    return forces
+
+
+def _projected(problem: ContactProblem, trial: Array) -> Array:
+    """The nearest admissible forces to a trial, each element for itself."""
+    forces = trial.copy()
+    for row in problem.normals:
+        forces[row] = max(trial[row], 0.0)
+    for friction in problem.frictions:
+        limit = friction.size * (1.0 if friction.normal is None else forces[friction.normal])
+        own = [trial[row] for row in friction.rows]
+        size = _length(own)
+        if size > limit:
+            for row, value in zip(friction.rows, own, strict=True):
+                forces[row] = value * (limit / size)
+    return forces
+
+
+def _length(vector: Sequence[float] | Array) -> float:
+    return math.sqrt(sum(float(value) * float(value) for value in vector))
+
+
+def _natural(problem: ContactProblem, forces: Array) -> tuple[Array, Array, float]:
+    """The trial λ - s (n,), the residual F = λ - P(λ - s) (n,), and its size relative to the forces.
+
+    F is zero where all conditions are satisfied.
+    """
+    trial = forces - problem.rates(forces)
+    natural = forces - _projected(problem, trial)
+    size = 1.0 + float(np.abs(forces).max())
+    return trial, natural, float(np.abs(natural).max()) / size if np.isfinite(natural).all() else np.inf
+
+
+def _newton(problem: ContactProblem, forces: Array) -> tuple[Array, float]:
+    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual."""
+    trial, natural, least = _natural(problem, forces)
+    best = forces
+    if least == 0.0:
+        return best, least
+    for _ in range(NEWTON_STEPS):
+        forces = forces + solve(_jacobian(problem, trial), -natural)
+        trial, natural, found = _natural(problem, forces)
+        if not found < least:
+            if not np.isfinite(found) or least <= 1e-15:
+                break
+            if found > 1e3 * least:
+                break
+            continue
+        best, least = forces, found
+        if least <= 1e-16:
+            break
+    return best, least
+
+
+def _jacobian(problem: ContactProblem, trial: Array) -> Array:
+    """The Jacobian (n, n) of F = λ - P(λ - s)."""
+    identity = np.eye(len(trial))
+    jacobian = identity.copy()
+    for row in problem.normals:
+        if trial[row] > 0.0:
+            jacobian[row] = problem.matrix[row]
+    shift = identity - problem.matrix
+    for friction in problem.frictions:
+        rows, normal = list(friction.rows), friction.normal
+        load = 1.0 if normal is None else max(float(trial[normal]), 0.0)
+        limit, own = friction.size * load, trial[rows]
+        size = _length(own)
+        if size <= limit or size == 0.0:
+            jacobian[rows] = problem.matrix[rows]
+            continue
+        direction = own / size
+        if len(rows) == 2:
+            across = np.array([-direction[1], direction[0]])
+            turned = limit / size * (across[0] * shift[rows[0]] + across[1] * shift[rows[1]])
+            jacobian[rows] -= across[:, None] * turned
+        if normal is not None and trial[normal] > 0.0:
+            jacobian[rows] -= (friction.size * direction)[:, None] * shift[normal]
+    return jacobian
+
+
+def _sweep(problem: ContactProblem, forces: Array) -> Array:
+    """Projected Gauss–Seidel sweeps over the elements."""
+    forces = forces.copy()
+    groups = [[row] for row in problem.normals] + [list(friction.rows) for friction in problem.frictions]
+    for _ in range(SWEEPS):
+        for group in groups:
+            step = max(float(problem.matrix[row, row]) for row in group)
+            if step <= 0.0:
+                continue
+            trial = forces.copy()
+            for row in group:
+                trial[row] -= (problem.free[row] + sum((problem.matrix[row] * forces).tolist())) / step
+            forces[group] = _projected(problem, trial)[group]
+    return forces

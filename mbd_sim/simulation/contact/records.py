@@ -1,0 +1,136 @@
+"""What happens at contacts, and what can be read from them, as plain records.
+
+Compliant contacts at one instant, from the numbers that their equations give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Protocol
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.mechanism.elements.contacts import Contact
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.contact.compliant import CushionFunctions
+
+
+class ContactChange(StrEnum):
+    """What happened at a contact."""
+
+    CLOSED = "closed"
+    OPENED = "opened"
+    STICKS = "sticks"
+    SLIDES = "slides"
+    IMPACT = "impact"
+    BOUND = "too many events"
+
+
+@dataclass(frozen=True, slots=True)
+class ContactEvent:
+    """A change at the element `name` at `time` in s.
+
+    Of an impact, `impulse` is that along the normal in N·s or N·m·s, and `loss` the energy in J that the whole impact
+    dissipated. `factor` below 1 says that restitution was reduced by it, because otherwise energy would have grown; 0
+    also that there are no impulses with which the mechanism could rebound.
+    """
+
+    time: float
+    name: str
+    change: ContactChange
+    impulse: float = 0.0
+    loss: float = 0.0
+    factor: float = 1.0
+
+    @property
+    def text(self) -> str:
+        """The event for people, on one line."""
+        if self.change is ContactChange.BOUND:
+            head = f"contacts: {self.change} within the step at {self.time:.6f} s"
+            return f"{head}; the rest of the step is taken without further events"
+        text = f"{self.name}: {self.change} at {self.time:.6f} s"
+        if self.change is ContactChange.IMPACT:
+            text += f", impulse {self.impulse:.4g}, loss {self.loss + 0.0:.4g} J"
+            if self.factor == 0.0:
+                text += "; without restitution: with it no impulses are possible, or energy would grow"
+            elif self.factor < 1.0:
+                text += f"; restitution reduced to {self.factor:.3g} of its value, so that energy does not grow"
+        return text
+
+
+class ContactObserver(Protocol):
+    """Sees what happens at contacts while steps are computed, also in those that then fail; it changes nothing."""
+
+    def impact(self, time: float, before: float, after: float) -> None:
+        """An impact at `time` in s, with the total energies in J before and after it."""
+
+    def event(self, event: ContactEvent) -> None:
+        """A change at a contact."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """A contact at one instant.
+
+    `gap` in m or rad, and its `rate`; `normal` force λ ≥ 0 in N or N·m; `friction` and `slip` (k,) along the k = 0, 1
+    or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" where
+    there is no friction. Friction without a gap has the gap 0 and no normal force. The gap of a compliant contact is
+    negative by its depth; it is open where it exerts no force, and does not stick.
+
+    `point` (3,) in m is where it touches, and `force` (3,) in N what it exerts on the constrained point's or wheel's
+    part, friction included, both in ground's frame. Of a rope or strut they are those of its last end, or of the first
+    where the last is on ground. They are None for stops, plays, clutches and friction in joints.
+    """
+
+    state: str
+    gap: float
+    rate: float
+    normal: float
+    friction: Array
+    slip: Array
+    point: Array | None = None
+    force: Array | None = None
+
+    __repr__ = short_repr
+
+    @property
+    def friction_entries(self) -> list[tuple[float, float, float]]:
+        """For each direction of friction: 1 while it slides, the slip and the force."""
+        slides = float(self.state == "slides")
+        return [(slides, *pair) for pair in zip(self.slip.tolist(), self.friction.tolist(), strict=True)]
+
+
+def with_friction(name: str, directions: int) -> list[str]:
+    """The names of the entries of a contact: its own, and one for each direction of friction."""
+    return [name, *(f"{name}.friction_{number}" for number in range(1, directions + 1))]
+
+
+def compliant_names(contacts: Sequence[Contact]) -> list[str]:
+    """The name of each compliant contact: with both bodies where several belong to one entry of the file."""
+    names = [contact.name for contact in contacts]
+    return [
+        f"{contact.name}.{contact.quantity.replace(' ', '_').replace(',', '')}"
+        if names.count(contact.name) > 1
+        else contact.name
+        for contact in contacts
+    ]
+
+
+def states_of_compliant_contacts(
+    cushions: CushionFunctions, time: float, y: Array, inputs: Array, places: Array
+) -> Iterator[ContactState]:
+    """The state of each compliant contact; `places` (n, 2, 3) are their points and forces.
+
+    The gap is negative by the depth. They are open where they exert no force, and never stick.
+    """
+    readings, first = evaluated(cushions.readings, time, y, inputs).ravel(), 0
+    for count, place in zip(cushions.directions, places, strict=True):
+        gap, rate, normal = readings[first : first + 3].tolist()
+        friction, slip = readings[first + 3 : first + 3 + 2 * count].reshape(2, count)
+        closed = "slides" if count else "closed"
+        yield ContactState(closed if normal > 0.0 else "open", gap, rate, normal, friction, slip, *place)
+        first += 3 + 2 * count

@@ -1,0 +1,397 @@
+"""The search for the first event within a step of a mechanism with one-sided rows.
+
+The instant at which a guard becomes zero within a step, by a bracketing root finder on the one-step map.
+
+The motion of a mechanism with one-sided rows from one state on, as the search for events tries it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.compiler.steps.guarded import STIFF, TURNING
+from mbd_sim.simulation.contact.complementarity import solve
+from mbd_sim.simulation.contact.terms import OneSidedModel, OneSidedReadings, address
+
+ITERATIONS = 80
+BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
+
+
+def first_zero(value: Callable[[float], float], length: float, start: float, end: float, tolerance: float) -> float:
+    """Where a function on (0, `length`] that ends negative leaves its positive values, to round-off.
+
+    :param start: its value at 0. If that is zero, up to the `tolerance`, or negative, a positive value is sought after
+        it; without one the result is 0: the guard was not positive from the start.
+    :param end: its value at `length`, negative.
+    """
+    low, f_low, high, f_high = 0.0, start, length, end
+    if not f_low > tolerance:
+        probe = length
+        for _ in range(BACKTRACKS):
+            probe *= 0.5
+            found = value(probe)
+            if found > tolerance:
+                low, f_low = probe, found
+                break
+            high, f_high = probe, found
+        else:
+            return 0.0
+    return _root(value, low, f_low, high, f_high, tolerance)
+
+
+def _root(
+    value: Callable[[float], float], low: float, f_low: float, high: float, f_high: float, tolerance: float
+) -> float:
+    """The zero between `low`, where the function is positive, and `high`, by Anderson and Björck's regula falsi.
+
+    Where the function jumps, the first argument after that.
+    """
+    best, least = (low, f_low) if abs(f_low) < abs(f_high) else (high, abs(f_high))
+    side = 0
+    for count in range(ITERATIONS):
+        middle = (low * f_high - high * f_low) / (f_high - f_low)
+        if count % 4 == 3 or not low < middle < high:
+            middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        found = value(middle)
+        if not math.isfinite(found):
+            break
+        if abs(found) < least:
+            best, least = middle, abs(found)
+        if found == 0.0:
+            return middle
+        if found > 0.0:
+            if side > 0:
+                factor = 1.0 - found / f_low
+                f_high *= factor if factor > 0.0 else 0.5
+            low, f_low, side = middle, found, 1
+        else:
+            if side < 0:
+                factor = 1.0 - found / f_high
+                f_low *= factor if factor > 0.0 else 0.5
+            high, f_high, side = middle, found, -1
+    return best if least <= tolerance else high
+
+
+class TrialMotion:
+    """The motion from one state on, with all that was computed of it."""
+
+    def __init__(self, model: OneSidedModel, y: Array, inputs: Array, t: float) -> None:
+        self._model, self._y, self._inputs, self._t = model, y, inputs, t
+        self._states: dict[float, Array] = {0.0: y.copy()}
+        self._readings: dict[float, OneSidedReadings] = {}
+
+    def state(self, length: float) -> Array:
+        """The state after a length in s."""
+        found = self._states.get(length)
+        if found is None:
+            found = self._y.copy()
+            self._model.kernel.part_step(address(found), address(self._inputs), self._t, length)
+            if not np.isfinite(found).all():
+                raise FloatingPointError
+            self._states[length] = found
+        return found
+
+    def readings(self, length: float) -> OneSidedReadings:
+        """The readings after a length in s."""
+        found = self._readings.get(length)
+        if found is None:
+            found = self._model.readings(self._t + length, self.state(length), self._inputs)
+            self._readings[length] = found
+        return found
+
+
+STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
+STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
+STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
+NOISE = 1e-15  # of the natural speed, in slip
+SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
+SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
+STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
+BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
+FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
+ANGLE = 1e-5  # rad, for the derivatives by angles
+NEWTON_STEPS = 8
+SHORTEST = 1e-15  # of the natural time, and of the time
+# Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
+# values and rates falls by less than 8/27 of it.
+FALLING = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """The state `y` after a `length` in s; where that `is_event`, it is an event.
+
+    `stopped` are the friction elements with two directions whose sliding ends there. `creeps`: one of them slides so
+    slowly at the end that its slip counts as zero.
+    """
+
+    length: float
+    y: Array
+    is_event: bool
+    stopped: frozenset[int] = frozenset()
+    creeps: bool = False
+
+
+class EventSearch:
+    """Takes parts of steps up to the first event, or as far as slip along two directions does not turn much.
+
+    The directions of sliding among the `inputs` follow the slip.
+    A guard counts as negative below -`tolerance`.
+    """
+
+    def __init__(self, model: OneSidedModel, tolerance: float) -> None:
+        self._model, self._tolerance = model, tolerance
+        self._stopped, self._noise = STOPPED * model.units.speed, NOISE * model.units.speed
+        self._place = {index: place for place, index in enumerate(model.pairs)}
+
+    def stage(
+        self, y: Array, inputs: Array, t: float, length: float, first_length: float, ignored: frozenset[int]
+    ) -> Stage:
+        """The next part of a step that begins at t and is at most this long; guards in `ignored` make no event.
+
+        :param first_length: what to try first, unless slips turn much faster than they change.
+
+        :raises FloatingPointError: the state does not stay finite.
+        """
+        sliding = [index for index in self._model.sliding(self._model.modes(inputs)) if index in self._place]
+        if sliding:
+            self._turn(self._model.readings(t, y, inputs), inputs, sliding)
+        motion = TrialMotion(self._model, y, inputs, t)
+        before = motion.readings(0.0)
+        turning = self._turning(motion, before, sliding, length)
+        straight = self._straight(y, inputs, t, length, turning)
+        steady, longest = self._steady(motion, before, turning, length) if straight is None else ([], length)
+        if straight is not None:
+            motion = straight
+        elif steady:
+            length = longest
+            motion = self._along_fixed(y, inputs, t, length, steady)
+        elif turning:
+            length = self._resolved_length(motion, before, inputs, sliding, min(length, first_length), t)
+        start, before, after = before, motion.readings(0.0), motion.readings(length)
+        if not np.all(np.isfinite(after.guards)):
+            raise FloatingPointError
+        first, stopped = None, frozenset[int]()
+        for index in sliding:  # the motion beyond a stop means nothing
+            if (stop := self._stop(motion, index, before, length)) is not None:
+                first, stopped, length = stop, frozenset({index}), stop
+        after = motion.readings(length)
+        left_out = ignored | {self._model.layout.gaps + index for index in sliding}
+        for index in np.flatnonzero(after.guards < -self._tolerance).tolist():
+            if index not in left_out:
+                first = self._earlier(motion, _guard(index), first, length)
+                if first == 0.0 and steady and start.guards[index] > self._tolerance:
+                    # only with the directions at the end: of a shorter part these are nearer to those at the start
+                    return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
+        for index in self._may_graze(before, after, inputs, length):
+            first = self._grazing(motion, index, first, length)
+        if first is None:
+            return Stage(length, motion.state(length), False, creeps=self._creeps(after, sliding))
+        return Stage(first, motion.state(first), True, stopped if first == length else frozenset())
+
+    def _earlier(
+        self, motion: TrialMotion, value: Callable[[OneSidedReadings], float], first: float | None, length: float
+    ) -> float | None:
+        """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
+        end = length if first is None else first
+        if end == 0.0 or value(motion.readings(end)) >= -self._tolerance:
+            return first
+        start, last = value(motion.readings(0.0)), value(motion.readings(end))
+        return first_zero(lambda s: value(motion.readings(s)), end, start, last, self._tolerance)
+
+    def _may_graze(self, before: OneSidedReadings, after: OneSidedReadings, inputs: Array, length: float) -> list[int]:
+        gaps = self._model.layout.gaps
+        closed = inputs[self._model.span][self._model.layout.closed] != 0.0
+        down, up = before.rates[:gaps], after.rates[:gaps]
+        limit = self._tolerance * self._model.gap_units
+        turns = (down < 0.0) & (up > 0.0) & (before.gaps > limit)
+        near = np.minimum(before.gaps, after.gaps) <= limit + FALLING * length * np.maximum(-down, up)
+        open_ones = ~closed & ~self._model.clutches & (after.gaps >= -limit)
+        return np.flatnonzero(turns & near & open_ones).tolist()
+
+    def _grazing(self, motion: TrialMotion, index: int, first: float | None, length: float) -> float | None:
+        """Where a gap that turns within the step becomes zero before that, if that is the first event."""
+
+        def gap(at: OneSidedReadings) -> float:
+            return float(at.gaps[index] / self._model.gap_units[index])
+
+        def rate(s: float) -> float:
+            return -float(motion.readings(s).rates[index])
+
+        lowest = first_zero(rate, length, rate(0.0), rate(length), 0.0)
+        if first is not None and first <= lowest:
+            return first if first == 0.0 else self._earlier(motion, gap, first, length)
+        found = self._earlier(motion, gap, lowest, length)
+        return found if found != lowest else first
+
+    def _turning(self, motion: TrialMotion, before: OneSidedReadings, sliding: list[int], length: float) -> list[int]:
+        """The elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
+        found, after = [], motion.readings(length)
+        for index in sliding:
+            slip, then, place = self._slip(before, index), self._slip(after, index), self._place[index]
+            change, speed = math.hypot(then[0] - slip[0], then[1] - slip[1]), _speed(slip)
+            rate = max(float(before.turning[place]), float(after.turning[place]))
+            if change > TURNING * speed or (speed > self._model.slow and length * rate > STIFF):
+                found.append(index)
+        return found
+
+    def _straight(self, y: Array, inputs: Array, t: float, length: float, turning: list[int]) -> TrialMotion | None:
+        """The motion with constant directions of friction, if the slips keep these directions."""
+        if not turning:
+            return None
+        directions = [self._direction(index, inputs) for index in turning]
+        motion = self._fixed(y, inputs, t, turning, directions)
+        for index, direction in zip(turning, directions, strict=True):
+            was, now = (self._slip(motion.readings(s), index) for s in (0.0, length))
+            if not _is_straight(direction, was, now, self._noise):
+                return None
+        return motion
+
+    def _resolved_length(
+        self, motion: TrialMotion, before: OneSidedReadings, inputs: Array, sliding: list[int], length: float, t: float
+    ) -> float:
+        """The length of a part of a step in which no slip turns much."""
+        shortest = SHORTEST * max(1.0 / self._model.units.rate, abs(t))
+        while length > shortest:
+            shorter = self._resolved(before, motion.readings(length), sliding, length)
+            if shorter >= length:
+                break
+            length = max(shorter, shortest)
+        return length
+
+    def _steady(
+        self, motion: TrialMotion, before: OneSidedReadings, turning: list[int], length: float
+    ) -> tuple[list[int], float]:
+        """The elements whose friction turns their slip much faster than it changes, and how long it does."""
+        moving = [index for index in turning if _speed(self._slip(before, index)) > self._model.slow]
+        rates = {index: float(before.turning[self._place[index]]) / STIFF for index in moving}
+        fastest = max(rates.values(), default=0.0)
+        if length * fastest <= STEADY:
+            return [], length
+        brief = BRIEF / fastest
+        soon = motion.readings(brief)
+        for index in moving:
+            slip, then = self._slip(before, index), self._slip(soon, index)
+            change = math.hypot(then[0] - slip[0], then[1] - slip[1]) / brief
+            if change > 0.0:
+                length = min(length, SHORTER * TURNING * _speed(slip) / change)
+        return [index for index in moving if length * rates[index] > 1.0] if length * fastest > STEADY else [], length
+
+    def _fixed(
+        self, y: Array, inputs: Array, t: float, elements: list[int], directions: list[list[float]]
+    ) -> TrialMotion:
+        """The motion with these constant directions of friction."""
+        given = inputs.copy()
+        layout, modes = self._model.layout, self._model.modes(given)
+        first = layout.direction.start - layout.gaps
+        for index, direction in zip(elements, directions, strict=True):
+            for row, part in zip(self._model.frictions[index][0], direction, strict=True):
+                modes[first + row] = FIXED * part
+        return TrialMotion(self._model, y, given, t)
+
+    def _along_fixed(self, y: Array, inputs: Array, t: float, length: float, elements: list[int]) -> TrialMotion:
+        """The motion with constant directions of friction, which are those that the slips have at the end.
+
+        That is stable however fast friction turns the slips; these are then so slow that it is accurate as well.
+        """
+        angles = np.array([math.atan2(*reversed(self._direction(index, inputs))) for index in elements])
+
+        def across(trial: Array) -> tuple[Array, TrialMotion]:
+            directions = [[math.cos(angle), math.sin(angle)] for angle in trial.tolist()]
+            motion = self._fixed(y, inputs, t, elements, directions)
+            slips = [self._slip(motion.readings(length), index) for index in elements]
+            pairs = zip(slips, directions, strict=True)
+            return np.array([slip[1] * along[0] - slip[0] * along[1] for slip, along in pairs]), motion
+
+        found, motion = across(angles)
+        for _ in range(NEWTON_STEPS):
+            jacobian = np.empty((len(elements), len(elements)))
+            for column in range(len(elements)):
+                moved = angles.copy()
+                moved[column] += ANGLE
+                jacobian[:, column] = (across(moved)[0] - found) / ANGLE
+            angles = angles - solve(jacobian, found)
+            last, (found, motion) = found, across(angles)
+            if not np.max(np.abs(found)) < 0.5 * np.max(np.abs(last)):
+                break
+        return motion
+
+    def _slip(self, readings: OneSidedReadings, index: int) -> list[float]:
+        rows = self._model.frictions[index][0]
+        return [float(readings.rates[row]) for row in rows]
+
+    def _creeps(self, readings: OneSidedReadings, sliding: list[int]) -> bool:
+        return any(self._model.slow < _speed(self._slip(readings, index)) <= self._stopped for index in sliding)
+
+    def _turn(self, readings: OneSidedReadings, inputs: Array, sliding: list[int]) -> None:
+        """Store the present directions of sliding."""
+        layout, modes = self._model.layout, self._model.modes(inputs)
+        first = layout.direction.start - layout.gaps
+        for index in sliding:
+            rows = self._model.frictions[index][0]
+            slip = readings.rates[list(rows)].tolist()
+            speed = math.hypot(*slip)
+            if speed > self._model.slow:
+                for row, part in zip(rows, slip, strict=True):
+                    modes[first + row] = part / speed
+
+    def _direction(self, index: int, inputs: Array) -> list[float]:
+        """The stored direction of sliding."""
+        layout, modes = self._model.layout, self._model.modes(inputs)
+        first = layout.direction.start - layout.gaps
+        return [float(modes[first + row]) for row in self._model.frictions[index][0]]
+
+    def _resolved(self, before: OneSidedReadings, after: OneSidedReadings, sliding: list[int], length: float) -> float:
+        """A length within which no slip turns much."""
+        share = 1.0
+        for index in sliding:
+            was, now, place = self._slip(before, index), self._slip(after, index), self._place[index]
+            speed, change = _speed(was), math.hypot(now[0] - was[0], now[1] - was[1])
+            if speed <= self._model.slow:  # sliding begins; no method is accurate in that, but for a short while
+                if change > self._stopped:
+                    share = min(share, SHORTER * self._stopped / change)
+                continue
+            rate = max(float(before.turning[place]), float(after.turning[place])) if speed > self._stopped else 0.0
+            excess = max(change / ((TURNING if speed > self._stopped else STOPPING) * speed), length * rate / STIFF)
+            if excess > 1.0:
+                share = min(share, max(SHORTER / excess, SHORTENING))
+        return share * length
+
+    def _stop(self, motion: TrialMotion, index: int, before: OneSidedReadings, length: float) -> float | None:
+        """Where a slip along two directions stops, or None."""
+        rows = list(self._model.frictions[index][0])
+        was = before.rates[rows].tolist()
+        speed = math.hypot(*was)
+        if speed <= self._model.slow:
+            return None
+        along = [part / speed for part in was]
+
+        def forward(at: OneSidedReadings) -> float:
+            slip = at.rates[rows].tolist()
+            return float(along[0] * slip[0] + along[1] * slip[1])
+
+        if length == 0.0 or (last := forward(motion.readings(length))) >= 0.0:
+            return None
+        return first_zero(lambda s: forward(motion.readings(s)), length, speed, last, 0.0)
+
+
+def _guard(index: int) -> Callable[[OneSidedReadings], float]:
+    return lambda at: float(at.guards[index])
+
+
+def _speed(slip: list[float]) -> float:
+    return math.hypot(*slip)
+
+
+def _is_straight(direction: list[float], was: list[float], now: list[float], noise: float) -> bool:
+    """Whether a slip has the direction before and after it has changed, or has reversed it."""
+    change = math.hypot(now[0] - was[0], now[1] - was[1])
+    across = max(abs(direction[0] * slip[1] - direction[1] * slip[0]) for slip in (was, now))
+    return across <= STRAIGHT * change + noise

@@ -1,0 +1,283 @@
+"""What the events of a mechanism with one-sided rows are computed from, at one state.
+
+The one-sided rows of a mechanism as a system for the compiler.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
+from mbd_sim.dynamics.contact.equations import SLIDING, OneSidedEquations, OneSidedLayout
+from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.simulation.contact.records import ContactState, with_friction
+
+Mask: TypeAlias = NDArray[np.bool_]
+
+ROUND_OFF = 1e-10  # of a load, relative to its parts
+
+
+@dataclass(frozen=True, slots=True)
+class OneSidedReadings:
+    """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state.
+
+    `turning` are the rates in 1/s at which friction along two directions may turn its slip.
+    """
+
+    gaps: Array
+    rates: Array
+    forces: Array
+    guards: Array
+    turning: Array
+
+
+@dataclass(frozen=True, eq=False)
+class OneSidedTerms:
+    """A (rows, rows), the rows' accelerations (rows,) without contact forces, and friction's sizes (frictions, 2).
+
+    `loads` are the forces of joints with loads, without contact forces (k,) and by these (k, rows), by the friction
+    element.
+    """
+
+    matrix: Array
+    free: Array
+    sizes: Array
+    loads: Mapping[int, tuple[Array, Array]]
+
+    def load(self, element: int, forces: Array) -> float:
+        """The size in N of the force on which the friction of an element depends."""
+        unloaded, by_force = self.loads[element]
+        total = unloaded.copy()
+        for row, force in enumerate(forces.tolist()):
+            total += by_force[:, row] * force
+        return math.sqrt(sum((total * total).tolist()))
+
+
+class OneSidedModel:
+    """The functions of a model's one-sided rows, evaluated in numbers. It holds no state.
+
+    `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
+    and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
+    that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
+    `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,).
+    """
+
+    __repr__ = short_repr
+
+    def __init__(self, functions: OneSidedFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
+        """:param size: of the mechanism in m."""
+        assert kernel.one_sided is not None
+        contacts = functions.contacts
+        self._functions, self.kernel, self.span = functions, kernel.one_sided, inputs.one_sided
+        self.layout: OneSidedLayout = contacts.layout
+        self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
+            (element.rows, element.gap) for element in contacts.frictions
+        ]
+        self.placed = tuple(index for index, gap in enumerate(contacts.gaps) if gap.place is not None)
+        self.compliance = _compliance(contacts, size)
+        self.units, self.slow = contacts.units, contacts.slow
+        self.speeds, self.gap_units = np.array(contacts.speeds), np.array(contacts.gap_units)
+        self.loads = contacts.units.force * contacts.units.length / np.array(contacts.lengths)
+        self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
+        self.row_names = _row_names(contacts)
+        self.names = self.row_names[: self.layout.gaps]
+        self.owners = tuple(contacts.equations.rows[index].owner for index in range(self.layout.rows))
+        self.pairs = [index for index, (rows, _) in enumerate(self.frictions) if len(rows) == 2]
+        self.loaded = [index for index, element in enumerate(contacts.frictions) if element.joint is not None]
+        self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
+        self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
+        counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)
+        self._ends = list(accumulate(counts))  # of the time and of all readings
+
+    @property
+    def placed_inputs(self) -> tuple[int, ...]:
+        """The indices of the inputs that are 1 while the gaps `placed` are closed."""
+        return tuple(self.span.start + self.layout.closed.start + gap for gap in self.placed)
+
+    def modes(self, inputs: Array) -> Array:
+        """A view of the modes among the inputs, see `OneSidedLayout.modes`."""
+        return inputs[self.span][self.layout.modes]
+
+    def sliding(self, modes: Array) -> list[int]:
+        """The friction elements that slide."""
+        found, layout = [], self.layout
+        first = layout.direction.start - layout.gaps
+        for index, (rows, _) in enumerate(self.frictions):
+            size = sum(float(modes[first + row]) ** 2 for row in rows)
+            sticks = index not in self.loaded and any(modes[layout.active.start + row] for row in rows)
+            if size > SLIDING and not sticks:
+                found.append(index)
+        return found
+
+    def readings(self, time: float, y: Array, inputs: Array) -> OneSidedReadings:
+        """Gaps, rates, forces and guards."""
+        out = np.empty(self._ends[-1])
+        out[0] = time
+        first = address(out)
+        self.kernel.readings(first, address(y), address(inputs), first + out.itemsize)
+        return OneSidedReadings(*[out[start:stop] for start, stop in pairwise(self._ends)])
+
+    def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
+        """A copy of the inputs with the forces λ of all rows."""
+        filled = inputs.copy()
+        filled[self.span][self.layout.multipliers] = self.readings(time, y, inputs).forces
+        return filled
+
+    def states(self, time: float, y: Array, inputs: Array, places: Array | None = None) -> dict[str, ContactState]:
+        """Each gap and each friction element without one, by name.
+
+        :param places: the points and forces (placed, 2, 3) of `Model.contact_places`; without them they are None.
+        """
+        placed = {} if places is None else dict(zip(self.placed, places, strict=True))
+        modes, read = self.modes(inputs), self.readings(time, y, inputs)
+        sliding = self.sliding(modes)
+        friction = {gap: index for index, (_, gap) in enumerate(self.frictions) if gap is not None}
+
+        def state(element: int) -> tuple[str, Array, Array]:
+            rows = list(self.frictions[element][0])
+            return "slides" if element in sliding else "sticks", read.forces[rows], read.rates[rows]
+
+        found: dict[str, ContactState] = {}
+        for gap, name in enumerate(self.names):
+            how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
+            how = how if modes[gap] else "open"
+            place = placed.get(gap, (None, None))
+            found[name] = ContactState(how, read.gaps[gap], read.rates[gap], read.forces[gap], forces, slip, *place)
+        for index, (rows, load) in enumerate(self.frictions):
+            if load is None:
+                how, forces, slip = state(index)
+                found[self.row_names[rows[0]]] = ContactState(how, 0.0, 0.0, 0.0, forces, slip)
+        return found
+
+    def entry_names(self) -> list[str]:
+        """The names of the `entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
+        friction = {gap: rows for rows, gap in self.frictions if gap is not None}
+        names = []
+        for gap, name in enumerate(self.names):
+            names += with_friction(name, len(friction.get(gap, ())))
+        return names + [self.row_names[rows[0]] for rows, gap in self.frictions if gap is None]
+
+    def entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
+        """For each gap its size, rate and force; after it, for each direction of friction, sliding, slip and force."""
+        found: list[tuple[float, float, float]] = []
+        states = list(self.states(time, y, inputs).values())
+        for number, state in enumerate(states):
+            if number < self.layout.gaps:
+                found.append((state.gap, state.rate, state.normal))
+            found += state.friction_entries
+        return found
+
+    def terms(self, time: float, y: Array, inputs: Array) -> OneSidedTerms:
+        """The terms of the equations for forces and impulses."""
+        matrix, free, sizes = all_evaluated(self._functions.terms, time, y, inputs)
+        loads = {
+            index: (unloaded.ravel(), by_force)
+            for index, function in zip(self.loaded, self._functions.loads, strict=True)
+            for unloaded, by_force in [all_evaluated(function, time, y, inputs)]
+        }
+        return OneSidedTerms(matrix, free.ravel(), sizes, loads)
+
+    def set_signs(self, terms: OneSidedTerms, forces: Array, modes: Array) -> None:
+        """Write the signs of loads with one component into the modes; those that are zero keep theirs."""
+        for number, index in enumerate(self.loaded):
+            unloaded, by_force = terms.loads[index]
+            if not len(unloaded):
+                continue  # nothing loads this joint
+            parts = [float(unloaded[0]), *(by_force[0] * forces).tolist()]
+            value, position = sum(parts), self.layout.signs.start + number
+            if abs(value) > ROUND_OFF * (self.units.force + sum(map(abs, parts))):
+                modes[position] = -1.0 if value < 0.0 else 1.0
+            elif modes[position] == 0.0:
+                modes[position] = 1.0
+
+    def flip_signs(self, modes: Array, reached: Mask) -> None:
+        """Change the signs of those loads whose guards, the last ones, have been reached."""
+        for number, at_zero in zip(self._single, reached[len(reached) - len(self._single) :], strict=True):
+            if at_zero:
+                modes[self.layout.signs.start + number] *= -1.0
+
+    def response(self, time: float, y: Array, inputs: Array, impulses: Array) -> Array:
+        """The change of u (nv,) by impulses (rows,)."""
+        return evaluated(self._functions.response, time, y, inputs, impulses).ravel()
+
+    def restitution(self, inputs: Array) -> Array:
+        """e (gaps,)."""
+        return evaluated(self._functions.restitution, inputs).ravel()
+
+
+def _compliance(contacts: OneSidedEquations, size: float) -> Array:
+    """1 for rows in m; those of angles count as forces at the lever `size`."""
+    lever = size or 1.0
+    return np.array([1.0 if is_length else lever**-2 for is_length in contacts.are_lengths])
+
+
+def _row_names(contacts: OneSidedEquations) -> tuple[str, ...]:
+    """The name of each row: that of its element, with the constrained quantity where the element has several gaps."""
+    rows = contacts.equations.rows
+    owners = [row.owner for row in rows[: contacts.layout.gaps]]
+    names = []
+    for index, row in enumerate(rows):
+        several = owners.count(row.owner) > 1 or (index >= contacts.layout.gaps and row.owner[0] == "joints")
+        quantity = row.quantity.replace(" ", "_").replace(",", "")
+        names.append(f"{row.owner[1]}.{quantity}" if several else str(row.owner[1]))
+    return tuple(names)
+
+
+def address(array: Array) -> int:
+    """The address of an array; of one that can be written to in a quarter of the time of `array.ctypes.data`."""
+    if not array.flags.writeable:
+        return array.ctypes.data
+    return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
+
+
+TOLERANCE = 1e-13  # of guards in natural units, for a mechanism of up to the natural length
+
+
+def guard_tolerance(equations: Equations) -> float:
+    """How negative a guard may be by round-off."""
+    assert equations.one_sided is not None
+    return TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.contacts.units.length)
+
+
+def one_sided_system(equations: Equations, contact: OneSidedFunctions) -> OneSidedSystem:
+    """The system for `compile_kernel`, from the functions of the `contact` among the equations."""
+    layout = contact.contacts.layout
+    rows = [element.rows[0] for element in contact.contacts.frictions if element.joint is not None]
+    loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, contact.loads, strict=True))
+    slips = [element.rows for element in contact.contacts.frictions]
+    single_loads = sum(load.components == 1 for load in loads)
+
+    def pair(functions: SolvedPair) -> tuple[ca.Function, ca.Function]:
+        return functions.system, functions.result
+
+    return OneSidedSystem(
+        gaps=layout.gaps,
+        rows=layout.rows,
+        guards=layout.gaps + len(contact.contacts.frictions) + single_loads,
+        rates=pair(contact.rates),
+        project=pair(contact.project),
+        readings=(contact.rates.system, contact.readings),
+        open_guards=contact.open_guards,
+        first_mode=equations.inputs.one_sided.start,
+        modes=2 * layout.rows,
+        loads=loads,
+        slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
+        tolerance=guard_tolerance(equations),
+        gap_units=contact.contacts.gap_units,
+        slow=contact.contacts.slow,
+    )

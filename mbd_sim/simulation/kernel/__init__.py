@@ -1,0 +1,1 @@
+"""The memory of a kernel, and the sensors that sample it."""

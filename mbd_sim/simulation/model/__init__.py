@@ -1,0 +1,1 @@
+"""The compiled model of a mechanism, and how it is built."""

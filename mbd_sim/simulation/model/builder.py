@@ -1,0 +1,161 @@
+"""Builds models: traces the equations of a mechanism, chooses the method, and compiles the kernel.
+
+The loads of redundant joints as a function that is compiled when it is first read, if that pays off.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.compiler.kernel import PartialSystem, compile_kernel, history_size
+from mbd_sim.compiler.python.bound_call import Call, Clock
+from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.compiler.readers import CompiledReaders
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.simulation.model.method_choice import MethodChoice, choose_method, require_one_sided_method
+from mbd_sim.simulation.model.prepared import PreparedModel
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.contact.terms import OneSidedModel
+
+
+MANY_JOINTS = 10  # from which on the derivation takes a second or more
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltModel:
+    """The equations, the data and the kernel of a model."""
+
+    equations: Equations
+    prepared: PreparedModel
+    kernel: Kernel
+
+
+def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float) -> BuiltModel:
+    """Trace and compile a mechanism.
+
+    :param method: its name, which may be `auto`.
+    :param trace: derives its equations.
+    :param step: in s.
+    :raises MechanismError: the method does not fit, or the equations are singular at the start.
+    """
+    severity = logging.INFO if len(mechanism.all_joints) >= MANY_JOINTS else logging.DEBUG
+    _log.log(severity, "deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
+    require_one_sided_method(mechanism, method)
+    equations = trace()
+    centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
+    inputs = equations.inputs_at_start(centers)
+    choice = choose_method(mechanism, equations, inputs, method, step)
+    _log.debug("compiling the equations of '%s'", mechanism.name)
+    kernel = _kernel(equations, choice)
+    prepared = PreparedModel(
+        method=choice.method.name,
+        method_remark=choice.remark,
+        layout=equations.layout,
+        input_layout=equations.inputs,
+        start=equations.start_state,
+        inputs=inputs,
+        history_size=history_size(choice.method, len(equations.start_state), len(inputs)),
+        part_names=equations.part_names,
+        row_names=tuple(str(row.owner[1]) for row in equations.rows),
+        rank=equations.start.rank,
+        signature=kernel.signature,
+    )
+    return BuiltModel(equations, prepared, kernel)
+
+
+def can_be_stored(equations: Equations) -> bool:
+    """Whether a run needs the equations only on request: contacts and distant springs need them from the start."""
+    return equations.one_sided is None and equations.distant_springs is None
+
+
+def one_sided_model(equations: Equations, kernel: Kernel) -> OneSidedModel | None:
+    """The one-sided elements of a model, if there are any."""
+    if equations.one_sided is None:
+        return None
+    from mbd_sim.simulation.contact.terms import OneSidedModel
+
+    return OneSidedModel(equations.one_sided, equations.inputs, kernel, equations.constraints.size)
+
+
+def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
+    """What a method solves for instead of all rates, if it treats only the forces within joints implicitly."""
+    joints_only = isinstance(method, Rosenbrock) and method.joints_only
+    return equations.joint_linearization.partial_system if joints_only else None
+
+
+def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
+    one_sided = None
+    if equations.one_sided is not None:
+        from mbd_sim.simulation.contact.terms import one_sided_system
+
+        one_sided = one_sided_system(equations, equations.one_sided)
+    return compile_kernel(
+        equations.rates,
+        equations.project,
+        _readers(equations),
+        choice.method,
+        equations.core,
+        partial(partial_system, equations, choice.method),
+        one_sided,
+        None if equations.actuators is None else equations.actuators.between_steps,
+        equations.like_branches,
+        equations.scales,
+    )
+
+
+def _readers(equations: Equations) -> Mapping[str, ca.Function]:
+    """The functions of the state that are compiled with the steps."""
+    readers = {
+        "energies": equations.energies,
+        "poses": equations.poses,
+        "drives": equations.drives,
+        "violation": equations.violation,
+    }
+    if equations.distant_springs is not None:
+        readers["elongations"] = equations.distant_springs.elongations
+    if equations.one_sided is not None and equations.one_sided.places.nnz_out(0):
+        readers["contact_places"] = equations.one_sided.places
+    if equations.actuators is not None:
+        readers["actuators"] = equations.actuators.readings
+    return readers
+
+
+# Instructions up to which the function is compiled, within about 0.3 s, which pay off after some three thousand calls.
+# The time of compilation and the calls grow in proportion.
+COMPILED = 5_000
+NAME = "load_paths"
+
+
+class LoadPathReader:
+    """The output (size,) of the function of `Equations.load_paths`, compiled or, if that is long, by CasADi."""
+
+    def __init__(self, equations: Equations) -> None:
+        self._equations = equations
+
+    def __call__(self, time: float, y: Array, inputs: Array) -> Array:
+        """The output (size,) at a state."""
+        if self._compiled is None:
+            return self._equations.load_paths.values(time, y, inputs)
+        return self._compiled.read(NAME, time, y, inputs)
+
+    def bound(self, clock: Clock, arrays: Sequence[Array]) -> Call | None:
+        """The function of arrays that stay where they are, see `CompiledReaders.bound_to`; None if not compiled."""
+        return None if self._compiled is None else self._compiled.bound_to(NAME, clock, arrays)
+
+    @cached_property
+    def _compiled(self) -> CompiledReaders | None:
+        function = self._equations.load_paths.function
+        return None if function.n_instructions() > COMPILED else CompiledReaders({NAME: function})

@@ -1,0 +1,206 @@
+"""Commands of actuators: checked as a whole, by the names of actuators or of their channels.
+
+Effort commands: checked as a whole, then clamped to the effort limits of the joints.
+
+Compiled code does the same for arrays, lists and tuples that need no error message: see `bounded_writer`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbd_sim.base.errors import CommandError, counted, listed, nearest, printable, quoted
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.mechanism.contents import channel_names
+from mbd_sim.mechanism.elements.joint_types import Channel
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.layouts.inputs import InputLayout
+    from mbd_sim.mechanism.elements.actuators import Actuator
+    from mbd_sim.mechanism.elements.joint_types import CommandedDrive
+
+
+Command = float | Mapping[Channel, float]
+MemberCommand = float | Array | Mapping[Channel, float | Array]  # for all members of an ensemble, or (k,)
+
+
+class CommandMap:
+    """The commands of actuators and drives, one number for each channel; `names` are `actuator.channel`, in order.
+
+    A command in N, N·m, rad, m, rad/s, m/s, V or A acts on the first channel of an actuator, or on those that it names.
+    A drive has the name of its joint.
+    """
+
+    __repr__ = short_repr
+
+    def __init__(self, takers: Sequence[Actuator | CommandedDrive], layout: InputLayout) -> None:
+        self.takers, self.range = {taker.name: taker for taker in takers}, layout.commands
+        channels = [(taker.name, channel) for taker in takers for channel in taker.channels]
+        self.names = channel_names(takers)
+        self._index = {key: index for index, key in enumerate(channels)}
+
+    def merged(self, current: Array, commands: Mapping[str, Command]) -> Array:
+        """All commands (n,) after new ones; those that they do not name stay as in `current`.
+
+        :raises CommandError: an unknown actuator or channel, or a value that is not a finite number.
+        """
+        merged = current.copy()
+        for index, value in self._given(commands):
+            merged[index] = _finite(self.names[index], value)
+        return merged
+
+    def merged_rows(
+        self, current: Array, commands: Array | Mapping[str, MemberCommand] | Sequence[Mapping[str, Command]]
+    ) -> Array:
+        """All commands (k, n) of k members after new ones, see `Ensemble.set_commands`.
+
+        :raises CommandError: see `merged`; or the commands do not fit the members.
+        """
+        count, size = current.shape
+        if isinstance(commands, Mapping):
+            merged = current.copy()
+            for index, value in self._given(commands):
+                merged[:, index] = _rows(self.names[index], value, (count,))
+            return merged
+        if not isinstance(commands, np.ndarray) and any(isinstance(one, Mapping) for one in commands):
+            if len(commands) != count:
+                counts = f"{counted(len(commands), 'command')} for {counted(count, 'member')}"
+                raise CommandError(counts, "Give one mapping for each.")
+            pairs = zip(current, commands, strict=True)
+            return np.array([self.merged(row, given) for row, given in pairs]).reshape(count, size)
+        return _rows(f"{counted(size, 'channel')} ({listed(list(self.names))})", commands, (count, size))
+
+    def _given(self, commands: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
+        """The index and the value of each command.
+
+        :raises CommandError: an unknown actuator or channel.
+        """
+        for name, given in commands.items():
+            if name not in self.takers:
+                remedy = nearest(name, self.takers) if self.takers else "This mechanism has no actuators."
+                raise CommandError(f"there is no actuator '{name}'", remedy)
+            channels = self.takers[name].channels
+            for channel, value in (given if isinstance(given, Mapping) else {channels[0]: given}).items():
+                if (name, channel) not in self._index:
+                    remedy = f"Command its {listed(list(channels))}."
+                    raise CommandError(f"actuator '{name}' takes no {channel}", remedy)
+                yield self._index[name, channel], value
+
+    def checked(self, labels: Sequence[str], values: Array) -> Array:
+        """All commands (n,), as a recording has them.
+
+        :raises CommandError: the labels are those of other actuators, or a value is not finite.
+        """
+        if tuple(labels) != self.names or len(values) != len(self.names) or not np.all(np.isfinite(values)):
+            raise CommandError(f"the commands do not fit: one finite number is needed for {listed(list(self.names))}")
+        return values
+
+
+def _rows(name: str, value: object, shape: tuple[int, ...]) -> Array:
+    """Finite numbers of a shape, of which fewer are repeated for all members."""
+    try:
+        if isinstance(value, str | bytes):
+            raise TypeError(f"{quoted(value)} is a text")
+        rows = np.broadcast_to(np.asarray(value, dtype=float), shape)
+    except (TypeError, ValueError) as error:
+        counts = f"the commands of {name} do not fit {counted(shape[0], 'member')}: {error}"
+        raise CommandError(counts, "Give numbers for all of them, or one for each.") from error
+    if not np.all(np.isfinite(rows)):
+        raise CommandError(f"a command of {name} is not finite", "Give finite numbers.")
+    return rows
+
+
+def _finite(name: str, value: object) -> float:
+    try:
+        if isinstance(value, str | bytes):
+            raise TypeError(f"{quoted(value)} is a text")
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"the command of {name} is not a number ({error})", "Give a number.") from error
+    if not math.isfinite(number):
+        raise CommandError(f"the command of {name} is not finite", "Give a finite number.")
+    return number
+
+
+class UnknownJointError(CommandError):
+    """A command for a joint that does not exist. The nearest name is searched only when the text is needed."""
+
+    def __init__(self, name: str, valid: Iterable[str]) -> None:
+        super().__init__(f"there is no joint '{name}'")
+        self.name, self._valid = name, valid
+
+    def __str__(self) -> str:
+        remedy = nearest(self.name, self._valid) or "No joint of this mechanism accepts efforts."
+        return printable(f"{self.message}. {remedy}")
+
+
+class EffortMap:
+    """Commands by order or by name, as one effort (N or N·m) for each degree of freedom."""
+
+    __repr__ = short_repr
+
+    def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
+        """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
+        self.names, self._driven = tuple(names), frozenset(driven)
+        self._index = {name: index for index, name in enumerate(self.names)}
+        self.limits = np.array(limits, dtype=float)
+
+    def limit(self, limits: Array) -> None:
+        """Set the largest absolute values (nv,) of the efforts from now on, in place: compiled code reads them."""
+        self.limits[:] = limits
+
+    def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
+        """The efforts (nv,) after a command; those that it does not name stay as in `current`.
+
+        :raises CommandError: wrong length, an unknown name, or a value that is not a finite number.
+        """
+        merged = current.copy()
+        try:
+            given = efforts.values() if isinstance(efforts, Mapping) else efforts
+            if texts := [value for value in given if isinstance(value, str | bytes)]:
+                raise TypeError(f"{quoted(texts[0])} is a text")
+            if isinstance(efforts, Mapping):
+                for name, value in efforts.items():
+                    merged[self._index_of(name)] = value
+            elif len(efforts) != len(self.names):
+                raise CommandError(
+                    f"{counted(len(self.names), 'effort')} expected, but {len(efforts)} given",
+                    f"Give one for each of: {listed(self.names)}.",
+                )
+            else:
+                merged[:] = efforts
+        except (TypeError, ValueError) as error:
+            if isinstance(error, CommandError):
+                raise
+            raise CommandError(f"an effort is not a number ({error})", "Give numbers.") from error
+        if not np.all(np.isfinite(merged)):
+            bad = [name for name, value in zip(self.names, merged, strict=True) if not math.isfinite(value)]
+            raise CommandError(f"the effort of {listed(bad)} is not finite", "Give finite numbers.")
+        return merged
+
+    def clamped(self, efforts: Array) -> Array:
+        """The efforts within the effort limits of the joints."""
+        clamped: Array = np.copysign(np.minimum(np.abs(efforts), self.limits), efforts)
+        return clamped
+
+    def require(self, name: str) -> None:
+        """Check that a joint exists and is not driven.
+
+        :raises CommandError: it does not exist, or is driven.
+        """
+        self._index_of(name)
+
+    def _index_of(self, name: str) -> int:
+        if name in self._driven:
+            raise CommandError(
+                f"joint '{name}' is driven: its drive prescribes the motion, so it accepts no effort",
+                "Command another joint.",
+            )
+        if name not in self._index:
+            raise UnknownJointError(name, self._index)
+        return self._index[name]

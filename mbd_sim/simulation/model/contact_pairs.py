@@ -1,0 +1,110 @@
+"""Refuses contacts of cylinders whose gap cannot be computed: those that tilt against each other, or slide past an end.
+
+The distance of cylinders is known as long as their axes are parallel, and beside each other. The motion of joints
+without regard to loops decides whether they stay so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mbd_sim.base.errors import MechanismError, Problem
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, Contact
+from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.simulation.model.model import Model
+
+PARALLEL = 1e-5  # rad, and of their sizes, by which axes may tilt and ends move: the digits that people write
+TRIALS, SEED = 6, 1
+
+
+def require_computable_pairs(model: Model) -> None:
+    """Refuse contacts of cylinders that cannot be computed.
+
+    :raises MechanismError: the contacts are named, with what to do.
+    """
+    pairs = [contact for contact in model.mechanism.contacts if _is_limited(contact)]
+    if not pairs:
+        return
+    trials = [dict(model.poses(time, y, model.inputs)) for time, y in _trial_states(model)]
+    if problems := [problem for contact in pairs for problem in _problems(model, contact, trials)]:
+        raise MechanismError(problems)
+
+
+def endless_remarks(model: Model) -> Iterator[str]:
+    """A sentence on each contact with a cam along whose axis the other body moves: the cam has no ends there."""
+    cams = [contact for contact in model.mechanism.contacts if isinstance(contact.second, Cam)]
+    trials = [dict(model.poses(time, y, model.inputs)) for time, y in _trial_states(model)] if cams else []
+    for contact in cams:
+        along = [_placed(contact, poses)[2] for poses in trials]
+        if np.ptp(along) > PARALLEL * max(map(abs, along)):
+            yield (
+                f"the cam of {contact.name!r} is endless along its axis, along which {contact.names[0]!r} moves: they "
+                "touch beside the cam as well. Hold them beside each other by joints."
+            )
+
+
+def _is_limited(contact: Contact) -> bool:
+    first, second = contact.first, contact.second
+    if isinstance(first, Barrel):
+        return isinstance(second, Barrel | Cam)
+    return isinstance(first, Ball) and first.radius == 0.0 and isinstance(second, Barrel)
+
+
+def _trial_states(model: Model) -> Iterator[tuple[float, Array]]:
+    """The start, and times and states with all coordinates changed."""
+    yield 0.0, model.start
+    chance, layout = np.random.default_rng(SEED), model.layout
+    for _ in range(TRIALS):
+        y = model.start.copy()
+        y[: layout.nq] += chance.normal(size=layout.nq)
+        for joint in model.mechanism.joints.values():
+            if joint.kind.quaternion is not None and not joint.drive:
+                first = layout.q[joint.name].start + joint.kind.quaternion
+                y[first : first + 4] /= np.linalg.norm(y[first : first + 4])
+        yield float(chance.uniform()), y
+
+
+def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> Iterator[Problem]:
+    first, second = contact.first, contact.second
+    placed = [_placed(contact, poses) for poses in trials]
+    tilts = [float(np.linalg.norm(np.cross(one, other))) for one, other, _ in placed]
+    along = np.array([offset for _, _, offset in placed])
+    radius = getattr(second, "radius", 0.0)
+    names = f"'{contact.names[0]}' and '{contact.names[1]}'"
+    where, problem = ("contacts", contact.name), model.mechanism.source.problem
+    if isinstance(first, Barrel) and max(tilts) > PARALLEL:
+        yield problem(
+            where,
+            f"the axes of {names} are or become crossed, so that their distance cannot be computed",
+            "Let joints hold the axes parallel, or give one of the parts a sphere, or several.",
+        )
+    elif isinstance(second, Barrel) and np.ptp(along) > PARALLEL * radius:
+        yield problem(
+            where,
+            f"{names} move along the axis, so that one can pass an end of the other, which cannot be computed",
+            "Hold them beside each other by joints, or give the first a sphere with a radius.",
+        )
+    elif isinstance(second, Barrel):
+        reach = 0.5 * (second.length + (first.length if isinstance(first, Barrel) else 0.0))
+        if (apart := abs(float(along[0])) - reach) > PARALLEL * radius:
+            yield problem(
+                where,
+                f"{names} never touch: they are {apart:.4g} m apart along the axis",
+                "Move their shapes into one plane, lengthen a cylinder, or remove the contact.",
+            )
+
+
+def _placed(contact: Contact, poses: dict[str, Pose]) -> tuple[Array, Array, float]:
+    """The axes (3,) of both bodies, and how far in m the first is along the second's."""
+    first, second = contact.first, contact.second
+    ground = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    frames = [(poses | ground)[body.at.part] for body in (first, second)]
+    places = [
+        frame.position + frame.rotation @ body.at.point for frame, body in zip(frames, (first, second), strict=True)
+    ]
+    other = second.axes[:, 2] if isinstance(second, Cam) else second.axis if isinstance(second, Barrel) else np.zeros(3)
+    axes = [frames[0].rotation @ (first.axis if isinstance(first, Barrel) else other), frames[1].rotation @ other]
+    return axes[0], axes[1], float(axes[1] @ (places[0] - places[1]))

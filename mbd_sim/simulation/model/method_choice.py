@@ -1,0 +1,199 @@
+"""The integration method of a model: the one that was asked for, or one that is stable at the mechanism's rates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import assert_never
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.base.errors import MechanismError, Problem, listed
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.compiler.lists.lowering import instruction_count
+from mbd_sim.compiler.lists.schedule import arranged
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.methods import METHODS, Method
+from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.taylor import Taylor
+from mbd_sim.mechanism.contents import one_sided_names
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.simulation.model.spectrum import FastestMode, fastest_mode, fastest_without_joints, is_slower
+from mbd_sim.simulation.model.state_records import AUTO
+
+DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
+TRIVIAL = 2  # instructions of the rates, which cost less than the history of a method that uses earlier steps
+SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
+LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
+CANCELLATION = 1e-4  # relative error of the difference of two rates
+# The fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration.
+MARGIN = 0.5
+
+
+@dataclass(frozen=True)
+class MethodChoice:
+    """A method, and a sentence that says why it was chosen or that it is unstable; empty if neither is worth saying."""
+
+    method: Method
+    remark: str = ""
+
+
+def require_one_sided_method(mechanism: Mechanism, name: str) -> None:
+    """Refuse a method that cannot treat one-sided elements.
+
+    :raises MechanismError: the elements are named.
+    """
+    names = one_sided_names(mechanism)
+    unable = Rosenbrock | Adams | Taylor
+    if names and name != AUTO and isinstance(METHODS[name], unable):
+        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, unable))
+        message = f"method {name} cannot treat one-sided elements ({listed(names)})"
+        raise MechanismError([Problem(message, f"Use one of {able}.", key="integrator.method")])
+
+
+def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, name: str, step: float) -> MethodChoice:
+    """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
+
+    The default is `DEFAULT`, or `ONE_STEP` if the motion has events or samples: a method that uses earlier steps would
+    restart after each of them. It is also `ONE_STEP` if the rates are `TRIVIAL`.
+
+    The rates are those at the start, and at rest in the start configuration, where regularized friction is stiffest.
+
+    :param inputs: of the equations, without any command.
+    :param step: in s.
+    :raises MechanismError: the named method cannot treat samples and delays of actuators, or what is not smooth.
+    """
+    sampled = _is_sampled(equations)
+    default = ONE_STEP if one_sided_names(mechanism) or sampled or _is_trivial(equations.rates) else DEFAULT
+    method = METHODS[default if name == AUTO else name]
+    if sampled and isinstance(method, Adams | Taylor):
+        message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
+        raise MechanismError([Problem(message, f"Use {AUTO} or {ONE_STEP}.", key="integrator.method")])
+    if isinstance(method, Taylor):
+        _require_series(mechanism, equations, method)
+    if _is_slow(equations, inputs, MARGIN * method.stability_limit / step):
+        return MethodChoice(method)
+    mode = _fastest_at_start(equations, inputs)
+    if step * mode.rate <= MARGIN * method.stability_limit:
+        return MethodChoice(method)
+    rates = f"{mechanism.coordinate_names[mode.speed]} has rates of {mode.rate:.1g}/s"
+    if name == AUTO and one_sided_names(mechanism):
+        remark = (
+            f"{rates}, too fast for steps of {step:g} s with method {default}; methods for stiff mechanisms do not "
+            f"treat one-sided elements. Use steps of {MARGIN * method.stability_limit / mode.rate:.2g} s."
+        )
+        return MethodChoice(method, remark)
+    if name == AUTO:
+        chosen = _implicit(equations, inputs, step, mode.rate)
+        remark = (
+            f"method {chosen} is used: {rates}, and with steps of {step:g} s {default}, the default, is used only up "
+            f"to {MARGIN * method.stability_limit / step:.2g}/s. Select another one with 'method'."
+        )
+        return MethodChoice(METHODS[chosen], remark)
+    if step * mode.rate <= method.stability_limit:
+        return MethodChoice(method)
+    remark = (
+        f"{rates}, and with steps of {step:g} s method {name} is stable up to {method.stability_limit / step:.2g}/s. "
+        f"Use method {STIFF} or {AUTO}."
+    )
+    return MethodChoice(method, remark)
+
+
+def _require_series(mechanism: Mechanism, equations: Equations, method: Taylor) -> None:
+    """Refuse forces, laws and energies that have no Taylor series, and mechanisms of too many parts.
+
+    :raises MechanismError: what depends on an operation without a series is named.
+    """
+    from mbd_sim.compiler.taylor.builder import NotAnalyticError, series_of
+    from mbd_sim.compiler.taylor.recursion import stack_size
+
+    remedy = f"Use {AUTO} or {DEFAULT}."
+    try:
+        series = series_of(equations.rates)
+    except NotAnalyticError as error:
+        layout, names = equations.layout, mechanism.coordinate_names
+        affected = "the energy account or the state of an actuator"
+        if error.result < layout.nq + layout.nv:
+            affected = f"the motion of {names[max(error.result - layout.nq, 0)]}"
+        message = (
+            f"method {method.name} cannot treat forces and laws that are not smooth: {affected} depends on "
+            f"{error.operation}(…), as of stops, tables and 'where'"
+        )
+        raise MechanismError([Problem(message, remedy, key="integrator.method")]) from None
+    if (size := stack_size(series, method.order)) > LARGEST_EXPANSION:
+        message = (
+            f"method {method.name} cannot treat so many parts: an expansion would need {size / 1e6:.1f} MB of the stack"
+        )
+        raise MechanismError([Problem(message, remedy, key="integrator.method")])
+
+
+def _is_trivial(rates: ca.Function) -> bool:
+    """Whether an evaluation of the rates takes so little time that it does not pay to avoid some."""
+    transfers = rates.nnz_in() + rates.nnz_out()  # each is an instruction of CasADi, and not of the kernel
+    if rates.n_instructions() - transfers > 2 * TRIVIAL:  # those of CasADi are not arranged yet
+        return False
+    return instruction_count(arranged(rates)) <= TRIVIAL
+
+
+def _is_sampled(equations: Equations) -> bool:
+    """Whether something changes in the state between steps."""
+    between = None if equations.actuators is None else equations.actuators.between_steps
+    return between is not None and bool(between.delays or between.samplers)
+
+
+def _implicit(equations: Equations, inputs: Array, step: float, fastest: float) -> str:
+    """The method for a stiff mechanism: the cheap one, if only the forces within its joints are stiff.
+
+    Equal finite differences cancel up to their error, a small fraction of the fastest rate; so the rest counts as slow
+    if it is that much slower.
+    """
+    others = max(fastest_without_joints(equations, 0.0, state, inputs).rate for state in _starts(equations))
+    others = max([others, *(mode.rate for mode in _drive_modes(equations, inputs))])
+    return STIFF_JOINTS if step * others <= SLOW or others <= CANCELLATION * fastest else STIFF
+
+
+def _is_slow(equations: Equations, inputs: Array, rate: float) -> bool:
+    """Whether the rates at the start surely do not exceed one in 1/s."""
+    if any(mode.rate > rate for mode in _drive_modes(equations, inputs)):
+        return False
+    return all(is_slower(equations, 0.0, state, inputs, rate) for state in _starts(equations))
+
+
+def _fastest_at_start(equations: Equations, inputs: Array) -> FastestMode:
+    modes = [fastest_mode(equations, 0.0, state, inputs) for state in _starts(equations)]
+    return max([*modes, *_drive_modes(equations, inputs)], key=lambda mode: mode.rate)
+
+
+def _drive_modes(equations: Equations, inputs: Array) -> Iterator[FastestMode]:
+    """The rates of drives that do not show at the start: of current limits, and of open valves."""
+    if equations.actuators is None:
+        return
+    from mbd_sim.dynamics.actuators.cylinders import fastest_rate
+    from mbd_sim.mechanism.elements.actuators import CoordinatePort, Cylinder, DcMotor, EffortMotor
+
+    names = equations.mechanism.coordinate_names
+    positions = np.array(equations.actuators.readings(0.0, equations.start_state, inputs))[0]
+    for actuator, position in zip(equations.mechanism.actuators, positions.tolist(), strict=True):
+        motor, at, rate = actuator.motor, actuator.port, 0.0
+        match motor:
+            case Cylinder():
+                rate = fastest_rate(motor, position)
+            case DcMotor():
+                rate = motor.bandwidth if motor.inductance and motor.current_limit < math.inf else 0.0
+            case EffortMotor():
+                pass
+            case _:
+                assert_never(motor)
+        if rate and names:
+            yield FastestMode(rate, names.index(at.coordinate) if isinstance(at, CoordinatePort) else 0)
+
+
+def _starts(equations: Equations) -> list[Array]:
+    """The start state, and the same at rest."""
+    start = equations.start_state
+    at_rest = start.copy()
+    at_rest[equations.layout.nq : equations.layout.nq + equations.layout.nv] = 0.0
+    return [start] if np.array_equal(start, at_rest) else [start, at_rest]

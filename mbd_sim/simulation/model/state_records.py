@@ -1,0 +1,205 @@
+"""What can be computed from a state, as plain records.
+
+The name of a method of integration, or `auto`.
+
+Velocities and accelerations of the parts, and of points and frames that are fixed in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mbd_sim.base.errors import MechanismError, Problem, nearest
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.compiler.python.bound_call import Call, Clock
+    from mbd_sim.dynamics.equations import Equations
+
+
+class Energies(NamedTuple):
+    """The energy audit, all in J; `total` is kinetic + potential.
+
+    `residual = total - total at the start - work_applied - work_drives + dissipated` measures the error of the
+    integration: it is zero for an exact solution. `potential`, `total` and `residual` are nan where the potential of a
+    spring is not computed: see `DistantPotential`.
+    """
+
+    kinetic: float
+    potential: float
+    dissipated: float
+    work_applied: float
+    work_drives: float
+    total: float
+    residual: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class Losses(NamedTuple):
+    """Parts of the dissipated energy in J: that of impacts, and that of friction that sticks and slides."""
+
+    impact: float
+    friction: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class Violation(NamedTuple):
+    """The largest violation of the constraints: in position (m or 1) and in velocity (m/s or 1/s)."""
+
+    position: float
+    velocity: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class DriveState(NamedTuple):
+    """A driven coordinate in m or rad, its velocity, and the force or moment in N or N·m that its drive exerts."""
+
+    position: float
+    velocity: float
+    force: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class Reaction(NamedTuple):
+    """The load that a joint transmits: `force` (3,) in N and `moment` (3,) in N·m on its child, in ground's axes.
+
+    The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
+    is the load of a gear, rack or coupling: it acts on the coordinates of the joints as a couple or a force between
+    the parts of each joint, and puts no additional load on the bearings. Redundant joints share the load as described
+    in `LoadSharing`.
+    """
+
+    force: Array
+    moment: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class EnsembleEnergies(NamedTuple):
+    """The energy audit with an array (k,) for each entry, in J: see `Energies`."""
+
+    kinetic: Array
+    potential: Array
+    dissipated: Array
+    work_applied: Array
+    work_drives: Array
+    total: Array
+    residual: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class EnsembleMotion(NamedTuple):
+    """The motion of a frame in each member, in ground's axes: see `PartMotion`.
+
+    All are (k, 3), in m, m/s, rad/s, m/s² and rad/s², but the `rotation` matrices (k, 3, 3).
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+    acceleration: Array
+    angular_acceleration: Array
+
+
+class EnsembleDrive(NamedTuple):
+    """A driven coordinate (k,) in m or rad, its velocity, and the force of its drive in N or N·m: see `DriveState`."""
+
+    position: Array
+    velocity: Array
+    force: Array
+
+
+AUTO = "auto"  # instead of a name: chosen by the rates of the mechanism
+
+
+def require_method(mechanism: Mechanism, method: str | None) -> str:
+    """The name of the method that was asked for: `method`, or that of the mechanism's file; it may be `auto`.
+
+    :raises MechanismError: there is no such method.
+    """
+    name = method or mechanism.method
+    if name == AUTO:
+        return name
+    from mbd_sim.integrators.methods import METHODS
+
+    if name in METHODS:
+        return name
+    message, remedy = f"there is no method '{name}'", nearest(name, (AUTO, *METHODS))
+    if method:
+        raise MechanismError([Problem(message, remedy, key="method")])
+    raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
+
+
+class PartMotion(NamedTuple):
+    """The motion of a frame in ground's frame and axes: pose, velocity of the origin, angular velocity, their rates.
+
+    Each is (3,), in m/s, rad/s, m/s² and rad/s².
+    """
+
+    pose: Pose
+    velocity: Array
+    angular_velocity: Array
+    acceleration: Array
+    angular_acceleration: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+    def of(self, frame: Pose) -> PartMotion:
+        """The motion of a frame that is fixed in this one."""
+        arm = self.pose.rotation @ frame.position
+        turning = np.cross(self.angular_velocity, arm)
+        return PartMotion(
+            self.pose @ frame,
+            self.velocity + turning,
+            self.angular_velocity,
+            self.acceleration + np.cross(self.angular_acceleration, arm) + np.cross(self.angular_velocity, turning),
+            self.angular_acceleration,
+        )
+
+
+class MotionReaders:
+    """Accelerations of the coordinates and motions of the parts, under inputs that contain the contact forces."""
+
+    def __init__(self, equations: Equations) -> None:
+        """Compile the functions; this takes as long as for the kernel of the mechanism."""
+        from mbd_sim.compiler.readers import CompiledReaders
+
+        functions = {name: getattr(equations.measurements, name) for name in ("accelerations", "part_motions")}
+        self._readers, self._part_names = CompiledReaders(functions), equations.part_names
+
+    def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
+        """The accelerations of the coordinates, then of the driven ones."""
+        return self._readers.read("accelerations", time, y, inputs)
+
+    def bound_accelerations(self, clock: Clock, y: Array, inputs: Array, count: int) -> Call:
+        """The first ones of arrays that stay where they are, as a callable: see `CompiledFunction.bound`."""
+        return self._readers.bound_to("accelerations", clock, (y, inputs), slice(count))
+
+    def rows(self, time: float, y: Array, inputs: Array) -> Array:
+        """(parts, 4, 3): velocity, angular velocity and their rates."""
+        return self._readers.read("part_motions", time, y, inputs).reshape(-1, 4, 3)
+
+    def parts(self, time: float, y: Array, inputs: Array, poses: Mapping[str, Pose]) -> dict[str, PartMotion]:
+        """The motion of each part, with its pose."""
+        return {
+            name: PartMotion(poses[name], *(vector.copy() for vector in row))
+            for name, row in zip(self._part_names, self.rows(time, y, inputs), strict=True)
+        }

@@ -1,0 +1,1 @@
+"""One simulation: its state, inputs, readings, sensors and events."""

@@ -1,0 +1,133 @@
+"""Advice for a step that is too large: for the accuracy of a mechanism's motion, or for the method's stability."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.base.errors import DivergedError, listed
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.tableau import Tableau
+from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.model.spectrum import fastest_mode
+from mbd_sim.simulation.model.state_records import Energies
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.run.undefined_expressions import UndefinedExpression
+
+TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
+OPEN_ACCOUNT = 1e-4  # residual relative to the largest energy or work
+TARGET = 1e-7  # error of a step at which the proposed step size aims
+MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
+USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is
+
+
+def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: float, estimate: float) -> str | None:
+    """A sentence that names a better step or method, or None if the estimated error of a step is small enough.
+
+    :param step: the step size in s.
+    :param estimate: the estimated error of a step, see `Simulation.error_estimate`.
+    """
+    if estimate <= TOLERATED:
+        return None
+    method = model.method.otherwise if isinstance(model.method, Adams) else model.method
+    meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
+    fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
+    stiff = step * fastest > method.stability_limit
+    better = step * (TARGET / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
+    if stiff:
+        better = min(better, MARGIN * method.stability_limit / fastest)
+    proposals = []
+    may_be_stiff = not isinstance(method, Rosenbrock) and _may_become_stiff(model)
+    if stiff or (not math.isfinite(estimate) and may_be_stiff):
+        proposals.append("method rosenbrock")
+    elif method.order < 8 and isinstance(method, Tableau):
+        proposals.append("method tsitouras8")
+    if not proposals or better * USELESS >= step:
+        proposals.insert(0, f"step {round_down(better):g}")
+    size = f"is estimated at {estimate:.1g}" if math.isfinite(estimate) else "is unbounded"
+    rates = f", which has rates of {fastest:.1g}/s" if stiff else ""
+    return (
+        f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
+        f"Try {' or '.join(proposals)}."
+    )
+
+
+def open_share(model: Model, energies: Energies, start_energy: float, step: float) -> float:
+    """The residual of the energy account relative to its largest term; 0 where it is not known.
+
+    What was exchanged counts, and the potential energies that may have been: at a turning point nothing else is left.
+
+    :param step: the step size in s.
+    """
+    changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
+    from mbd_sim.dynamics.layouts.state_scales import energy_size
+
+    potentials = start_energy, energies.potential, energy_size(model.mechanism, step)
+    largest = max(energies.kinetic, *map(abs, changes), *map(abs, potentials))
+    return abs(energies.residual) / largest if largest > 0.0 else 0.0
+
+
+def advice_on_energy(model: Model, energies: Energies, start_energy: float, step: float) -> str | None:
+    """A sentence on an energy account that does not close, with what may be the cause; None if it closes.
+
+    Estimates of errors overlook what happens within single steps, such as a force that jumps; the account does not.
+    """
+    share = open_share(model, energies, start_energy, step)
+    if not share > OPEN_ACCOUNT:
+        return None
+    mechanism, causes = model.mechanism, list[str]()
+    if turning := [f"'{each.name}'" for each in mechanism.bushings if np.any(each.stiffness[3:, 3:])]:
+        causes.append(f"the couple of {listed(turning)} reverses where a bushing turns past half a turn")
+    if springs := [f"'{each.name}'" for each in mechanism.springs if each.needs_line]:
+        causes.append(f"the force of {listed(springs)} reverses where its length passes zero")
+    cause = f": {'; '.join(causes)}" if causes else ", such as one that jumps"
+    return (
+        f"the energy account of {mechanism.name} is open by {share:.1g} of the largest "
+        f"energy or work. A force may change abruptly within steps of {step:g} s{cause}. Try step "
+        f"{round_down(0.1 * step):g}, or keep the motion away from there."
+    )
+
+
+def _may_become_stiff(model: Model) -> bool:
+    """Whether there are springs, dampers, friction or stops, or live values, which may be theirs."""
+    mechanism = model.mechanism
+    elements = (mechanism.two_point_elements, mechanism.bushings, mechanism.efforts, mechanism.potentials)
+    return any(elements) or bool(model.input_layout.value_count) or any(
+        np.any(joint.stiffness) or np.any(joint.damping) or joint.spring or joint.damper or joint.friction
+        or any(limits is not None and limits.stiffness for limits in joint.limits)
+        for joint in mechanism.all_joints.values()
+    )  # fmt: skip
+
+
+def divergence(
+    model: Model, time: float, n: int, step: float, advice: str | None, undefined: UndefinedExpression | None
+) -> DivergedError:
+    """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s.
+
+    :param undefined: an expression without a finite value there, see `undefined_expression`.
+    """
+    head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s."
+    if undefined is not None:
+        also = f" Another possible cause: {advice}" if advice and undefined.error_estimate > TOLERATED else ""
+        return DivergedError(f"{head} {undefined.problem}{also}")
+    remedy = advice or f"Use a smaller step than {step:g} s."
+    causes = "efforts, stiffnesses, initial values and drives"
+    if model.row_names:
+        causes += ", and that the loops can follow the motion"
+    return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
+
+
+def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
+    """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s; 0 if it cannot be found."""
+    return fastest_mode(model.equations, time, y, inputs).rate
+
+
+def round_down(value: float) -> float:
+    """The largest number of the form 1, 2 or 5 times a power of ten that does not exceed a positive value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(lead for lead in (5.0, 2.0, 1.0) if lead * power <= value * (1.0 + 1e-9)) * power

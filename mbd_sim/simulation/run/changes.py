@@ -1,0 +1,270 @@
+"""New states of a simulation between two steps: at time zero, with positions by name, or given as numbers.
+
+Positions and speeds given by name: the state with them, in which all loops are closed.
+
+Refuses states in which parts are inside each other, or beyond stops, ropes and other one-sided constraints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import index
+from typing import NamedTuple
+
+import numpy as np
+
+from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
+from mbd_sim.base.geometry.arrays import finite_vector
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.values.source import Location
+from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.run.state import recorded_state
+
+DIGITS = 1e-3  # of all speeds, in the metric of the mass matrix, by which given ones may be rounded
+ROUNDING = 1e-6  # by how much a given value may change so that loops close, as for positions printed with six digits
+
+
+class StateValues(NamedTuple):
+    """Positions (m, rad) and speeds (m/s, rad/s) by the names of coordinates; an orientation is a rotation vector."""
+
+    positions: Mapping[str, float] = {}
+    speeds: Mapping[str, float] = {}
+
+    def __str__(self) -> str:
+        positions = [f"{name} = {value:.9g}" for name, value in self.positions.items()]
+        speeds = [f"{name}.velocity = {value:.9g}" for name, value in self.speeds.items()]
+        return ", ".join([*positions, *speeds])
+
+
+def checked_values(model: Model, positions: Mapping[str, float], speeds: Mapping[str, float]) -> StateValues:
+    """Positions and speeds by the names of coordinates.
+
+    :raises CommandError: an unknown or driven coordinate, a value that is not finite, or nothing to set.
+    """
+    for key, values in (("position", positions), ("velocity", speeds)):
+        for name in values:
+            if name in model.driven_names:
+                raise CommandError(
+                    f"joint '{name}' is driven: its drive prescribes the motion", "Name only other joints."
+                )
+            if name not in model.coordinate_names:
+                raise CommandError(f"there is no joint '{name}'", nearest(name, model.coordinate_names))
+        if bad := [name for name, value in values.items() if not math.isfinite(value)]:
+            raise CommandError(f"the {key} of {listed(bad)} is not finite", "Give finite numbers.")
+    if not positions and not speeds:
+        raise CommandError("it sets nothing", "Give names, and a position or a velocity for each.")
+    return StateValues(dict(positions), dict(speeds))
+
+
+def state_with(model: Model, time: float, y: Array, values: Array, given: StateValues) -> Array:
+    """The state y with given positions and speeds, at a time in s.
+
+    Coordinates that are not given keep their values, except as far as loops and constraints require others: then they
+    move as little as possible. In a singular configuration, speeds are those of one of the branches that meet there.
+
+    :param values: (n,) the live values among the inputs of the equations.
+    :raises CommandError: with these values the loops cannot be closed, or the constraints cannot be satisfied.
+    """
+    names = model.coordinate_names
+    moved = _with_positions(model, y, given.positions)
+    moved[model.u_range] = [given.speeds.get(name, old) for name, old in zip(names, y[model.u_range], strict=True)]
+    if not model.row_names:
+        return moved
+    from mbd_sim.dynamics.constraints.assembly import close_loops, nearest_speeds, tolerated_errors
+    from mbd_sim.dynamics.constraints.singular_start import speeds_of_a_branch
+
+    constraints = model.equations.constraints.with_values(values)
+    fixed = np.array([name in given.positions for name in names])
+    q = moved[model.q_range]
+    closure = close_loops(constraints, time, q, ~fixed)
+    if not closure.closed:
+        free = close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
+        closed = moved.copy()
+        closed[model.q_range] = free.q
+        found = dict(zip(names, model.coordinates(closed), strict=True))
+        if not free.closed:
+            gap = f"a gap of {np.max(np.abs(free.gaps)):.3g} remains"
+            raise CommandError(f"the loops cannot be closed near these positions: {gap}", "Give others.")
+        if any(abs(found[name] - value) > ROUNDING for name, value in given.positions.items()):
+            nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.positions)
+            raise CommandError(
+                "the loops cannot be closed with these positions", f"Name fewer joints, or give {nearby}."
+            )
+        closure = free
+    moved[model.q_range] = closure.q
+    fixed = np.array([name in given.speeds for name in names])
+    u = nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
+    errors = constraints.gradient(time, closure.q) @ u + constraints.drift(time, closure.q)
+    if np.any(np.abs(errors) > tolerated_errors(constraints, time, closure.q, u)):
+        u = nearest_speeds(constraints, time, closure.q, moved[model.u_range])
+        found = dict(zip(names, u, strict=True))
+        if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
+            nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
+            raise CommandError("the constraints do not allow these speeds", f"Name fewer joints, or give {nearby}.")
+    if u.any() and constraints.rank(time, closure.q) < model.equations.start.rank:
+        u = speeds_of_a_branch(constraints, time, closure.q, u, fixed)
+    moved[model.u_range] = u
+    return moved
+
+
+def require_allowed_speeds(model: Model, y: Array, given: Array, values: Array | None, whose: str = "") -> None:
+    """Refuse speeds (nv,) that were given and violate the constraints, by more than the digits of people's numbers.
+
+    :param y: the state with the nearest speeds that satisfy the constraints.
+    :param values: as for `Model.project`.
+    :param whose: the beginning of the message.
+    :raises CommandError: it says by how much, and gives the nearest ones.
+    """
+    if not model.row_names:
+        return
+    constraints = model.equations.constraints
+    constraints = constraints if values is None else constraints.with_values(values)
+    mass, u = constraints.mass_matrix(0.0, y[model.q_range]), y[model.u_range]
+    change = u - given
+    if change @ mass @ change <= DIGITS**2 * (given @ mass @ given):
+        return
+    largest = int(np.argmax(np.abs(change)))
+    nearby = ", ".join(f"{name} = {value:.6g}" for name, value in zip(model.coordinate_names, u, strict=True))
+    raise CommandError(
+        (
+            f"{whose}the constraints do not allow these speeds: the nearest ones that they allow are {nearby}, of "
+            f"which {model.coordinate_names[largest]} differs by {change[largest]:.6g}"
+        ),
+        (
+            "Give these; or some by name, "
+            f"u={{'{model.coordinate_names[0]}': …}}, which the others follow; or take the nearest by "
+            "nearest_speeds=True."
+        ),
+    )
+
+
+def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> Array:
+    """A copy of the state with other positions; joints of which none is given keep their coordinates bit for bit."""
+    names = model.coordinate_names
+    all_positions = [positions.get(name, old) for name, old in zip(names, model.coordinates(y), strict=True)]
+    replaced = recorded_state(model, y, np.array(all_positions), y[model.u_range])
+    moved = y.copy()
+    for joint, coordinates in model.layout.q.items():
+        if any(name in positions for name in names[model.layout.u[joint]]):
+            moved[coordinates] = replaced[coordinates]
+    return moved
+
+
+DEPTH = 1e-9  # of the size of the mechanism or its natural length, up to which a start counts as touching
+REMEDY = "Change the start positions so that the gap is zero or positive."
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """How far a one-sided element is beyond its limit: its `location` in the file, and a sentence's end."""
+
+    location: Location
+    text: str
+
+
+def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Penetration]:
+    """The gaps of a state that are negative by more than round-off."""
+    if model.one_sided is None:
+        return []
+    functions = model.equations.one_sided
+    assert functions is not None
+    readings = model.one_sided.readings(time, y, inputs)
+    contacts, found = functions.contacts, []
+    limit = DEPTH * max(1.0, model.equations.constraints.size / contacts.units.length)
+    gaps = zip(contacts.gaps, readings.gaps.tolist(), contacts.gap_units, strict=True)
+    for gap, distance, unit in gaps:
+        if gap.clutch or not distance < -limit * unit:
+            continue
+        row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
+        match row.owner[0]:
+            case "contacts":
+                assert gap.bodies is not None
+                first, second = gap.bodies
+                found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'"))
+            case "joints":
+                found.append(Penetration((*row.owner, "limits"), f"the joint is {depth} beyond its {row.quantity}"))
+            case _:
+                found.append(Penetration(row.owner, f"the {row.quantity} is {depth} beyond the bound"))
+    return found
+
+
+def require_free_start(model: Model) -> None:
+    """Refuse a mechanism that starts inside an obstacle.
+
+    :raises MechanismError: the elements are named, with the depths.
+    """
+    source, inputs = model.mechanism.source, model.inputs
+    problems = [
+        source.problem(each.location, f"at the start {each.text}", REMEDY)
+        for each in penetrations(model, 0.0, model.start, inputs)
+    ]
+    if problems:
+        raise MechanismError(problems)
+
+
+def require_outside(model: Model, time: float, y: Array, inputs: Array) -> None:
+    """Refuse a state inside an obstacle.
+
+    :raises CommandError: the first elements are named, with the depths.
+    """
+    if found := penetrations(model, time, y, inputs):
+        words = [f"{'.'.join(map(str, each.location))}: {each.text}" for each in found[:3]]
+        more = f", and {len(found) - 3} more" if len(found) > 3 else ""
+        raise CommandError(f"{'; '.join(words)}{more}", "Give positions in which they are apart or touch.")
+
+
+Coordinates = Sequence[float] | Array | Mapping[str, float]  # in order, or some by name
+
+
+def started(
+    model: Model, values: Array, q: Coordinates | None, u: Coordinates | None, nearest_speeds: bool
+) -> tuple[Array, Array]:
+    """The state and the inputs at time zero, with the live values (n,) of the run: see `Simulation.reset`."""
+    y, inputs = model.start.copy(), model.inputs.copy()
+    positions, speeds = (value if isinstance(value, Mapping) else {} for value in (q, u))
+    if q is not None and not isinstance(q, Mapping):
+        y[model.q_range] = finite_vector(q, model.layout.nq, "q")
+    if u is not None and not isinstance(u, Mapping):
+        y[model.u_range] = finite_vector(u, model.layout.nv, "u")
+    inputs[model.input_layout.values] = values
+    model.normalize(y)
+    if q is None and u is None and np.array_equal(inputs, model.inputs):
+        return y, inputs
+    if positions or speeds:
+        y = state_with(model, 0.0, y, values, checked_values(model, positions, speeds))
+    else:
+        given = y[model.u_range].copy()
+        model.project(y, values)
+        if u is not None and not nearest_speeds:
+            require_allowed_speeds(model, y, given, values)
+    model.hold_start(y, inputs)
+    require_outside(model, 0.0, y, inputs)
+    return y, inputs
+
+
+def moved(model: Model, memory: KernelMemory, positions: Mapping[str, float], speeds: Mapping[str, float]) -> Array:
+    """The present state with positions and speeds by name: see `Simulation.set_state`."""
+    given = checked_values(model, positions, speeds)
+    time, before, inputs = memory.now
+    y = state_with(model, time, before, inputs[model.input_layout.values], given)
+    require_outside(model, time, y, inputs)
+    model.keep_accounts(time, before, y, inputs)
+    return y
+
+
+def checked_steps(steps: int | None) -> int:
+    """The steps since time zero of a state that is restored.
+
+    :raises ValueError: they are missing or negative.
+    """
+    if steps is None:
+        raise ValueError(
+            "the time of the state is missing: also give the number of steps, restore(state, steps=…), or restore "
+            "a snapshot()."
+        )
+    if index(steps) < 0:
+        raise ValueError(f"the number of steps must be 0 or more, not {steps}.")
+    return index(steps)

@@ -1,0 +1,1 @@
+"""Studies of mechanisms: reports, formulas, loci, kinematics, optimization, synthesis."""

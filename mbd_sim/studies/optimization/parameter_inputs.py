@@ -1,0 +1,230 @@
+"""Numbers of the equations as CasADi expressions of parameters of the file.
+
+The formulas are those of `mbd_sim.studies.symbolic.algebra.formulas`, so that derivatives with respect to a length or a
+mass are exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.base.errors import MechanismError, Problem
+from mbd_sim.base.geometry.batch import of_all
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.kinematics.parameters import Path, SymbolicParameters, equation_data, equation_data_of_variants
+from mbd_sim.files.checks.override import location_of, values_of, with_values
+from mbd_sim.mechanism.contents import commanded_drives
+from mbd_sim.mechanism.elements.actuators import Cylinder
+from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.studies.symbolic.algebra.formulas import Formula, Samples, formulas
+from mbd_sim.studies.symbolic.algebra.polynomial import Exact
+from mbd_sim.studies.symbolic.algebra.samples import number_samples, with_forces_alone
+
+ONE = Formula(((Exact(Fraction(1)), ()),))
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterInputs:
+    """The `keys` of parameters, their `values` (n,) in SI units, and the numbers of the equations that depend on them.
+
+    `numbers` are symbols of the equations. Each is the quotient of two `formulas` in the parameters. `points` has the
+    formulas of the position (3,) of each point, by part and name, in the part's frame.
+
+    `starts` has those of the numbers at the start, by the paths of `start_numbers`; of a number without a short
+    formula, the indices of the parameters on which it depends. It is empty if they were not asked for.
+    """
+
+    keys: tuple[str, ...]
+    values: Array
+    numbers: SymbolicParameters
+    formulas: tuple[tuple[Formula, Formula], ...]
+    points: Mapping[tuple[str, str], tuple[Formula, ...]]
+    starts: Mapping[Path, Formula | tuple[int, ...]] = field(default_factory=dict)
+
+    def numbers_at(self, parameters: ca.SX) -> ca.SX:
+        """The numbers of the equations for parameters (n,)."""
+        quotients = (
+            casadi_expression(above, parameters) / casadi_expression(below, parameters)
+            for above, below in self.formulas
+        )
+        return ca.vertcat(ca.SX(0, 1), *quotients)
+
+    def point_at(self, part: str, point: str, parameters: ca.SX) -> ca.SX:
+        """The position (3,) of a point in its part's frame."""
+        return ca.vertcat(*(casadi_expression(formula, parameters) for formula in self.points[part, point]))
+
+
+def parameter_inputs(
+    mechanism: Mechanism,
+    keys: str | Sequence[str],
+    reduced: Callable[[Mechanism], Mechanism] = with_forces_alone,
+    *,
+    starts: bool = False,
+) -> ParameterInputs:
+    """The numbers of a mechanism as formulas of some parameters.
+
+    :param keys: of its file, as for live values; a single one may be given by itself.
+    :param reduced: gives the mechanism whose equations are wanted, such as one without forces.
+    :param starts: whether the numbers at the start are wanted as well; then only they may depend on a parameter.
+    :raises MechanismError: a key does not exist or is given twice, or more than numbers depends on its value, or
+        numbers without a short formula.
+    """
+    keys = (keys,) if isinstance(keys, str) else tuple(keys)
+    whole, mechanism, start = mechanism, reduced(mechanism), values_of(mechanism, keys)
+    _require_each_once(mechanism, keys)
+    data = equation_data(mechanism)
+
+    def numbers_of(one: Mechanism) -> Array:
+        found = _numbers(one)
+        return np.concatenate([found, list(start_numbers(one).values())]) if starts else found
+
+    samples = number_samples(
+        lambda changes: reduced(with_values(whole, changes)),
+        start,
+        numbers_of,
+        None if starts else _numbers_of_variants,
+    )
+    problems = [_problem(mechanism, key, f"cannot be an input: {reason}") for key, reason in samples.built_in.items()]
+    if problems:
+        raise MechanismError(problems)
+    start_paths = list(start_numbers(mechanism)) if starts else []
+    base, unused = numbers_of(mechanism), [key for key in keys if key not in samples.keys]
+    if unused:
+        raise MechanismError([_problem(mechanism, key, "the equations do not depend on it") for key in unused])
+    found = _formulas(samples.samples, base) if keys else [_constant(value) for value in base]
+    paths = [*data.paths, *_further_paths(mechanism)]
+    named = dict(zip(paths, found[: len(paths)], strict=True))
+    columns: dict[tuple[Formula, Formula], int] = {}
+    indices, column_of = [], []
+    for index, path in enumerate(data.paths):
+        quotient = _quotient(mechanism, keys, named, path)
+        if any(formula.parameters for formula in quotient):
+            indices.append(index)
+            column_of.append(columns.setdefault(quotient, len(columns)))
+    values = np.zeros(len(columns))
+    values[column_of] = base[indices]
+    numbers = SymbolicParameters(data, np.array(indices, dtype=np.intp), np.array(column_of, dtype=np.intp), values)
+    points = {
+        key: tuple(_quotient(mechanism, keys, named, ("points", *key, axis))[0] for axis in range(3))
+        for key in _points(mechanism)
+    }
+    at_start = {
+        path: formula if isinstance(formula, Formula) else _parameters_of(samples.samples, index)
+        for index, (path, formula) in enumerate(zip(start_paths, found[len(paths) :], strict=True), len(paths))
+    }
+    return ParameterInputs(tuple(keys), samples.base, numbers, tuple(columns), points, at_start)
+
+
+def start_numbers(mechanism: Mechanism) -> dict[Path, float]:
+    """The numbers at the start, before loops are closed, in SI units.
+
+    These are positions and velocities of joints, positions of drives that follow commands, commands of actuators before
+    the first one, and pressures of cylinders.
+    """
+    found: dict[Path, float] = {}
+    for name, joint in mechanism.joints.items():
+        for what in ("position", "velocity"):
+            found |= {(what, name, index): float(value) for index, value in enumerate(getattr(joint, what))}
+    found |= {("drive", name): float(drive.start) for name, drive in commanded_drives(mechanism).items()}
+    for actuator in mechanism.actuators:
+        found |= {("command", actuator.name, channel): float(value) for channel, value in actuator.start.items()}
+        if isinstance(actuator.motor, Cylinder):
+            found |= {("pressure", actuator.name, i): float(p) for i, p in enumerate(actuator.motor.pressures)}
+    return found
+
+
+def _parameters_of(samples: Samples, number: int) -> tuple[int, ...]:
+    """The indices of the parameters on which a number depends."""
+    return tuple(index for index, (_, values) in enumerate(samples.slices) if np.ptp(values[:, number]) > 0.0)
+
+
+def _formulas(samples: Samples, base: Array) -> list[Formula | int]:
+    """The formula of each number, see `formulas`; those that depend on no parameter are constants."""
+    table = np.vstack([samples.joint[1], *(numbers for _, numbers in samples.slices)])
+    constant = np.all(table == base, axis=0).tolist()
+    found = formulas(samples, np.ones(len(base)), decimals=True)
+    return [_constant(value) if fixed else formula for formula, fixed, value in zip(found, constant, base, strict=True)]
+
+
+def casadi_expression(formula: Formula, parameters: ca.SX) -> ca.SX:
+    """The value of a formula as an expression of the parameters (n,)."""
+    total = ca.SX(1, 1)
+    for coefficient, term in formula.terms:
+        product = ca.SX(float(coefficient))
+        for factor in term:
+            x = parameters[factor.parameter]
+            base = x if factor.kind == "power" else ca.sin(x) if factor.kind == "sin" else ca.cos(x)
+            exponent = factor.exponent
+            product *= ca.sqrt(base) ** exponent.numerator if exponent.denominator == 2 else base ** int(exponent)
+        total += product
+    return formula.root * ca.sqrt(total) if formula.root else total
+
+
+def _quotient(
+    mechanism: Mechanism, keys: Sequence[str], named: Mapping[Path, Formula | int], path: Path
+) -> tuple[Formula, Formula]:
+    """The formulas whose quotient a number is: for the center of mass of a composite part, first moment and mass.
+
+    :raises MechanismError: there are none.
+    """
+    formula = named[path]
+    if isinstance(formula, Formula):
+        return formula, ONE
+    if path[:2] == (0, "parts") and path[3] == "center":
+        above, below = named["moments", path[2], path[4]], named[0, "parts", path[2], "mass"]
+        if isinstance(above, Formula) and isinstance(below, Formula):
+            return above, below
+    what = ".".join(map(str, path[1:]))
+    raise MechanismError([_problem(mechanism, keys[0], f"{what} depends on the inputs by no short formula")])
+
+
+def _numbers(mechanism: Mechanism) -> Array:
+    moments = [part.mass * part.center for part in mechanism.parts.values()]
+    found = np.concatenate([equation_data(mechanism).free, *moments, *_points(mechanism).values()])
+    return np.where(np.isinf(found), 0.0, found)  # limits that there are not, whatever the parameters
+
+
+def _numbers_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> Array:
+    """The numbers (k, n) of the k variants of a mechanism whose numbers are batches."""
+    moments = [part.mass * part.center for part in mechanism.parts.values()]
+    free = [data.free for data in equation_data_of_variants(mechanism, valid)]
+    found = np.hstack([free, *(of_all(value, len(valid)) for value in (*moments, *_points(mechanism).values()))])
+    return np.where(np.isinf(found), 0.0, found)
+
+
+def _further_paths(mechanism: Mechanism) -> list[Path]:
+    """The paths of the numbers that follow those of the equations."""
+    moments: list[Path] = [("moments", part, axis) for part in mechanism.parts for axis in range(3)]
+    return moments + [("points", *key, axis) for key in _points(mechanism) for axis in range(3)]
+
+
+def _points(mechanism: Mechanism) -> dict[tuple[str, str], Array]:
+    """The positions of all points."""
+    found = {(GROUND, name): pose.position for name, pose in mechanism.ground_points.items()}
+    for part in mechanism.parts.values():
+        found |= {(part.name, name): pose.position for name, pose in part.points.items()}
+    return found
+
+
+def _constant(value: float) -> Formula:
+    return Formula(((Exact(Fraction(float(value))), ()),))
+
+
+def _require_each_once(mechanism: Mechanism, keys: Sequence[str]) -> None:
+    """:raises MechanismError: two keys, such as `l` and `parameters.l`, are those of one value."""
+    locations = [location_of(mechanism, key) for key in keys]
+    twice = [key for index, key in enumerate(keys) if locations[index] in locations[:index]]
+    file, message = mechanism.source.file, "is given twice as a parameter"
+    if twice:
+        raise MechanismError([Problem(message, "Leave one out.", key=key, file=file) for key in twice])
+
+
+def _problem(mechanism: Mechanism, key: str, message: str) -> Problem:
+    return Problem(message, "Leave it out, or give its value in the file.", key=key, file=mechanism.source.file)

@@ -1,0 +1,23 @@
+"""Reports that were made before, from the cache on disk."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mbd_sim.files.mechanism_cache import cached, casadi_version, records_digest
+from mbd_sim.mechanism.mechanism import Mechanism
+
+
+def cached_report(mechanism: Mechanism) -> dict[str, Any]:
+    """The contents of `report`, found by everything that they depend on; a mechanism is built only if need be.
+
+    :raises MechanismError: see `Simulation`.
+    """
+
+    def made() -> dict[str, Any]:
+        from mbd_sim.simulation.run.simulation import Simulation
+        from mbd_sim.studies.report.mechanism_report import report
+
+        return report(Simulation(mechanism))
+
+    return cached(made, "report", records_digest(mechanism), casadi_version())

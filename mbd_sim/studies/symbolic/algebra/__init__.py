@@ -1,0 +1,1 @@
+"""Exact polynomials and numbers from which formulas are made."""

@@ -1,0 +1,246 @@
+"""The equations M(q, t) u' + h(q, u, t) = Q + Gᵀλ and the constraints as simplified SymPy expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+
+from mbd_sim.base.errors import MbdSimError, listed
+from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.packages import require_packages
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.dynamics.equations import Equations, derive
+from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.mechanism.contents import has_one_sided, require_no_commanded_drives
+from mbd_sim.mechanism.elements.contacts import Cam
+from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
+from mbd_sim.studies.symbolic.actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
+from mbd_sim.studies.symbolic.algebra.equation_limits import MAX_INSTRUCTIONS, too_large
+from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol, SymbolicValues, symbolic_values, with_forces_alone
+from mbd_sim.studies.symbolic.constraints import (
+    SymbolicConstraint,
+    SymbolicContact,
+    constraint_function,
+    contact_function,
+    load_unit,
+    multipliers_of,
+    symbolic_contacts,
+)
+from mbd_sim.studies.symbolic.coordinates import (
+    Coordinate,
+    SymbolicEnergies,
+    define_unit_quaternion,
+    energy_function,
+    symbolic_coordinate,
+)
+from mbd_sim.studies.symbolic.sensors import SymbolicSensor, TracedSensors, symbolic_sensors, traced_sensors
+
+MAX_SPEEDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicEquations:
+    """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
+
+    `names` has the LaTeX of each symbol. `constraints` are the independent rows of G, each with its λ; `left_out` names
+    the redundant rows. One-sided elements are the `contacts`, which also have rows of G and multipliers. All numbers
+    are in SI units. The `forces` contain the symbols of the efforts of `actuators`. `energies` are None if they are too
+    long to be read. `built_in` names parameters that stay numbers, with the reason. `sensors` are what is measured.
+    """
+
+    mechanism: str
+    coordinates: tuple[Coordinate, ...]
+    time: Any
+    mass: tuple[tuple[Any, ...], ...]
+    inertial: tuple[Any, ...]
+    forces: tuple[Any, ...]
+    names: dict[Any, str]
+    constraints: tuple[SymbolicConstraint, ...] = ()
+    left_out: tuple[str, ...] = ()
+    contacts: tuple[SymbolicContact, ...] = ()
+    energies: SymbolicEnergies | None = None
+    actuators: tuple[SymbolicActuator, ...] = ()
+    parameters: tuple[ParameterSymbol, ...] = ()
+    built_in: Mapping[str, str] = field(default_factory=dict)
+    sensors: tuple[SymbolicSensor, ...] = ()
+
+    __repr__ = short_repr
+
+    @property
+    def q(self) -> tuple[Any, ...]:
+        """All coordinates (nq,), in the order of the file."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.q)
+
+    @property
+    def u(self) -> tuple[Any, ...]:
+        """All speeds (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u)
+
+    @property
+    def u_rates(self) -> tuple[Any, ...]:
+        """Their derivatives (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u_rates)
+
+    @property
+    def rows(self) -> tuple[SymbolicConstraint, ...]:
+        """The rows of G (m,): those of the constraints, then those of the contacts."""
+        return (*self.constraints, *(row for contact in self.contacts for row in contact.rows))
+
+    @property
+    def multipliers(self) -> tuple[Any, ...]:
+        """The multiplier λ of each row (m,)."""
+        return tuple(row.multiplier for row in self.rows)
+
+    @property
+    def efforts(self) -> tuple[Any, ...]:
+        """The commanded efforts (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.efforts)
+
+
+@interruptible_tracing()
+def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = ()) -> SymbolicEquations:
+    """Derive the equations of a small mechanism.
+
+    :param parameters: keys of numbers in its file that become symbols, as for live values, and with them the gravity;
+        None for all parameters of the file. By default all numbers are those of the file.
+    :raises MissingPackageError: SymPy is not installed.
+    :raises MechanismError: there is no such key.
+    :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom, or
+        contacts with cams.
+    """
+    require_packages("sympy", purpose="Deriving equations as formulas")
+    require_no_commanded_drives(require_mechanism(mechanism), "cannot be printed as formulas")
+    _require_small(mechanism, coordinate_layout(mechanism).nv)
+    _require_formulas(mechanism)
+    mechanism = with_forces_alone(mechanism)
+    values = None
+    if parameters is None or parameters:
+        keys = list(mechanism.parameters) if parameters is None else parameters
+        values = symbolic_values(mechanism, keys)
+    return _expressions(mechanism, values, _traced(mechanism, values))
+
+
+@dataclass(frozen=True, eq=False)
+class _Traced:
+    """The functions of (t, q, u, efforts) and perhaps parameters that are evaluated over polynomials."""
+
+    terms: ca.Function
+    energies: ca.Function
+    derived: Equations | None
+    others: list[ca.Function]
+    actuators: TracedActuators | None
+    sensors: TracedSensors | None
+
+
+def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
+    numbers, moments = (None, None) if values is None else (values.numbers, values.moments)
+    lagrange = lagrange_equations(mechanism, numbers, moments)
+    one_sided = has_one_sided(mechanism)
+    derived, others = None, []
+    if mechanism.closures or mechanism.constraints or one_sided:
+        derived = derive(mechanism, parameters=numbers)
+        others.append(constraint_function(derived))
+    if derived is not None and derived.one_sided is not None:
+        others.append(contact_function(derived))
+    operations = sum(function.n_instructions() for function in (lagrange.terms, *others))
+    if operations > MAX_INSTRUCTIONS:
+        raise too_large(mechanism, f"their derivation takes {operations} operations")
+    actuators = traced_actuators(mechanism, numbers)
+    sensors = traced_sensors(mechanism, values, derived) if mechanism.sensors else None
+    return _Traced(lagrange.terms, energy_function(lagrange), derived, others, actuators, sensors)
+
+
+def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _Traced) -> SymbolicEquations:
+    import sympy as sp
+
+    from mbd_sim.studies.symbolic.algebra.polynomial import Algebra
+    from mbd_sim.studies.symbolic.expressions import energies_if_short, simplified
+
+    names: dict[Any, str] = {}
+    coordinates = tuple(symbolic_coordinate(mechanism, name, names) for name in mechanism.joints)
+    time = sp.Symbol("t", real=True)
+    algebra = Algebra()
+    symbols = [[symbol for c in coordinates for symbol in getattr(c, key)] for key in ("q", "u", "efforts")]
+    inputs = [[algebra.symbol(symbol) for symbol in group] for group in ([time], *symbols)]
+    for coordinate in coordinates:
+        define_unit_quaternion(algebra, coordinate)
+    if values is not None:
+        from mbd_sim.studies.symbolic.algebra.formula_polynomials import polynomials
+
+        names |= {parameter.symbol: parameter.latex for parameter in values.symbols}
+        inputs.append(polynomials(algebra, values))
+    functions = [traced.terms, *traced.others]
+    (mass, inertial, forces), *rows = (simplified(mechanism, algebra, function, inputs) for function in functions)
+    energies = energies_if_short(mechanism, algebra, traced.energies, [*inputs[:3], *inputs[4:]])
+    derived = traced.derived
+    actuators = symbolic_actuators(traced.actuators, algebra, inputs, names) if traced.actuators else ()
+    equations = SymbolicEquations(
+        mechanism=mechanism.name,
+        coordinates=tuple(c for c in coordinates if c.u),
+        time=time,
+        mass=tuple(tuple(row) for row in mass),
+        inertial=tuple(row[0] for row in inertial),
+        forces=tuple(_with_actuators(row[0], number, actuators) for number, row in enumerate(forces)),
+        names=names,
+        constraints=_constraints(derived, rows[0], names, time) if derived else (),
+        left_out=_left_out(derived) if derived else (),
+        contacts=symbolic_contacts(derived.one_sided.contacts, rows[1], names) if derived and derived.one_sided else (),
+        energies=energies,
+        actuators=actuators,
+        parameters=() if values is None else values.symbols,
+        built_in={} if values is None else values.built_in,
+    )
+    if traced.sensors is None:
+        return equations
+    further = equations.u_rates, equations.multipliers
+    return replace(equations, sensors=symbolic_sensors(traced.sensors, algebra, inputs, actuators, further))
+
+
+def _with_actuators(force: Any, row: int, actuators: Sequence[SymbolicActuator]) -> Any:
+    return sum((actuator.along[row] * actuator.effort for actuator in actuators), force)
+
+
+def _left_out(derived: Equations) -> tuple[str, ...]:
+    return tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.independent)
+
+
+def _constraints(
+    derived: Equations, matrices: list[list[list[Any]]], names: dict[Any, str], time: Any
+) -> tuple[SymbolicConstraint, ...]:
+    rows = [derived.rows[index] for index in derived.start.independent]
+    return tuple(
+        SymbolicConstraint(
+            owner=str(row.owner[1]),
+            quantity=row.quantity,
+            closes=row.owner[0] == "joints",
+            position=None if row.position is None else position,
+            gradient=tuple(gradient),
+            drift=drift if row.position is None else position.diff(time),
+            multiplier=multiplier,
+            load=load_unit(row),
+        )
+        for row, (position,), gradient, (drift,), multiplier in zip(
+            rows, *matrices, multipliers_of(rows, names), strict=True
+        )
+    )
+
+
+def _require_small(mechanism: Mechanism, speeds: int) -> None:
+    if not speeds:
+        raise MbdSimError(f"{mechanism.name} has no degree of freedom, so there are no equations of motion.")
+    if speeds > MAX_SPEEDS:
+        raise too_large(mechanism, f"it has {speeds} generalized speeds, more than {MAX_SPEEDS}")
+
+
+def _require_formulas(mechanism: Mechanism) -> None:
+    pairs = ((contact.name, (contact.first, contact.second)) for contact in mechanism.contacts)
+    cams = list(dict.fromkeys(name for name, bodies in pairs if any(isinstance(body, Cam) for body in bodies)))
+    if cams:
+        raise MbdSimError(
+            f"{mechanism.name}: the gap of {listed(cams)} has no formula, because the nearest point of a cam is found "
+            "by iteration. Use shapes other than cams, or `on_surface` with a bound."
+        )

@@ -1,0 +1,213 @@
+"""The deviations from a goal as a differentiable function of parameters, of the timing, and of an offset.
+
+The least largest deviation: linear programs in a trust region.
+
+Each step minimizes the largest of the linearized deviations within bounds and a box (Madsen 1975). It converges
+quadratically where as many deviations are equally large as unknowns determine, and linearly elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import assert_never
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.studies.kinematic_analysis.parametric import ParametricMotion, StateDerivatives, States
+from mbd_sim.studies.synthesis.goals import EffortGoal, FunctionGoal, Goal, PathGoal
+
+STEPS = (1, 4, 16)  # in which the configurations follow the unknowns, until the mechanism can be assembled
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """Unknowns x for which the states and their derivatives are known."""
+
+    x: Array
+    states: States
+    derivatives: StateDerivatives
+
+
+class DesignProblem:
+    """The unknowns x are the parameters (np,), then the positions of the drive if the timing is free, or the offset.
+
+    Deviations are in m, rad, N or N·m. Configurations follow the unknowns from those at the start.
+    """
+
+    def __init__(self, mechanism: Mechanism, drive: str, goal: Goal, keys: Sequence[str]) -> None:
+        """Trace the equations.
+
+        :raises MechanismError: a key does not exist, or cannot be a parameter.
+        :raises InputError: the drive, the point or the output does not exist.
+        """
+        self.goal, self._speed = goal, goal.speed if isinstance(goal, EffortGoal) else 1.0
+        self.parametric = ParametricMotion(mechanism, [drive], keys, with_forces=isinstance(goal, EffortGoal))
+        match goal:
+            case PathGoal():
+                self._quantity = self.parametric.point(goal.point)
+                self._wanted = np.isfinite(goal.positions)
+            case FunctionGoal():
+                self._quantity = self.parametric.coordinate(goal.output)
+            case EffortGoal():
+                self._quantity = self.parametric.efforts
+            case _:
+                assert_never(goal)
+        self._known: _Known | None = None
+
+    @property
+    def start(self) -> Array:
+        """The unknowns at the start."""
+        goal, values = self.goal, self.parametric.values
+        if isinstance(goal, PathGoal) and goal.free_timing:
+            return np.concatenate([values, goal.drives])
+        return np.append(values, 0.0) if isinstance(goal, FunctionGoal) and goal.free_offset else values.copy()
+
+    def begin(self, configurations: Array) -> None:
+        """Start from configurations (n, nq) at the drives of the goal."""
+        states = self._states(self.start, configurations)
+        if states is not None:
+            self._keep(self.start, states)
+
+    def drives(self, x: Array) -> Array:
+        """The positions (n,) of the drive."""
+        if isinstance(self.goal, PathGoal) and self.goal.free_timing:
+            return x[len(self.parametric.keys) :]
+        return self.goal.drives
+
+    def configurations(self) -> Array:
+        """Those (n, nq) for which derivatives were computed last."""
+        assert self._known is not None
+        return self._known.states.q
+
+    def deviations(self, x: Array) -> Array:
+        """The deviations (k,); inf where the mechanism cannot be assembled."""
+        states = self._followed(x)
+        if states is None:
+            return np.full(self._count, np.inf)
+        nothing = StateDerivatives(*(np.zeros((*one.shape, len(self.parametric.keys))) for one in (states.u,) * 3))
+        values, _ = self._quantity(states, nothing, self._parameters(x))
+        return self._less_goal(values, x)
+
+    def jacobian(self, x: Array) -> Array:
+        """Their derivatives (k, len(x)). What follows begins from the configurations found here."""
+        states = self._followed(x)
+        assert states is not None, "derivatives are wanted where the mechanism cannot be assembled"
+        self._keep(x, states)
+        assert self._known is not None
+        _, slopes = self._quantity(states, self._known.derivatives, self._parameters(x))
+        match self.goal:
+            case PathGoal(free_timing=free):
+                by_parameters = slopes[:, :3][self._wanted]
+                if not free:
+                    return np.asarray(by_parameters)
+                values, _ = self._quantity(states, self._known.derivatives, self._parameters(x))
+                by_drives = np.zeros((*self._wanted.shape, len(states.q)))
+                rows = np.arange(len(states.q))
+                by_drives[rows, :, rows] = values[:, 3:6]  # velocities, at a unit speed of the drive
+                return np.column_stack([by_parameters, by_drives[self._wanted]])
+            case FunctionGoal(free_offset=free):
+                return np.column_stack([slopes[:, 0], -np.ones(len(slopes))]) if free else np.asarray(slopes[:, 0])
+            case EffortGoal():
+                return np.asarray(slopes[:, 0])
+            case _:
+                assert_never(self.goal)
+
+    @property
+    def _count(self) -> int:
+        return int(np.sum(self._wanted)) if isinstance(self.goal, PathGoal) else len(self.goal.drives)
+
+    def _less_goal(self, values: Array, x: Array) -> Array:
+        match self.goal:
+            case PathGoal(positions=positions):
+                return np.asarray((values[:, :3] - positions)[self._wanted])
+            case FunctionGoal(values=wanted, free_offset=free):
+                return np.asarray(values[:, 0] - wanted - (x[-1] if free else 0.0))
+            case EffortGoal():
+                return np.asarray(values[:, 0])
+            case _:
+                assert_never(self.goal)
+
+    def _parameters(self, x: Array) -> Array:
+        return np.ascontiguousarray(x[: len(self.parametric.keys)])
+
+    def _states(self, x: Array, guesses: Array) -> States | None:
+        return self.parametric.states(self._parameters(x), self.drives(x)[:, None], guesses, np.array([self._speed]))
+
+    def _followed(self, x: Array) -> States | None:
+        """The states for unknowns x, followed from those that are known, in more and more steps."""
+        known = self._known
+        if known is None:
+            return None
+        if np.array_equal(known.x, x):
+            return known.states
+        system, speed = self.parametric.system, self._speed or 1.0
+        moved = known.derivatives.q @ (self._parameters(x) - self._parameters(known.x))
+        if self._speed:
+            moved += known.states.u / speed * (self.drives(x) - self.drives(known.x))[:, None]
+        for steps in STEPS:
+            states: States | None = known.states
+            for step in range(1, steps + 1):
+                if states is None:
+                    break
+                guesses = np.array([system.displaced(q, one / steps) for q, one in zip(states.q, moved, strict=True)])
+                states = self._states(known.x + step / steps * (x - known.x), guesses)
+            if states is not None:
+                return states
+        return None
+
+    def _keep(self, x: Array, states: States) -> None:
+        self._known = _Known(x.copy(), states, self.parametric.derivatives(self._parameters(x), states))
+
+
+FIRST = 0.1  # size of the first box, relative to the scales of the unknowns
+SMALLEST, GAIN = 1e-11, 1e-11  # of the box, and of the predicted gain relative to the deviation, at which it ends
+ACCEPTED, GOOD = 0.05, 0.7  # ratio of actual and predicted gain, from which a step is taken and the box grows
+
+
+def least_peak(
+    deviations: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, bounds: tuple[Array, Array],
+    scales: Array, most_steps: int,
+) -> tuple[Array, int, bool]:  # fmt: skip
+    """The unknowns that minimize the largest |deviation|, the number of steps, and whether it converged.
+
+    :param deviations: of unknowns; inf where they are undefined.
+    :param bounds: of the unknowns, between which the start lies.
+    :param scales: typical sizes of the unknowns.
+    """
+    x, box = start.copy(), FIRST
+    values = deviations(x)
+    slopes, peak = jacobian(x), float(np.max(np.abs(values)))
+    for count in range(most_steps):
+        step, predicted = _step(values, slopes, box * scales, (bounds[0] - x, bounds[1] - x))
+        if peak - predicted <= GAIN * peak or box < SMALLEST:
+            return x, count, True
+        trial = np.clip(x + step, *bounds)
+        found = deviations(trial)
+        ratio = (peak - float(np.max(np.abs(found)))) / (peak - predicted)
+        if ratio > ACCEPTED:
+            x, values = trial, found
+            slopes, peak = jacobian(x), float(np.max(np.abs(values)))
+        reached = bool(np.any(np.abs(step) >= 0.99 * box * scales))
+        box *= 2.0 if ratio > GOOD and reached else 1.0 if ratio > 0.25 else 0.25
+    return x, most_steps, False
+
+
+def _step(values: Array, slopes: Array, box: Array, room: tuple[Array, Array]) -> tuple[Array, float]:
+    """The step that minimizes the largest linearized deviation, and that deviation."""
+    from scipy.optimize import linprog  # type: ignore[import-untyped]
+
+    size = max(float(np.max(np.abs(values))), 1e-300)
+    scaled = slopes * box / size
+    ones = np.ones((len(values), 1))
+    rows = np.vstack([np.hstack([scaled, -ones]), np.hstack([-scaled, -ones])])
+    right = np.concatenate([-values, values]) / size
+    limits = [(max(-1.0, low / b), min(1.0, high / b)) for low, high, b in zip(*room, box, strict=True)]
+    cost = np.append(np.zeros(len(box)), 1.0)
+    found = linprog(cost, A_ub=rows, b_ub=right, bounds=[*limits, (0.0, None)], method="highs")
+    if not found.success:
+        return np.zeros(len(box)), size
+    step = box * found.x[:-1]
+    return step, float(np.max(np.abs(values + slopes @ step)))

@@ -1,0 +1,304 @@
+"""Parameters of a mechanism that serve a goal best.
+
+A design as text, as a mechanism file, and as a picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError, MbdSimError, counted, listed
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.packages import require_packages
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.files.checks.override import values_of, with_values
+from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
+from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
+from mbd_sim.studies.kinematic_analysis.curve import require_reached, sampled, traced_curve
+from mbd_sim.studies.kinematic_analysis.drive_line import DriveLine
+from mbd_sim.studies.kinematic_analysis.loads import couplers_and_followers, drive_loads
+from mbd_sim.studies.kinematic_analysis.motion import driven_motion
+from mbd_sim.studies.kinematic_analysis.picture import draw_motion
+from mbd_sim.studies.kinematic_analysis.system import KinematicSystem, is_rotation
+from mbd_sim.studies.synthesis.goals import EffortGoal, FunctionGoal, Goal, PathGoal
+from mbd_sim.studies.synthesis.problem import DesignProblem, least_peak
+
+Norm = Literal["rms", "peak"]
+MOST_STEPS = 200
+TOLERANCE = 1e-13  # relative change of unknowns and of the sum of squares, at which least squares end
+SAME = 1e-6  # difference of configurations that are the same, in rad or sizes of the mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The `values` of the parameters by key, in SI units, their `bounds`, and the `mechanism` with them.
+
+    `deviations` (k,) from the goal are in m, rad, N or N·m; `rms` and `peak` are their root mean square and largest
+    size, `start_rms` and `start_peak` those at the start. `drives` (n,) are the positions of the `drive`, and `offset`
+    is the constant of a function with a free offset. `converged` is False where the search ended after too many steps.
+    """
+
+    values: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]]
+    mechanism: Mechanism
+    drive: str
+    deviations: Array
+    start_deviations: Array
+    drives: Array
+    offset: float
+    steps: int
+    converged: bool
+
+    __repr__ = short_repr
+
+    @property
+    def rms(self) -> float:
+        """The root mean square of the deviations."""
+        return _rms(self.deviations)
+
+    @property
+    def peak(self) -> float:
+        """The largest deviation."""
+        return float(np.max(np.abs(self.deviations)))
+
+    @property
+    def start_rms(self) -> float:
+        """The root mean square of the deviations at the start."""
+        return _rms(self.start_deviations)
+
+    @property
+    def start_peak(self) -> float:
+        """The largest deviation at the start."""
+        return float(np.max(np.abs(self.start_deviations)))
+
+
+def synthesize(
+    mechanism: Mechanism,
+    drive: str,
+    goal: Goal,
+    variables: Mapping[str, tuple[float, float]],
+    *,
+    norm: Norm = "rms",
+    most_steps: int = MOST_STEPS,
+) -> Design:
+    """Find parameters between bounds with which a mechanism of one degree of freedom serves a goal best.
+
+    The search starts from the values in the file and ends in an optimum nearby, which need not be the best one of all.
+    Derivatives are exact. The mechanism found can move through all positions of the drive without a dead point; its
+    start positions are those at the first position of the drive.
+
+    :param variables: the bounds (lower, upper) of each parameter, by key of the file, in SI units.
+    :param norm: "rms" minimizes the root mean square of the deviations (SciPy's `least_squares`), "peak" the largest
+        one (`least_peak`).
+    :raises MissingPackageError: SciPy is not installed.
+    :raises InputError: bounds do not contain the values in the file, or a name in the goal does not exist.
+    :raises UnreachableError: the drive does not reach the positions of the goal in the mechanism of the file.
+    :raises MechanismError: a key does not exist, or cannot be a parameter of the equations.
+    :raises MbdSimError: the optimum cannot move through the positions of the drive.
+    """
+    if norm not in get_args(Norm):
+        raise InputError(f"there is no norm {norm!r}", f"Valid: {', '.join(get_args(Norm))}.")
+    require_packages("scipy", purpose="Synthesis")
+    problem = DesignProblem(require_mechanism(mechanism), drive, goal, list(variables))
+    start = problem.start
+    bounds = _bounds(problem, variables, start)
+    problem.begin(_configurations(problem.parametric.system, problem.parametric.system.start, goal.drives))
+    before = problem.deviations(start)
+    if not np.all(np.isfinite(before)):
+        raise MbdSimError(f"{mechanism.name}: a position of the goal is at a dead point of the mechanism at the start.")
+    scales = _scales(start, bounds)
+    if norm == "peak":
+        x, steps, converged = least_peak(problem.deviations, problem.jacobian, start, bounds, scales, most_steps)
+    else:
+        x, steps, converged = _least_squares(problem, start, bounds, most_steps)
+    problem.jacobian(x)
+    _require_movable(problem, x)
+    count = len(variables)
+    values = dict(zip(variables, x[:count].tolist(), strict=True))
+    return Design(
+        values,
+        dict(variables),
+        _with_start(mechanism, problem, values, x, drive),
+        drive,
+        problem.deviations(x),
+        before,
+        problem.drives(x).copy(),
+        float(x[count]) if len(x) == count + 1 and not isinstance(goal, PathGoal) else 0.0,
+        steps,
+        converged,
+    )
+
+
+def _least_squares(
+    problem: DesignProblem, start: Array, bounds: tuple[Array, Array], most_steps: int
+) -> tuple[Array, int, bool]:
+    from scipy.optimize import least_squares  # type: ignore[import-untyped]
+
+    found: Any = least_squares(
+        problem.deviations,
+        start,
+        problem.jacobian,
+        bounds=bounds,
+        x_scale="jac",
+        max_nfev=most_steps,
+        **dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE),
+    )
+    return np.asarray(found.x), int(found.nfev), bool(found.status > 0)
+
+
+def _bounds(problem: DesignProblem, variables: Mapping[str, tuple[float, float]], start: Array) -> tuple[Array, Array]:
+    if not variables:
+        raise InputError("no parameter may change", "Give bounds for at least one.")
+    lower, upper = np.full(len(start), -np.inf), np.full(len(start), np.inf)
+    for index, (key, (low, high)) in enumerate(variables.items()):
+        if not low < start[index] < high:
+            message = f"the value {start[index]:.6g} of {key} is not between its bounds {low:.6g} and {high:.6g}"
+            raise InputError(message, "Give wider bounds, or another value in the file.")
+        lower[index], upper[index] = low, high
+    return lower, upper
+
+
+def _scales(start: Array, bounds: tuple[Array, Array]) -> Array:
+    widths = bounds[1] - bounds[0]
+    return np.where(np.isfinite(widths), np.maximum(np.abs(start), 0.1 * np.minimum(widths, 1e300)), 1.0)
+
+
+def _configurations(system: KinematicSystem, q: Array, drives: Array) -> Array:
+    """The configurations (n, nq) at positions of the drive, by motion from the configuration q.
+
+    :raises UnreachableError: the drive does not reach them.
+    """
+    given, found = q[system.q_driven], np.empty((len(drives), len(q)))
+    for rows, end in ((drives < given[0], np.min(drives)), (drives > given[0], np.max(drives))):
+        if not np.any(rows):
+            continue
+        line = DriveLine(system, given, np.array([end]))
+        curve = traced_curve(line, line.forward(q, 0.0, 1.0), through=False)
+        require_reached(system, line, curve)
+        places = np.where(drives[rows] == end, 1.0, (drives[rows] - given[0]) / (end - given[0]))
+        by_place = {s: one for s, one, _ in sampled(line, curve, np.unique(places))}
+        found[rows] = [by_place[s] for s in places.tolist()]
+    found[drives == given[0]] = q
+    return found
+
+
+def _require_movable(problem: DesignProblem, x: Array) -> None:
+    """Refuse an optimum whose configurations are not those of one motion."""
+    drives, found = problem.drives(x), problem.configurations()
+    system = problem.parametric.at(np.ascontiguousarray(x[: len(problem.parametric.keys)]))
+    try:
+        moved = _configurations(system, found[0], drives)
+    except MbdSimError as error:
+        raise MbdSimError(_broken(system.mechanism, f"it has a dead point in the range ({error})")) from error
+    difference = moved - found
+    difference[:, system.angles] = np.mod(difference[:, system.angles] + np.pi, 2.0 * np.pi) - np.pi
+    if np.max(np.abs(difference)) > SAME * max(1.0, system.constraints.size):
+        raise MbdSimError(_broken(system.mechanism, "its positions are on different branches of the motion"))
+
+
+def _broken(mechanism: Mechanism, why: str) -> str:
+    return (
+        f"{mechanism.name}: the optimum cannot move through the positions of the drive: {why}. "
+        "Give narrower bounds, another start, or more positions."
+    )
+
+
+def _with_start(
+    mechanism: Mechanism, problem: DesignProblem, values: Mapping[str, float], x: Array, drive: str
+) -> Mechanism:
+    """The mechanism with these values and the start positions of the first configuration.
+
+    :raises MbdSimError: its file would be assembled in another mode.
+    """
+    system, first = problem.parametric.system, problem.configurations()[0]
+    changes: dict[str, Any] = dict(values)
+    for name, joint in mechanism.joints.items():
+        if joint.kind.nv == 1 and not joint.drive:
+            changes[f"joints.{name}.position"] = float(first[system.layout.q[name].start])
+            if name != drive:
+                changes[f"joints.{name}.guess"] = True
+    changed = with_values(mechanism, changes)
+    again = KinematicSystem(changed, [drive])
+    q = _configurations(again, again.start, problem.drives(x)[:1])[0]
+    difference = q - first
+    difference[again.angles] = np.mod(difference[again.angles] + np.pi, 2.0 * np.pi) - np.pi
+    if np.max(np.abs(difference)) > SAME * max(1.0, again.constraints.size):
+        joints = listed([name for name, joint in mechanism.joints.items() if joint.kind.nv > 1])
+        raise MbdSimError(
+            f"{mechanism.name}: the file cannot start in the assembly mode of the optimum. Give start positions of "
+            f"{joints or 'its joints'} that select it."
+        )
+    return changed
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+HEAD = 20  # width of the first column
+NEAR = 1e-6  # distance from a bound, relative to its size, at which a value counts as lying on it
+
+
+def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) -> str:
+    """The values before and after, and the deviations from the goal."""
+    before, unit = values_of(mechanism, list(design.values)), _unit(mechanism, design.drive, goal)
+    lines = []
+    for key, value in design.values.items():
+        low, high = design.bounds[key]
+        near = next((f"  at its bound {bound:.6g}" for bound in (low, high) if _is_near(value, bound)), "")
+        lines.append(f"{key:<{HEAD}}{before[key]:.6g} -> {value:.10g}{near}")
+    if isinstance(goal, FunctionGoal) and goal.free_offset:
+        lines.append(f"{'Offset':<{HEAD}}{design.offset:.10g} {unit}")
+    what = "Effort" if isinstance(goal, EffortGoal) else "Deviation"
+    for name, start, end in (("rms", design.start_rms, design.rms), ("peak", design.start_peak, design.peak)):
+        mark = "  (minimized)" if name == norm else ""
+        lines.append(f"{f'{what}, {name}':<{HEAD}}{start:.6g} -> {end:.6g} {unit}{mark}")
+    ended = "" if design.converged else "; not converged: run again from the values found"
+    lines.append(f"{'Search':<{HEAD}}{counted(design.steps, 'step')}{ended}")
+    return "\n".join(lines)
+
+
+def write_mechanism(path: Path, design: Design) -> None:
+    """Write the mechanism with the values found; comments of the file are not kept.
+
+    :raises MbdSimError: it cannot be written.
+    """
+    mechanism = with_meshes_seen_from(design.mechanism, path.parent)
+    try:
+        path.write_text(mechanism_text(mechanism.source), encoding="utf-8")
+    except OSError as error:
+        raise MbdSimError(f"{path} cannot be written: {error}") from error
+
+
+def draw_design(path: Path, design: Design, goal: Goal) -> None:
+    """Draw the motion of the mechanism found through the positions of the drive.
+
+    :raises MbdSimError: the picture cannot be written.
+    """
+    ends = float(np.min(design.drives)), float(np.max(design.drives))
+    speed = goal.speed if isinstance(goal, EffortGoal) else 1.0
+    motion = driven_motion(design.mechanism, {design.drive: ends}, speed=speed)
+    points = [goal.point] if isinstance(goal, PathGoal) else []
+    targets = goal.positions if isinstance(goal, PathGoal) else None
+    loads = drive_loads(motion) if isinstance(goal, EffortGoal) else None
+    draw_motion(path, motion, points, couplers_and_followers(motion.mechanism, [design.drive]), loads, targets)
+
+
+def _is_near(value: float, bound: float) -> bool:
+    return abs(value - bound) <= NEAR * max(abs(bound), 1e-3)
+
+
+def _unit(mechanism: Mechanism, drive: str, goal: Goal) -> str:
+    match goal:
+        case PathGoal():
+            return "m"
+        case FunctionGoal(output=output):
+            return "rad" if is_rotation(mechanism, output) else "m"
+        case EffortGoal():
+            return "N·m" if is_rotation(mechanism, drive) else "N"

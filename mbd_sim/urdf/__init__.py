@@ -1,1 +1,0 @@
-"""URDF read as a mechanism, and a mechanism written as URDF."""

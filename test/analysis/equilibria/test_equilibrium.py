@@ -1,0 +1,245 @@
+"""Equilibria: the start if it is one, else the nearest along a path, wherever and in whatever units it is."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, reject, settings
+
+from mbd_sim import InputError, MechanismError, Simulation, parse_mechanism
+from mbd_sim.analysis.equilibria.equilibrium import equilibria, is_autonomous, nearest_equilibrium
+from mbd_sim.analysis.equilibria.rest_balance import displacement_between
+from mbd_sim.dynamics.constraints.assembly import close_loops
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.math.rank import null_space
+from mbd_sim.studies.linear_analysis import equilibria_of, set_to_equilibrium, to_equilibrium
+from test.generators.loops import random_mechanisms
+from test.oracles import kane
+
+CART = """
+mechanism: cart
+parameters: {{l: 0.5}}
+parts:
+  cart: {{mass: {mass}}}
+  rod: {{mass: 0.2, center: [0, 0, l], inertia: [1e-3, 1e-3, 0], points: {{}}}}
+joints:
+  rail: {{type: prismatic, between: [ground, cart], axis: {rail}, position: {x}}}
+  pin: {{type: revolute, between: [cart, rod], axis: {pin}, position: {angle}}}
+"""
+
+
+def cart(x=0.3, angle="180 deg", mass=0.7, rail="[1, 0, 0]", pin="[0, 1, 0]"):
+    return Simulation.from_text(CART.format(x=x, angle=angle, mass=mass, rail=rail, pin=pin))
+
+
+@pytest.mark.parametrize(("angle", "stable"), [("0", False), ("180 deg", True), ("-180 deg", True), ("540 deg", True)])
+def test_a_start_that_is_an_equilibrium_is_the_equilibrium(angle, stable):
+    """The pendulum stands upright at 0; a search that prefers stable equilibria would leave it."""
+    sim = cart(angle=angle)
+    found = nearest_equilibrium(sim.model.equations)
+    assert found.q == pytest.approx(sim.q, abs=1e-15) and found.stable is stable
+    assert found.distance < 1e-15
+
+
+@pytest.mark.parametrize("degrees", [1e-6, 5.0, 40.0, 89.0, 91.0, 120.0, 179.9, -30.0, -150.0])
+@pytest.mark.parametrize("azimuth", [0.0, 0.9, 2.2])
+def test_the_nearest_is_found_and_what_nothing_restores_stays(degrees, azimuth):
+    """A cart on a level rail in any direction keeps its place, to the last digits."""
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    sim = cart(0.31, f"{degrees} deg", rail=f"[{cos}, {sin}, 0]", pin=f"[{-sin}, {cos}, 0]")
+    found = nearest_equilibrium(sim.model.equations)
+    turn = round(degrees / 180.0) * math.pi
+    assert found.q == pytest.approx([0.31, turn], abs=1e-12)
+    assert found.stable is (round(degrees / 180.0) % 2 == 1)
+    assert found.displacement == pytest.approx([0.0, turn - math.radians(degrees)], abs=1e-12)
+
+
+def test_of_two_at_the_same_distance_the_stable_one_is_taken():
+    found = nearest_equilibrium(Simulation.from_file("rod_pendulum").model.equations)
+    assert found.q == pytest.approx([0.0], abs=1e-12) and found.stable
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_nothing_depends_on_the_unit_of_length(unit):
+    """A double pendulum near each of its four equilibria, in other units; gravity is scaled as well."""
+    for first, second in ((0.2, 0.1), (0.1, math.pi - 0.2), (math.pi + 0.15, 0.1), (math.pi - 0.1, math.pi + 0.2)):
+        texts = (
+            f"""
+mechanism: double
+gravity: [0, 0, {-9.81 * size}]
+parts:
+  upper: {{mass: 1, center: [0, 0, {-0.3 * size}], inertia: [0, {0.1 * size**2}, {0.1 * size**2}], points: {{end: [0, 0, {-0.7 * size}]}}}}
+  lower: {{mass: 2, center: [0, 0, {-0.4 * size}], inertia: [0, {0.2 * size**2}, {0.2 * size**2}]}}
+joints:
+  shoulder: {{type: revolute, between: [ground, upper], axis: [0, 1, 0], position: {first}}}
+  elbow: {{type: revolute, between: [upper.end, lower], axis: [0, 1, 0], position: {second}}}
+"""
+            for size in (1.0, unit)
+        )
+        one, other = (nearest_equilibrium(Simulation.from_text(text).model.equations) for text in texts)
+        right = [round(angle / math.pi) * math.pi for angle in (first, second)]
+        assert one.q == pytest.approx(right, abs=1e-12) and other.q == pytest.approx(one.q, abs=1e-12)
+        assert other.distance == pytest.approx(one.distance * unit, rel=1e-9)
+
+
+def test_several_are_found_in_the_order_of_their_distance():
+    found = equilibria(Simulation.from_file("double_rod").model.equations)
+    places = {tuple(np.round(np.remainder(one.q, 2.0 * math.pi) / math.pi).astype(int) % 2) for one in found}
+    assert places == {(0, 0), (1, 0), (0, 1), (1, 1)} and len(found) == 4
+    assert [one.distance for one in found] == sorted(one.distance for one in found)
+    assert [one.stable for one in found] == [True, False, False, False]
+
+
+def test_a_loop_near_its_upper_dead_center_stays_there():
+    """The four-bar begins 10° from where it stands; it hangs on the other side, 165° away."""
+    sim = Simulation.from_file("four_bar")
+    upper, lower = equilibria(sim.model.equations)
+    assert not upper.stable and lower.stable
+    again = Simulation.from_file("four_bar")
+    again.reset(q=upper.q)
+    assert to_equilibrium(again) == pytest.approx(upper.q, abs=1e-12)
+    assert np.max(np.abs(again.violation)) < 1e-12
+
+
+@pytest.mark.parametrize(("angle", "stable"), [("0", False), ("rest", True)])
+def test_a_driven_mechanism_rests_relative_to_its_drive(angle, stable):
+    """The bottom of a spun tube is an equilibrium, though not a stable one; so is cos θ = g / r Ω²."""
+    angle = 0.0 if angle == "0" else math.acos(9.81 / (0.5 * 6.0**2))
+    sim = Simulation.from_file("spun_tube_particle", set={"joints.slide.position": angle})
+    found = set_to_equilibrium(sim)
+    assert found.distance < 1e-15 and found.stable is stable
+
+
+def test_without_forces_every_start_is_an_equilibrium():
+    """A wheel balanced by two masses: only round-off remains of its weight, and of the change of its moment."""
+    sim = Simulation.from_text(
+        """
+mechanism: balanced
+parts: {wheel: {mass: 1, shapes: [{type: particle, at: [0.1, 0, 0], mass: 0.3}, {type: particle, at: [-0.3, 0, 0], mass: 0.1}]}}
+joints: {axle: {type: revolute, between: [ground, wheel], axis: [0, 1, 0], position: 1.1}}
+""".replace("mass: 1, ", "")
+    )
+    assert to_equilibrium(sim) == pytest.approx([1.1], abs=0.0)
+    free = Simulation.from_file("tumbling")
+    assert to_equilibrium(free) == pytest.approx(free.model.start[free.model.q_range], abs=0.0)
+
+
+SLOPE = """
+mechanism: slope
+parts: {block: {mass: 2, shape: {type: block, size: [0.1, 0.1, 0.1]}}}
+joints:
+  along: {type: prismatic, between: [ground, block], axis: [0.8, 0, -0.6], position: 0.2, friction: {coulomb: FRICTION, sticking: true}}
+"""
+
+
+def test_friction_holds_a_start_that_would_slide_without_it():
+    sim = Simulation.from_text(SLOPE.replace("FRICTION", "12"))  # the slope pulls with 11.77 N
+    found = set_to_equilibrium(sim)
+    assert found.q == [0.2] and found.distance == 0.0 and found.stable
+    sim.run(until=0.1)
+    assert sim.q == [0.2]
+    with pytest.raises(InputError, match="no equilibrium of 'slope' was found"):
+        set_to_equilibrium(Simulation.from_text(SLOPE.replace("FRICTION", "11")))
+
+
+def test_a_body_that_stands_on_the_floor_is_at_rest_there():
+    text = """
+mechanism: standing
+parts: {ball: {mass: 1, shape: {type: sphere, radius: 0.1}}}
+joints: {up: {type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: HEIGHT}}
+constraints: {floor: {type: coupling, terms: {up: 1}, value: 0, bound: at_least}}
+"""
+    assert set_to_equilibrium(Simulation.from_text(text.replace("HEIGHT", "0"))).distance == 0.0
+    above = set_to_equilibrium(Simulation.from_text(text.replace("HEIGHT", "0.2")))
+    assert above.q == pytest.approx([0.0], abs=1e-12) and above.distance == pytest.approx(0.2)
+
+
+def test_an_open_stop_does_not_keep_a_pendulum_from_its_equilibrium():
+    text = """
+mechanism: stopped
+parts: {rod: {mass: 1, center: [0, 0, -0.5], inertia: [0, 0.1, 0.1]}}
+joints: {pin: {type: revolute, between: [ground, rod], axis: [0, 1, 0], position: 0.7, limits: {lower: LOWER, upper: 2, restitution: 0.5}}}
+"""
+    sim = Simulation.from_text(text.replace("LOWER", "-1"))
+    assert to_equilibrium(sim) == pytest.approx([0.0], abs=1e-12)
+    assert to_equilibrium(Simulation.from_text(text.replace("LOWER", "0.5"))) == pytest.approx([0.5], abs=1e-12)
+
+
+MOTOR = """
+mechanism: motor
+parts: {rod: {mass: 1, center: [0, 0, -0.5], inertia: [0, 0.1, 0.1]}}
+joints: {pin: {type: revolute, between: [ground, rod], axis: [0, 1, 0], position: 0.4}}
+actuators:
+  drive: {type: dc_motor, joint: pin, torque_constant: 0.5, resistance: 2, inductance: 1e-3, SERVO}
+"""
+
+
+def test_the_current_of_a_motor_belongs_to_the_equilibrium():
+    """Without a voltage there is no current, and the rod hangs; a voltage holds it where m g l sin q = k U / R."""
+    sim = Simulation.from_text(MOTOR.replace(", SERVO", ""))
+    found = set_to_equilibrium(sim)
+    assert found.q == pytest.approx([0.0], abs=1e-12) and found.states == pytest.approx([0.0], abs=1e-9)
+    sim.set_commands({"drive": 4.0})
+    found = set_to_equilibrium(sim)
+    assert abs(math.sin(found.q[0])) == pytest.approx(0.5 * 4.0 / 2.0 / (9.81 * 0.5), rel=1e-9)
+    assert found.states == pytest.approx([2.0], rel=1e-9)
+    before = sim.q.copy()
+    sim.run(until=0.5)
+    assert sim.q == pytest.approx(before, abs=1e-9)
+
+
+def test_the_integral_of_a_servo_carries_the_weight():
+    """The servo holds the angle that is commanded, 0.4 rad, and its integral the voltage for this."""
+    servo = "servo: {controls: position, kp: 30, ki: 20, kd: 2}"
+    sim = Simulation.from_text(MOTOR.replace("SERVO", servo))
+    found = set_to_equilibrium(sim)
+    assert found.q == pytest.approx([0.4], abs=1e-9) and found.stable
+    current = 9.81 * 0.5 * math.sin(0.4) / 0.5
+    assert sim.actuators()["drive"].current == pytest.approx(current, rel=1e-9)
+    sim.run(until=0.3)
+    assert sim.q == pytest.approx([0.4], abs=1e-9)
+
+
+def test_the_search_begins_at_the_present_coordinates_and_changes_nothing_if_it_fails():
+    sim = cart(angle="180 deg")
+    sim.reset(q=[0.0, 0.1])
+    assert to_equilibrium(sim) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert equilibria_of(sim)[0].distance < 1e-12
+    falling = Simulation.from_file("projectile")
+    falling.run(until=0.1)
+    before = falling.state.copy()
+    with pytest.raises(InputError, match="no equilibrium"):
+        to_equilibrium(falling)
+    assert np.array_equal(falling.state, before) and falling.time == 0.1
+    with pytest.raises(InputError, match="equilibria of 'cart' were found"):
+        to_equilibrium(sim, number=9)
+
+
+@settings(max_examples=12)
+@given(random_mechanisms())
+def test_random_mechanisms_come_back_to_an_equilibrium_that_was_left_a_little(drawn):
+    """Forces vanish there by Kane's equations; the mechanism returns to it, stable or not, from near by."""
+    text, rng = drawn
+    mechanism = parse_mechanism(text.replace("*t)", "*0)"))  # drives stand still
+    try:
+        equations = derive(mechanism)
+    except MechanismError:  # nothing can move
+        reject()
+    assume(equations.layout.nv > 0 and is_autonomous(equations))
+    found = nearest_equilibrium(equations)
+    assume(found is not None)
+    zeros = np.zeros(equations.layout.nv)
+    oracle = kane.equations(mechanism, found.q, zeros, zeros)
+    assume(oracle.constraint_condition < 1e6 and oracle.condition < 1e6)
+    start = kane.equations(mechanism, equations.start.q, zeros, zeros)
+    size = np.linalg.norm(start.scale * start.accelerations) + 9.81 * math.sqrt(mechanism.mass)
+    assert np.linalg.norm(oracle.scale * oracle.accelerations) <= 1e-8 * size
+    again = nearest_equilibrium(equations, q=found.q)
+    assert again.distance <= 1e-7 * equations.constraints.size
+    free = null_space(equations.constraints.gradient(0.0, found.q))
+    q = equations.constraints.displaced(found.q, 1e-4 * free @ rng.normal(size=free.shape[1]))
+    closing = close_loops(equations.constraints, 0.0, q, np.ones(len(zeros), dtype=bool))
+    back = nearest_equilibrium(equations, q=closing.q)
+    weights = np.sqrt(np.diag(equations.constraints.mass_matrix(0.0, found.q)) / mechanism.mass)
+    moved = np.linalg.norm(weights * displacement_between(equations, found.q, closing.q))
+    assert back.distance <= 1.1 * moved

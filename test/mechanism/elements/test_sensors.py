@@ -1,0 +1,81 @@
+"""Every kind of sensor has all that the package needs to know of it: a new one fails here until it is complete."""
+
+from pathlib import Path
+from typing import get_args
+from xml.etree import ElementTree
+
+import pytest
+
+from mbd_sim import parse_mechanism
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.measurements import measured_values
+from mbd_sim.files.schema.sensors import AnySensorSpec
+from mbd_sim.mechanism.elements.sensors import ORIENTATION, AnySensor
+from mbd_sim.recordings.views import sensor_columns
+from mbd_sim.studies.report.elements import sensor_report
+
+ROOT = Path(__file__).parents[3]
+KEYS = {
+    "imu": "at: rod, orientation: {bias: 0.1}",
+    "accelerometer": "at: rod",
+    "force_torque": "joint: hinge",
+    "encoder": "joint: hinge, counts: 64",
+    "tachometer": "joint: hinge",
+    "current": "actuator: motor",
+    "range": "at: rod, most: 4, plane: ground",
+    "pose": "at: rod",
+    "twist": "at: rod",
+    "odometry": "at: rod",
+}
+FILE = """
+mechanism: sensed
+parts: {{rod: {{mass: 2, inertia: [0.1, 0.2, 0.3]}}}}
+joints: {{hinge: {{type: revolute, between: [ground, rod], axis: [0, 1, 0]}}}}
+actuators: {{motor: {{type: dc_motor, joint: hinge, torque_constant: 1, resistance: 2}}}}
+sensors: {{one: {{type: {type}, {keys}}}}}
+"""
+
+
+def sensed(kind):
+    return parse_mechanism(FILE.format(type=kind, keys=KEYS[kind]))
+
+
+def test_the_schema_the_records_and_these_tests_have_the_same_kinds():
+    in_files = [get_args(spec.model_fields["type"].annotation)[0] for spec in get_args(get_args(AnySensorSpec)[0])]
+    assert sorted(in_files) == sorted(KEYS) == sorted(kind.kind for kind in get_args(AnySensor))
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_values_are_those_of_its_quantities(kind):
+    """A sensor whose expression has other numbers than its quantities would shift all that follow."""
+    mechanism = sensed(kind)
+    (sensor,), derived = mechanism.sensors, derive(mechanism)
+    exact = derived.measurements.sensors(derived.actuators)["one"].sx_out()[0]
+    sizes = [9 if quantity is ORIENTATION else len(quantity.components) for quantity in sensor.quantities]
+    assert measured_values(sensor, exact).numel() == sum(sizes)
+    assert len(sensor.errors) == len(sensor.quantities)
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_messages_can_be_read_from_recordings(kind):
+    (sensor,) = sensed(kind).sensors
+    assert sensor.message_type in sensor_columns._READERS
+    assert {quantity.name for quantity in sensor.quantities} <= set(sensor_columns._UNITS)
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_package_depends_on_its_messages(kind):
+    (sensor,) = sensed(kind).sensors
+    packages = {element.text for element in ElementTree.parse(ROOT / "package.xml").iter("exec_depend")}
+    assert sensor.message_type.partition("/")[0] in packages
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_report_names_it(kind):
+    (sensor,) = sensed(kind).sensors
+    assert sensor_report(sensor, 0.001)["type"] == kind
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_reference_page_describes_it(kind):
+    assert f"`{kind}`" in (ROOT / "docs" / "mechanism_file.md").read_text(encoding="utf-8")

@@ -1,0 +1,59 @@
+"""Loops closed by lines, planes, rods and cables, written with the digits that people write, move as the exact ones."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.load import parse_mechanism
+from test.mechanism.exact_geometry.guided import GUIDED, guided_file, guided_text
+from test.mechanism.exact_geometry.test_snapping import freedoms_of, start_accelerations
+
+
+@pytest.mark.parametrize("name", GUIDED)
+def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name):
+    """Rounding locked it, kept it open, or left a nearly dependent row to the solver."""
+    for digits in (4, 6, 9, 12):
+        found, freedoms = guided_file(name, digits, digits)
+        assert found.moved or digits > 9, digits
+        assert freedoms_of(found) == freedoms, digits
+        limit = 20.0 * 10.0 ** (1 - digits)
+        assert max((max(move.angle, move.distance) for move in found.moved.values()), default=0.0) < limit
+
+
+@pytest.mark.parametrize("name", GUIDED)
+def test_an_exact_linkage_stays_as_written(name):
+    assert not guided_file(name, 3)[0].moved
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "door on a rod", "carriage on a plane", "rod in a rigid group"])
+def test_it_moves_as_the_exact_one_within_the_digits(name):
+    exact, found = (Simulation(guided_file(name, 5, digits)[0]) for digits in (17, 6))
+    start = [start_accelerations(guided_file(name, 5, digits)[0]) for digits in (17, 6)]
+    assert start[1] == pytest.approx(start[0], abs=3e-4 * np.max(np.abs(start[0])))
+    for simulation in (exact, found):
+        simulation.run(until=0.1)
+    for part, pose in exact.poses().items():
+        assert found.poses()[part].position == pytest.approx(pose.position, abs=1e-4)
+    assert abs(found.energies.residual) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "door on a rod", "plane in a rigid group", "door on a plane"])
+def test_with_tolerance_0_the_error_says_that_digits_may_be_the_cause(name):
+    found, _ = guided_file(name, 1, 6, tolerance=0)
+    assert not found.moved
+    with pytest.raises(MechanismError, match=r"(?s)only just.*more digits"):
+        freedoms_of(found)
+
+
+def test_a_rod_that_is_too_long_for_its_group_is_no_slip_of_digits():
+    data = json.loads(guided_text("rod in a rigid group", 2)[0])
+    data["constraints"]["k0"]["length"] *= 1.01
+    found = parse_mechanism(json.dumps(data))
+    assert not found.moved
+    with pytest.raises(MechanismError, match="violated by"):
+        freedoms_of(found)

@@ -1,0 +1,73 @@
+"""Files of runs are written without a footer, which would be kept in memory; it is added at the end."""
+
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+import rerun_cli
+
+from mbd_sim import Simulation
+from mbd_sim.pictures.rerun import worker
+from mbd_sim.pictures.rerun.rows import RowWriter
+from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.rerun.stream import RerunStream
+from mbd_sim.pictures.rerun.worker import add_footer
+
+
+def check(path):
+    """What Rerun's own check says, empty if nothing."""
+    program = Path(rerun_cli.__file__).parent / "rerun"
+    done = subprocess.run([program, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
+    return "" if done.returncode == 0 else done.stderr
+
+
+@pytest.fixture
+def without_footer(tmp_path):
+    """A file as the viewer's process writes it."""
+    model = Simulation.from_file("rod_pendulum").model
+    RerunStream(
+        describe_scene(model, RowWriter(model).layout, DisplayOptions()), str(tmp_path / "a.rrd"), footer=False
+    ).close()
+    return tmp_path / "a.rrd"
+
+
+def test_a_footer_is_added(without_footer):
+    assert "Missing RRD footer" in check(without_footer)
+    add_footer(without_footer)
+    assert check(without_footer) == ""
+    assert list(without_footer.parent.iterdir()) == [without_footer]
+
+
+def test_a_large_file_stays_as_it_is(without_footer, monkeypatch):
+    before = without_footer.read_bytes()
+    monkeypatch.setattr(worker, "LARGEST", len(before) - 1)
+    add_footer(without_footer)
+    assert without_footer.read_bytes() == before
+
+
+def test_a_file_that_cannot_be_rewritten_stays_as_it_is(without_footer, tmp_path, monkeypatch):
+    before = without_footer.read_bytes()
+    failing = tmp_path / "rerun"
+    failing.write_text('#!/bin/sh\necho half > "$5"\nexit 1\n')
+    failing.chmod(0o755)
+    monkeypatch.setenv("RERUN_CLI_PATH", str(failing))
+    add_footer(without_footer)
+    assert without_footer.read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"a.rrd", "rerun"}
+    add_footer(tmp_path / "missing.rrd")
+
+
+def test_the_file_of_a_run_has_a_footer_and_rerun_prints_no_warning(tmp_path):
+    code = """
+        from mbd_sim import Simulation
+        from mbd_sim.pictures.rerun import Viewer
+        sim = Simulation.from_file("rod_pendulum")
+        with Viewer(sim.model, "a.rrd") as viewer:
+            viewer.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
+    assert check(tmp_path / "a.rrd") == ""

@@ -1,0 +1,26 @@
+"""The box that the motion fills."""
+
+import pytest
+
+from mbd_sim import Simulation, load_mechanism
+from mbd_sim.pictures.shapes.extent import extent_of
+from test.generators import mesh_files
+
+
+def test_the_extent_contains_the_swing_of_the_rods():
+    extent = extent_of(Simulation.from_file("double_rod").model)
+    assert extent.size == pytest.approx(2.0, abs=0.1)
+    assert -2.1 < extent.lower[0] < -1.0
+    assert -2.1 < extent.lower[2] < -1.5
+    assert extent.upper[0] == pytest.approx(2.0, abs=0.1)
+    assert extent.upper[2] < 1.0
+
+
+def test_the_extent_of_a_single_part_that_is_only_a_mesh_is_that_of_the_mesh(tmp_path):
+    (tmp_path / "a.stl").write_bytes(mesh_files.binary_stl())
+    (tmp_path / "r.urdf").write_text(
+        '<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        '<visual><geometry><mesh filename="a.stl"/></geometry></visual></link></robot>'
+    )
+    extent = extent_of(Simulation(load_mechanism(tmp_path / "r.urdf", base="free")).model)
+    assert extent.size == pytest.approx(0.3, abs=1e-6)

@@ -1,0 +1,470 @@
+"""The stepping thread: in real time, without ROS."""
+
+import math
+import threading
+import time
+import types
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.files.checks.override import with_values
+from mbd_sim.recordings.messages.states import Due, Snapshot
+from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.stepping import clock as pacing
+from mbd_sim.ros.stepping.clock import MAX_LATENESS, FollowedClock, Histogram, Pacer, Rates
+from mbd_sim.ros.stepping.thread import SteppingThread
+from mbd_sim.simulation.run.events import AppliedWrench, Event
+from test.waiting import PATIENCE, wait_until
+
+
+@pytest.fixture
+def make():
+    stepping_threads = []
+
+    def build(step=None, *, wrenches=(), live=(), **rates):
+        paused, followed = rates.pop("paused", False), rates.pop("followed", None)
+        simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step, wrenches=wrenches, live=live)
+        stepping_thread = SteppingThread(
+            simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused, followed=followed
+        )
+        stepping_threads.append(stepping_thread)
+        return stepping_thread
+
+    yield build
+    for stepping_thread in stepping_threads:
+        if stepping_thread._thread.is_alive():
+            stepping_thread.stop()
+
+
+def collected(stepping_thread):
+    items = []
+    while (item := stepping_thread.output.get(timeout=PATIENCE)) is not None:
+        items.append(item)
+    return items
+
+
+def wait_for(condition):
+    wait_until(condition, "the stepping thread", meanwhile=lambda: time.sleep(0.001))
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0, 20.0])
+def test_every_publication_is_handed_out_at_its_very_step(make, factor):
+    stepping_thread = make(real_time_factor=factor, publish=125.0, clock=50.0)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks > 200)
+    stepping_thread.stop()
+    snapshots = [item for item in collected(stepping_thread) if isinstance(item, Snapshot)]
+    last = snapshots[-1].ticks
+    assert [s.ticks for s in snapshots if Due.STATE in s.due] == list(range(0, last + 1, 8))[
+        : sum(Due.STATE in s.due for s in snapshots)
+    ]
+    assert all(s.ticks % 20 == 0 for s in snapshots if Due.CLOCK in s.due)
+    assert all(s.clock_ns == s.ticks * 1_000_000 for s in snapshots)
+
+
+@pytest.mark.parametrize("publish", [0.0, 20.0, 100.0])
+def test_markers_and_samples_for_the_viewer_keep_their_rates_at_any_rate_of_states(make, publish):
+    stepping_thread = make(real_time_factor=0.0, publish=publish, clock=333.0, markers=30.0, view=60.0)
+    stepping_thread.start()
+    snapshots = []
+    while not snapshots or snapshots[-1].ticks <= 3000:
+        snapshots.append(stepping_thread.output.get(timeout=PATIENCE))
+    stepping_thread.stop()
+    snapshots = [snapshot for snapshot in snapshots if 0 < snapshot.ticks <= 3000]
+    counts = {due: sum(due in snapshot.due for snapshot in snapshots) for due in Due if due is not Due.NONE}
+    expected = {Due.STATE: 3 * publish, Due.CLOCK: 999, Due.MARKERS: 90, Due.VIEW: 180}
+    assert {due: counts[due] for due in expected} == expected
+
+
+def test_a_command_takes_effect_between_two_steps_and_reports_which(make):
+    stepping_thread = make(real_time_factor=0.0)
+    stepping_thread.run.commands.by_order([2.0])
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks > 100)
+    stepping_thread.stop()
+    (event,) = [item for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert (event.ticks, event.text, event.payload.values.tolist()) == (0, "command", [2.0])
+
+
+def test_a_command_is_reported_only_if_it_changes_the_efforts(make):
+    stepping_thread = make(real_time_factor=0.0, paused=True)
+    stepping_thread.start()
+    for effort in (0.0, 2.0, 2.0, 2.0, -0.0, 0.0, 0.0, 3.0):
+        stepping_thread.run.commands.by_order([effort])
+        assert stepping_thread.step(1) == ""
+    stepping_thread.reset(False)
+    stepping_thread.run.commands.by_order([3.0])
+    assert stepping_thread.step(1) == ""
+    stepping_thread.stop()
+    events = [item for item in collected(stepping_thread) if isinstance(item, Event) and item.text == "command"]
+    found = [(event.ticks, str(event.payload.values[0])) for event in events]
+    assert found == [(1, "2.0"), (4, "-0.0"), (5, "0.0"), (7, "3.0"), (8, "3.0")]
+
+
+def test_requests_are_served_while_paused_and_while_running(make):
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    assert stepping_thread.step(25) == ""
+    assert stepping_thread.ticks == 25
+    stepping_thread.pause(False)
+    assert "running" in stepping_thread.step(1)
+    wait_for(lambda: stepping_thread.ticks > 50)
+    stepping_thread.pause(True)
+    ticks = stepping_thread.ticks
+    stepping_thread.reset()
+    assert (stepping_thread.simulation.time, stepping_thread.clock.ns) == (0.0, ticks * 1_000_000)
+    stepping_thread.reset(rewind_clock=True)
+    assert stepping_thread.clock.ns == 0
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert texts == ["running", "paused", "reset", "reset"]
+
+
+def test_a_request_to_a_thread_that_has_stopped_returns(make):
+    stepping_thread = make()
+    stepping_thread.start()
+    stepping_thread.stop()
+    assert stepping_thread.step(1) == "the simulation has stopped"
+
+
+def test_a_step_that_diverges_pauses_and_keeps_the_last_state(make):
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    stepping_thread.run.commands.by_order([1e308])
+    assert "became infinite" in stepping_thread.step(100)
+    assert stepping_thread.paused
+    assert stepping_thread.simulation.q[0] == pytest.approx(1.5707963, abs=1e-6)
+    stepping_thread.reset()
+    assert stepping_thread.step(100) == ""
+
+
+def test_a_step_that_is_too_large_is_warned_of_once_until_a_reset(make):
+    stepping_thread = make(step=0.2, paused=True)
+    stepping_thread.start()
+    for _ in range(3):
+        assert stepping_thread.step(20) == ""
+    stepping_thread.reset()
+    assert stepping_thread.step(20) == ""
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert [text.split(":")[0] for text in texts] == ["warning", "reset", "warning"]
+    assert "a step of 0.2 s is too large for rod_pendulum" in texts[0]
+
+
+def test_a_very_slow_run_answers_requests_and_ends_at_once(make):
+    stepping_thread = make(real_time_factor=1e-6)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks == 1)
+    stepping_thread.reset()  # the next step is due in 1000 s
+    assert stepping_thread.simulation.steps == 0
+    stepping_thread.rates.real_time_factor = 50.0
+    stepping_thread.restart_schedule()
+    wait_for(lambda: stepping_thread.ticks > 100)
+    stepping_thread.rates.real_time_factor = 1e-6
+    began = time.monotonic()
+    stepping_thread.stop()
+    assert time.monotonic() - began < PATIENCE
+
+
+@pytest.mark.parametrize("factor", [1e-15, 1e-200, 5e-324])
+def test_a_factor_of_any_size_leaves_the_thread_able_to_answer(make, factor):
+    stepping_thread = make(real_time_factor=factor)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks == 1)
+    assert stepping_thread.reset() == ""
+    stepping_thread.rates.real_time_factor = 1000.0
+    stepping_thread.restart_schedule()
+    wait_for(lambda: stepping_thread.ticks > 100)
+
+
+def test_a_deadline_far_away_is_waited_for_in_parts(monkeypatch):
+    now, waits = [0.0], []
+    monkeypatch.setattr(pacing.time, "perf_counter", lambda: now[0])
+    wake = types.SimpleNamespace(wait=lambda seconds: waits.append(seconds))
+    pacer = Pacer()
+    pacer.anchor()
+    pacer.plan(5000.0)
+    assert not pacer.wait(wake)
+    now[0] = 3600.0
+    monkeypatch.setattr(wake, "wait", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    assert pacer.wait(wake) and (waits, now) == ([3600.0], [5000.0])
+
+
+def test_the_fastest_run_of_small_steps_serves_requests_between_batches(make):
+    stepping_thread = make(step=1e-7, real_time_factor=1000.0)
+    assert stepping_thread._steps_until_due() <= 1000
+
+
+def failing(thread, monkeypatch, place):
+    """Let the thread fail once at some place of its loop, and then not again."""
+    owner, name = {
+        "step": (thread.simulation, "step"),
+        "output": (thread.run.output, "emit"),
+        "commands": (thread.run.commands, "due"),
+        "pacing": (thread.pacer, "wait"),
+    }[place]
+    whole, fails = getattr(owner, name), threading.Event()
+    fails.set()
+
+    def once(*arguments, **options):
+        if fails.is_set():
+            fails.clear()
+            raise ZeroDivisionError("once")
+        return whole(*arguments, **options)
+
+    monkeypatch.setattr(owner, name, once)
+    return fails
+
+
+@pytest.mark.parametrize("place", ["step", "output", "commands", "pacing"])
+def test_after_a_failure_the_run_is_paused_and_a_reset_starts_it_again(make, monkeypatch, capfd, place):
+    stepping_thread = make(real_time_factor=1.0)
+    fails = failing(stepping_thread, monkeypatch, place)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.run.problem and not fails.is_set())
+    assert stepping_thread.run.problem == "failed: ZeroDivisionError('once')"
+    wait_for(lambda: stepping_thread.paused)
+    assert stepping_thread.reset() == ""
+    assert not stepping_thread.paused and stepping_thread.run.problem == ""
+    ticks = stepping_thread.ticks
+    wait_for(lambda: stepping_thread.ticks > ticks + 20)
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert texts == ["failed: ZeroDivisionError('once')", "reset", "running"]
+    assert "test_thread.py" in capfd.readouterr().err  # where the program is wrong
+
+
+def test_a_request_that_fails_says_why_and_a_reset_leaves_a_paused_run_paused(make, capfd):
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    assert stepping_thread.between_steps(lambda: str(1 / 0)) == "an error of the program, see the console"
+    assert stepping_thread.reset() == "" and stepping_thread.paused
+    assert stepping_thread.step(1) == ""
+    capfd.readouterr()
+
+
+def test_a_pause_after_a_failure_outlasts_the_reset(make, monkeypatch, capfd):
+    stepping_thread = make(real_time_factor=1.0)
+    failing(stepping_thread, monkeypatch, "step")
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.run.problem)
+    stepping_thread.pause(True)
+    assert stepping_thread.reset() == "" and stepping_thread.paused
+    capfd.readouterr()
+
+
+@pytest.mark.parametrize("value", [0.0, 5e-324, 1e-300, -1e-300, 1e300, -1.7976931348623157e308])
+def test_live_values_at_the_ends_of_double_precision_leave_a_run_that_a_reset_restores(make, value):
+    stepping_thread = make(paused=True, live=("gravity[*]",))
+    stepping_thread.start()
+    stepping_thread.set_live({"gravity[2]": value})
+    stepping_thread.step(50)
+    stepping_thread.set_live({"gravity[2]": -9.81})
+    assert stepping_thread.reset() == ""
+    assert stepping_thread.step(10) == ""
+    assert math.isfinite(stepping_thread.simulation.q[0])
+
+
+def test_the_pacer_keeps_absolute_deadlines():
+    pacer = Pacer()
+    pacer.anchor()
+    began = time.perf_counter()
+    for _ in range(100):
+        pacer.plan(0.002)
+        assert pacer.wait(threading.Event())
+    assert time.perf_counter() - began >= 0.2
+    late, period = pacer.lateness.summary(), pacer.period.summary()
+    assert 0.0 <= late.median <= late.p99 <= late.maximum
+    assert 0.0 < period.median <= period.p99 <= period.maximum
+    # The first wait has no period, nor has one after a restart, which a stall of the machine causes.
+    assert 99 - pacer.overruns <= pacer.period.counts().sum() <= 99
+
+
+def test_a_long_stall_restarts_the_schedule_instead_of_a_burst(monkeypatch):
+    now = [0.0]
+
+    def sleep(seconds):
+        now[0] += seconds
+
+    monkeypatch.setattr(pacing, "time", types.SimpleNamespace(perf_counter=lambda: now[0], sleep=sleep))
+    pacer = Pacer()
+    pacer.anchor()
+    sleep(MAX_LATENESS + 0.15)
+    pacer.plan(0.01)
+    assert pacer.wait(threading.Event())
+    assert (pacer.overruns, now[0]) == (1, pytest.approx(MAX_LATENESS + 0.15))
+    pacer.plan(0.01)
+    assert pacer.wait(threading.Event())
+    assert (pacer.overruns, now[0]) == (1, pytest.approx(MAX_LATENESS + 0.16))
+
+
+def test_pauses_resets_and_changes_of_the_factor_cost_no_time(make):
+    stepping_thread = make(real_time_factor=1.0)
+    pacer, step_size = stepping_thread.pacer, stepping_thread.simulation.step_size
+    stepping_thread.start()
+    for factor in (5.0, 0.2, 1.0):
+        stepping_thread.pause(True)
+        time.sleep(0.4)  # it would more than halve the factor of the 0.2 s that follow
+        running, ticks, overruns = pacer.running, stepping_thread.ticks, pacer.overruns
+        stepping_thread.rates.real_time_factor = factor
+        stepping_thread.pause(False)
+        stepping_thread.restart_schedule()
+        stepping_thread.reset()
+        steps = round(0.2 * factor / step_size)
+        wait_for(lambda beyond=ticks + steps: stepping_thread.ticks > beyond)
+        stepping_thread.pause(True)
+        achieved = (stepping_thread.ticks - ticks) * step_size / (pacer.running - running)
+        # A busy machine may restart the schedule; then time was indeed lost.
+        assert achieved == pytest.approx(factor, rel=0.5) or pacer.overruns > overruns
+        stepping_thread.pause(False)
+
+
+def test_a_histogram_summarizes_what_came_since():
+    histogram = Histogram()
+    for count in range(1, 101):
+        histogram.add(count * 1e-4)
+    assert histogram.summary() == pytest.approx((0.005, 0.0099, 0.01), abs=2e-5)
+    before = histogram.counts()
+    assert histogram.summary(before) == (0.0, 0.0, 0.0)
+    for seconds in (-1.0, 0.0, 3.0):
+        histogram.add(seconds)
+    assert histogram.summary(before) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
+
+
+def test_live_values_and_wrenches_are_reported_with_their_tick(make):
+    stepping_thread = make(paused=True, wrenches=["rod"], live=["gravity[2]"])
+    stepping_thread.start()
+    stepping_thread.step(10)
+    assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
+    assert "'gravty' is not a live value" in stepping_thread.set_live({"gravty": 1.0})
+    for _ in range(2):  # the second one changes nothing and is not reported
+        stepping_thread.run.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        stepping_thread.step(5)
+    stepping_thread.stop()
+    events = [item for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert [(event.ticks, event.text) for event in events] == [
+        (10, "live values: gravity[2] = -1.6"),
+        (10, "command"),
+    ]
+    assert events[0].payload.all_values == {"gravity[2]": -1.6}
+    assert isinstance(events[1].payload, AppliedWrench)
+    assert (events[1].payload.part, events[1].payload.inputs[:3].tolist()) == ("rod", [3.0, 0.0, 0.0])
+
+
+def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    stepping_thread.step(30)
+    assert stepping_thread.reset(rewind_clock=True, state=False) == ""
+    assert (stepping_thread.clock.ns, stepping_thread.simulation.steps) == (0, 30)
+
+
+@pytest.fixture
+def changing(make, monkeypatch):
+    """A stepping thread with live values, and the idents of the threads that validated changes of them."""
+    stepping_thread = make(paused=True, live=["gravity[*]"])
+    validated_in = []
+
+    def recorded(mechanism, values):
+        validated_in.append(threading.get_ident())
+        return with_values(mechanism, values)
+
+    monkeypatch.setattr("mbd_sim.simulation.model.live_values.with_values", recorded)
+    stepping_thread.start()
+    return stepping_thread, validated_in
+
+
+def test_live_values_are_validated_in_the_calling_thread(changing):
+    stepping_thread, validated_in = changing
+    assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
+    assert "gravity" in stepping_thread.set_live({"gravity[2]": float("nan")})
+    assert "'gravty' is not a live value" in stepping_thread.set_live({"gravty": 1.0})
+    assert validated_in and set(validated_in) == {threading.get_ident()}
+    assert stepping_thread.simulation.live["gravity[2]"] == -1.6
+
+
+def test_concurrent_changes_of_live_values_are_all_applied_one_after_another(changing):
+    stepping_thread, validated_in = changing
+
+    def change(axis):
+        for value in range(20):
+            assert stepping_thread.set_live({f"gravity[{axis}]": float(value)}) == ""
+
+    callers = [threading.Thread(target=change, args=(axis,)) for axis in range(3)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join(PATIENCE)
+    stepping_thread.stop()
+    assert set(validated_in) == {caller.ident for caller in callers}
+    events = [item.payload for item in collected(stepping_thread) if isinstance(item, Event)]
+    known = {f"gravity[{axis}]": value for axis, value in enumerate((0.0, 0.0, -9.81))}
+    for payload in events:
+        known |= payload.changes
+        assert payload.all_values == known
+    assert len(events) == 60
+    assert stepping_thread.simulation.live == {f"gravity[{axis}]": 19.0 for axis in range(3)}
+
+
+def state_times(items):
+    """The stamps of states in ms, and the times of the mechanism in steps."""
+    snapshots = [item for item in items if isinstance(item, Snapshot) and Due.STATE in item.due and not item.repeated]
+    return [(snapshot.clock_ns / 1e6, round(snapshot.time / 1e-3)) for snapshot in snapshots]
+
+
+def test_a_followed_clock_is_waited_for_and_never_overtaken(make):
+    clock = FollowedClock()
+    stepping_thread = make(followed=clock, publish=1000.0)
+    stepping_thread.start()
+    stepping_thread.request_moment()
+    assert "no /clock has arrived yet" in (stepping_thread.pause(True) or stepping_thread.step(5))
+    stepping_thread.pause(False)
+    clock.take(7_000_300_000)  # between two steps of another simulator
+    wait_for(lambda: not stepping_thread.waits_for_clock)
+    assert (stepping_thread.ticks, stepping_thread.clock.ns) == (0, 7_000_300_000)
+    clock.take(7_005_299_999)
+    wait_for(lambda: stepping_thread.ticks == 4)
+    clock.take(7_005_300_000)
+    wait_for(lambda: stepping_thread.ticks == 5)
+    stepping_thread.stop()
+    items = collected(stepping_thread)
+    assert state_times(items) == [(pytest.approx(7000.3 + step), step) for step in range(6)]
+    (moment,) = [item for item in items if isinstance(item, Snapshot) and Due.RECORDING in item.due]
+    assert (moment.ticks, moment.clock_ns) == (0, 7_000_300_000)
+
+
+def test_a_followed_clock_that_goes_back_restarts_the_motion_at_the_new_time(make):
+    clock = FollowedClock()
+    stepping_thread = make(followed=clock, publish=1000.0)
+    stepping_thread.start()
+    clock.take(0)
+    clock.take(20_000_000)
+    wait_for(lambda: stepping_thread.ticks == 20)
+    clock.take(3_000_000)
+    clock.take(8_000_000)
+    wait_for(lambda: stepping_thread.ticks == 25)
+    assert (stepping_thread.clock.ns, stepping_thread.simulation.steps) == (8_000_000, 5)
+    assert "reset the node that publishes it" in stepping_thread.reset(rewind_clock=True)
+    assert stepping_thread.simulation.steps == 5
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert texts == ["following /clock from 0 s", "clock set: to 0.003 s: /clock has restarted", "reset"]
+
+
+def test_after_a_pause_a_followed_clock_is_joined_at_its_present_time(make):
+    clock = FollowedClock()
+    stepping_thread = make(followed=clock)
+    stepping_thread.start()
+    clock.take(0)
+    clock.take(5_000_000)
+    wait_for(lambda: stepping_thread.ticks == 5)
+    stepping_thread.pause(True)
+    clock.take(50_000_000)
+    stepping_thread.pause(False)
+    clock.take(52_000_000)
+    wait_for(lambda: stepping_thread.ticks == 7)
+    assert stepping_thread.clock.ns == 52_000_000
+    clock.take(552_000_000)  # a jump ahead: all steps are taken
+    wait_for(lambda: stepping_thread.ticks == 507)
+    assert stepping_thread.lag == 0.0

@@ -1,0 +1,82 @@
+"""Forces at contacts satisfy their conditions, whatever the contacts have in common."""
+
+import numpy as np
+import pytest
+
+from mbd_sim.simulation.contact.complementarity import independent, lemke, solve
+from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+
+
+def violations(problem, forces):
+    """How far each condition is from satisfied, relative to the forces and rates."""
+    rates = problem.matrix @ forces + problem.free
+    size, speed = 1.0 + np.max(np.abs(forces)), 1.0 + np.max(np.abs(problem.free))
+    for row in problem.normals:
+        yield max(0.0, -forces[row]) / size
+        yield max(0.0, -rates[row]) / speed
+        yield abs(forces[row] * rates[row]) / size / speed
+    for friction in problem.frictions:
+        rows = list(friction.rows)
+        limit = friction.size * (1.0 if friction.normal is None else forces[friction.normal])
+        force, slip = np.linalg.norm(forces[rows]), np.linalg.norm(rates[rows])
+        yield max(0.0, force - limit) / size
+        yield abs(forces[rows] @ rates[rows] + limit * slip) / size / speed  # against the slip, at its limit
+
+
+def random_problem(seed):
+    random = np.random.default_rng(seed)
+    contacts, along = int(random.integers(1, 5)), int(random.integers(1, 3))
+    gradient = random.normal(size=(contacts * (1 + along), int(random.integers(2, 7))))
+    if seed % 3 == 0:
+        gradient[-1] = gradient[0]  # rows that depend on each other
+    free = gradient @ random.normal(size=gradient.shape[1]) * random.choice([1e-3, 1.0, 1e3])
+    frictions = [
+        FrictionLimit(
+            tuple(range(contacts + index * along, contacts + (index + 1) * along)),
+            index if random.random() < 0.8 else None,
+            float(random.choice([0.0, 0.1, 0.5, 1.5])),
+        )
+        for index in range(contacts)
+    ]
+    return ContactProblem(gradient @ gradient.T, free, range(contacts), frictions)
+
+
+@pytest.mark.parametrize("first", range(0, 400, 100))
+def test_random_problems_are_solved(first):
+    for seed in range(first, first + 100):
+        problem = random_problem(seed)
+        assert max(violations(problem, contact_forces(problem))) < 1e-9, seed
+
+
+def test_a_block_that_is_pushed_sticks_slides_or_lifts_off():
+    matrix = np.eye(2)  # a particle of 1 kg: the rates of its height and along the plane
+    friction = [FrictionLimit((1,), 0, 0.5)]
+
+    def forces(pull, push):
+        return contact_forces(ContactProblem(matrix, np.array([pull - 10.0, push]), [0], friction)).tolist()
+
+    assert forces(0.0, 3.0) == pytest.approx([10.0, -3.0], abs=1e-14)
+    assert forces(0.0, 7.0) == pytest.approx([10.0, -5.0], abs=1e-14)
+    assert forces(0.0, -7.0) == pytest.approx([10.0, 5.0], abs=1e-14)
+    assert forces(12.0, 7.0) == pytest.approx([0.0, 0.0], abs=1e-14)
+
+
+def test_a_rod_that_slides_with_too_much_friction_has_no_forces():
+    """Painlevé: the friction of sliding makes the diagonal negative."""
+    with pytest.raises(NoSolutionError):
+        contact_forces(ContactProblem(np.array([[-0.5]]), np.array([-1.0]), [0], []))
+
+
+def test_lemkes_method_solves_a_problem_of_cottle_pang_and_stone():
+    matrix = np.array([[2.0, 1.0], [1.0, 2.0]])
+    assert lemke(matrix, np.array([-5.0, -6.0])) == pytest.approx([4.0 / 3.0, 7.0 / 3.0], abs=1e-14)
+    assert lemke(np.array([[-1.0]]), np.array([-1.0])) is None
+
+
+def test_elimination_leaves_out_what_depends_on_other_rows():
+    random = np.random.default_rng(0)
+    gradient = random.normal(size=(5, 3))
+    matrix = gradient @ gradient.T
+    assert independent(matrix, [4, 0, 1, 2, 3]) == [4, 0, 1]
+    right = matrix @ random.normal(size=5)
+    assert matrix @ solve(matrix, right) == pytest.approx(right, abs=1e-12)

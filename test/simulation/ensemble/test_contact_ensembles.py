@@ -1,0 +1,132 @@
+"""Ensembles of mechanisms with one-sided elements: each member goes through its own events, as a single simulation."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from mbd_sim import CommandError, DivergedError, Ensemble, Simulation
+from mbd_sim.files.load import load_mechanism, parse_mechanism
+from mbd_sim.simulation.contact.events import EventError
+
+NAMES = [
+    "backlash",
+    "belt",
+    "bounce",
+    "elbow_stop",
+    "freewheel",
+    "rocking",
+    "rope",
+    "slider_crank_friction",
+    "spinning_ball",
+]
+
+DRIVEN_INTO_THE_FLOOR = """
+mechanism: press
+parameters: {v: 0.1}
+parts:
+  ram: {shape: {type: particle, mass: 1}}
+  ball: {shape: {type: particle, mass: 1}}
+joints:
+  ram: {type: prismatic, between: [ground, ram], axis: [0, 0, 1], drive: 0.05 - v*t}
+  ball: {type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: 1}
+constraints:
+  floor: {type: on_plane, point: ram, bound: at_least}
+  catch: {type: on_plane, point: ball, bound: at_least, restitution: 0.5}
+"""
+
+
+@pytest.mark.parametrize("method", ["tsitouras8", "rk4", "gauss4"])
+@pytest.mark.parametrize("name", NAMES)
+def test_members_move_as_single_simulations_bit_for_bit(name, method):
+    random = np.random.default_rng(5)
+    ensemble = Ensemble.from_file(name, 4, method=method, threads=2)
+    u = ensemble.u + 0.3 * random.normal(size=ensemble.u.shape)
+    efforts = random.normal(size=ensemble.u.shape)
+    ensemble.reset(u=u, nearest_speeds=True)
+    ensemble.set_efforts(efforts)
+    ensemble.step(37)
+    ensemble.step(900)
+    single = Simulation.from_file(name, method=method)
+    for member in range(4):
+        single.reset(u=u[member], nearest_speeds=True)
+        single.set_efforts(efforts[member])
+        single.step(937)
+        assert np.array_equal(ensemble.state[member], single.state)
+        assert ensemble.energies.residual[member] == single.energies.residual
+        assert ensemble.error_estimates[member] == single.error_estimate
+    assert ensemble.alive.all()
+
+
+def test_members_have_coefficients_and_rest_speeds_of_their_own():
+    text = load_mechanism("bounce").source.text + "integrator: {rest_speed: 1e-5}\n"
+    changes = [{"e": 0.3}, {"e": 0.8}, {"e": 0.8, "integrator.rest_speed": 3.0}]
+    ensemble = Ensemble(parse_mechanism(text), changes)
+    ensemble.run(1.9)
+    for member, change in enumerate(changes):
+        rest_speed = {name: value for name, value in change.items() if name != "e"}
+        single = Simulation.from_text(text, live=["parameters.e"], set=rest_speed)
+        single.set_live({"parameters.e": change["e"]})
+        single.reset()
+        single.run(1.9)
+        assert np.array_equal(ensemble.state[member], single.state)
+    assert len({state.tobytes() for state in ensemble.state}) == 3
+
+
+def test_start_states_are_settled_member_by_member():
+    ensemble = Ensemble.from_file("bounce", [{"h": 0.0}, {"h": 1.0}, {"h": 0.0, "joints.height.velocity": -1.0}])
+    assert ensemble.u[:, 0].tolist() == [0.0, 0.0, 0.8]
+    start = ensemble.energies
+    assert start.dissipated[2] == pytest.approx(0.5 * (1.0 - 0.8**2), abs=1e-15)
+    assert np.abs(start.residual).max() < 1e-15
+    ensemble.run(0.1)
+    assert ensemble.q[0, 0] == 0.0
+    assert np.abs(ensemble.energies.residual).max() < 1e-13
+
+
+def test_a_snapshot_holds_which_contacts_are_closed():
+    ensemble = Ensemble.from_file("belt", [{"vb": 0.2}, {"vb": 0.3}])
+    ensemble.run(0.1)
+    snapshot = pickle.loads(pickle.dumps(ensemble.snapshot()))
+    ensemble.run(1.0)
+    expected = ensemble.state
+    ensemble.restore(snapshot)
+    ensemble.run(1.0)
+    assert np.array_equal(ensemble.state, expected)
+    other = Ensemble.from_file("belt", [{"vb": 0.2}, {"vb": 0.3}])
+    other.restore(snapshot)
+    other.run(1.0)
+    assert np.array_equal(other.state, expected)
+
+
+def test_a_member_whose_contacts_have_no_solution_is_lost_alone_and_told():
+    mechanism = parse_mechanism(DRIVEN_INTO_THE_FLOOR)
+    ensemble = Ensemble(mechanism, [{"v": 0.0}, {"v": 0.1}, {"v": 0.2}], threads=2)
+    ensemble.step(400)
+    before = ensemble.state
+    ensemble.step(200)
+    assert ensemble.alive.tolist() == [True, False, False]
+    assert np.array_equal(ensemble.state[1:, :2], before[1:, :2])
+    ensemble.step(10)
+    assert ensemble.u[0, 0] > 0.0
+    with pytest.raises(DivergedError, match=r"2 of 3 members .* the first is member 1.*at 0\.5 s"):
+        ensemble.require_alive()
+    single = Simulation(mechanism)
+    with pytest.raises(EventError, match=r"at 0\.5 s"):
+        single.run(1.0)
+
+
+def test_a_start_without_a_solution_names_the_member():
+    mechanism = parse_mechanism(DRIVEN_INTO_THE_FLOOR.replace("0.05 - v*t", "0 - v*t"))
+    with pytest.raises(EventError, match="member 1: at 0 s"):
+        Ensemble(mechanism, [{"v": 0.0}, {"v": 0.1}])
+
+
+def test_a_start_inside_an_obstacle_names_the_member():
+    with pytest.raises(CommandError, match=r"member 1: constraints\.floor: .* 0\.5 m beyond"):
+        Ensemble.from_file("bounce", [{"h": 1.0}, {"h": -0.5}])
+    ensemble = Ensemble.from_file("bounce", 2)
+    before = ensemble.state
+    with pytest.raises(CommandError, match="member 0: "):
+        ensemble.reset(q=np.array([[-0.1], [1.0]]))
+    assert np.array_equal(ensemble.state, before)

@@ -1,0 +1,65 @@
+"""Pairs of shapes that meet within a step, that pass each other, and that cannot be computed."""
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.base.errors import MechanismError
+
+FLIGHT = """
+mechanism: flight
+gravity: [0, 0, 0]
+parts: {{a: {{shape: {first}}}, b: {{shape: {second}}}}}
+joints:
+  a: {{type: free, between: [ground, a], position: {place}, velocity: {velocity}}}
+  b: {{type: {joint}, between: [ground, b]}}
+contacts: {{hit: {{between: [a, b], restitution: 1}}}}
+"""
+BALL = "{type: sphere, mass: 1, radius: 5 mm}"
+DISC = "{type: disc, mass: 5, radius: 0.2}"
+POST = "{type: cylinder, mass: 5, radius: 0.2, length: 1}"
+BAR = "{type: cylinder, mass: 1, radius: 0.1, length: 1, axis: [1, 0, 0]}"
+
+
+def flight(first, second, place, velocity, joint="fixed"):
+    text = FLIGHT.format(first=first, second=second, place=place, velocity=velocity, joint=joint)
+    return Simulation.from_text(text)
+
+
+@pytest.mark.parametrize("start", [-1.53, -1.5, -1.517, -1.5601])
+def test_small_balls_that_pass_each_other_within_a_step_hand_over_their_speed(start):
+    """They fly 6 cm in a step, and are 2 cm long together."""
+    simulation = flight(BALL, BALL, [start, 0, 0], [60, 0, 0], "free")
+    simulation.run(until=0.1)
+    assert simulation.u[0] == pytest.approx(0.0, abs=1e-9) and simulation.u[6] == pytest.approx(60.0, rel=1e-12)
+
+
+def test_a_ball_far_beside_a_disc_passes_and_one_that_falls_on_it_rebounds():
+    ball = "{type: sphere, mass: 1, radius: 0.1}"
+    passing = flight(ball, DISC, [-1, 0, 5], [1, 0, 0])
+    passing.run(until=2.0)
+    assert passing.q[0] == pytest.approx(1.0, abs=1e-12) and not passing.contact_events
+    falling = flight(ball, DISC, [0.05, 0, 1.1], [0, 0, -1])
+    falling.run(until=1.5)
+    assert falling.u[2] == pytest.approx(1.0, rel=1e-12)
+    assert falling.contact_events[0].time == pytest.approx(1.0, abs=1e-12)
+
+
+def test_cylinders_that_are_or_become_crossed_are_refused():
+    for bar in (BAR, POST):
+        with pytest.raises(MechanismError, match="are or become crossed"):
+            flight(bar, POST, [0.4, 1, 0], [0, -1, 0])
+
+
+def test_cylinders_that_never_touch_along_their_axis_are_refused():
+    text = """
+mechanism: planes
+parts: {a: {shape: {type: disc, mass: 1, radius: 0.1}}, b: {shape: {type: disc, mass: 1, radius: 0.1}}}
+joints:
+  a: {type: planar, between: [ground, a], axis: [0, 0, 1]}
+  b: {type: planar, between: [ground.high, b], axis: [0, 0, 1], position: [1, 0, 0]}
+ground: {points: {high: [0, 0, HEIGHT]}}
+contacts: {hit: {between: [a, b]}}
+"""
+    assert Simulation.from_text(text.replace("HEIGHT", "0")).contacts()["hit"].gap == pytest.approx(0.8)
+    with pytest.raises(MechanismError, match=r"never touch: they are 0.3 m apart"):
+        Simulation.from_text(text.replace("HEIGHT", "0.3"))

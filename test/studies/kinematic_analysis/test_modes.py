@@ -1,0 +1,75 @@
+"""The number of assembly modes against counts by another way: intersections of coupler curves with circles."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import InputError, parse_mechanism
+from mbd_sim.studies.kinematic_analysis import assembly_modes
+from test.studies.kinematic_analysis.linkages import four_bar, rocker_angles
+
+SIX_BAR = """
+mechanism: stephenson
+ground: {points: {right: [1.9, 0, 0], far: [1.9, 1, 0]}}
+parts:
+  crank: {mass: 1, points: {tip: [1.1, 0, 0]}}
+  coupler: {mass: 1, points: {tip: [2.4, 0, 0], side: [1.3, 0.7, 0]}}
+  rocker: {mass: 1, points: {tip: [1.8, 0, 0]}}
+  arm: {mass: 1, points: {tip: [1, 0, 0]}}
+  link: {mass: 1, points: {tip: [1.2, 0, 0]}}
+joints:
+  motor: {type: revolute, between: [ground, crank], axis: [0, 0, 1], position: 60 deg, guess: true}
+  pin: {type: revolute, between: [crank.tip, coupler], axis: [0, 0, 1], position: -20 deg, guess: true}
+  pivot: {type: revolute, between: [ground.right, rocker], axis: [0, 0, 1], position: 70 deg, guess: true}
+  rocker_pin: {type: revolute, between: [coupler.tip, rocker.tip], axis: [0, 0, 1], cut: true}
+  arm_pivot: {type: revolute, between: [ground.far, arm], axis: [0, 0, 1], position: 180 deg, guess: true}
+  arm_pin: {type: revolute, between: [arm.tip, link], axis: [0, 0, 1], position: -90 deg, guess: true}
+  side: {type: revolute, between: [coupler.side, link.tip], axis: [0, 0, 1], cut: true}
+"""
+SIZES = {"a": 1.1, "b": 2.4, "c": 1.8, "d": 1.9}
+
+
+def branches(theta):
+    """The point `side` of the coupler in both modes of the four-bar; nan where it does not close."""
+    a, b, c, d = SIZES.values()
+    tip = a * np.exp(1j * theta)
+    across = d - tip
+    along = (b**2 - c**2 + np.abs(across) ** 2) / (2 * np.abs(across))
+    with np.errstate(invalid="ignore"):
+        height = np.sqrt(b**2 - along**2)
+    return [tip + (1.3 + 0.7j) / b * (along + 1j * sign * height) * across / np.abs(across) for sign in (1, -1)]
+
+
+def test_a_four_bar_has_two():
+    modes = assembly_modes(four_bar(), {"motor": 1.0})
+    assert len(modes) == 2 and sum(modes.found) <= modes.starts and min(modes.found) > 50
+    assert modes.chance_of_another == 0.0
+    assert np.min(np.abs(np.mod(modes.q[:, 2], 2 * np.pi) - rocker_angles(np.ones(1))[0])) < 1e-13
+
+
+def test_a_six_bar_has_four_when_its_four_bar_is_driven():
+    theta = np.radians(60)
+    expected = [
+        point
+        for point in branches(np.array([theta]))
+        for _ in range(2 if 0.2 < abs(point[0] - (1.9 + 1j)) < 2.2 else 0)
+    ]
+    assert len(expected) == 4
+    assert len(assembly_modes(parse_mechanism(SIX_BAR), {"motor": theta})) == 4
+
+
+def test_a_six_bar_has_six_when_it_is_driven_from_the_other_loop():
+    """A coupler curve of sixth order meets a circle in six further points (Hunt 1978): here all of them are real."""
+    theta = np.linspace(0, 2 * np.pi, 20001)
+    distances = [np.abs(point - (0.9 + 1j)) - 1.2 for point in branches(theta)]
+    crossings = sum(int(np.sum(one[:-1] * one[1:] < 0)) for one in distances)
+    modes = assembly_modes(parse_mechanism(SIX_BAR), {"arm_pivot": np.pi})
+    assert len(modes) == crossings == 6
+    angles = sorted(np.mod(modes.q[:, 0], 2 * np.pi))
+    places = [theta[:-1][one[:-1] * one[1:] < 0] for one in distances]
+    assert angles == pytest.approx(sorted(np.concatenate(places)), abs=4e-4)
+    assert np.array_equal(modes.q, assembly_modes(parse_mechanism(SIX_BAR), {"arm_pivot": np.pi}).q)
+
+
+def test_no_mode_is_an_error():
+    with pytest.raises(InputError, match=r"cannot be assembled at motor = 3.14159: none of 200 starts"):
+        assembly_modes(four_bar(1.0, 1.0, 1.1, 2.2, 40), {"motor": np.pi})
