@@ -1,6 +1,6 @@
 """A system of differential equations to a kernel: its steps, and functions of its state.
 
-The size of what a method keeps of earlier steps, in memory behind the inputs of the system.
+What a method keeps of earlier steps is in memory behind the inputs of the system.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The integrated state y is q (nq,), u (nv,), and three energies of the audit in J
 work of the drives, and the dissipated energy (`AUDIT_STATES`). With one-sided elements two of their losses come before
 these, see `audit_states`; the states of actuators come right after u, see `ActuatorLayout`.
 
-The derivatives of the rates by the state and the inputs, from which small motions are described.
+Small motions are described from the derivatives of the rates by the state and the inputs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The expressions of the equations of motion as the functions that kernels are compiled from.
 
-The projection of a state onto unit quaternions and onto the constraints.
+One of them projects a state onto unit quaternions and onto the constraints.
 """
 
 from __future__ import annotations

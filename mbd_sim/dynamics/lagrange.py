@@ -1,10 +1,11 @@
 """Lagrange's equations from T and V by differentiation (Huston & Liu, ch. 11; Géradin & Rixen).
 
 With q' = N(q) u the equations d/dt(∂T/∂q') - ∂T/∂q = Q are projected onto the speeds by Nᵀ and read
-M(q) u' + h(q, u) = Q + Gᵀ λ. G follows from the constraints by differentiation and by virtual velocities. This
-derivation is slow, general, and independent of the recursions; tests compare the two.
+M(q) u' + h(q, u) = Q + Gᵀ λ. G follows from the constraints by differentiation and by virtual velocities. T is written
+with the mass and the first and second moments of parts, which are polynomials in masses and lengths also for composite
+parts.
 
-Mass, first and second moments of parts, which are polynomials in masses and lengths also for composite parts.
+This derivation is slow, general, and independent of the recursions; tests compare the two.
 """
 
 from __future__ import annotations

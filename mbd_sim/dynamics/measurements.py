@@ -1,6 +1,6 @@
 """Functions of the state that are traced when they are first read: accelerations, motions of parts, measurements.
 
-The exact values that sensors measure, as expressions of the state.
+The exact values that sensors measure are expressions of the state.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Explicit Runge–Kutta methods as data (Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*).
 
-Estimates of the error of a step, as coefficients of the slopes that the step computes anyway.
+Estimates of the error of a step are coefficients of the slopes that the step computes anyway.
 """
 
 from __future__ import annotations

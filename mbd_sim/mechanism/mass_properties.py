@@ -1,9 +1,9 @@
-"""Mass, mass center and inertia of bodies and of composites (Huston & Liu, ch. 7).
+"""Mass, mass center and inertia of bodies and of composites (Huston & Liu, ch. 7), and numbers at a state.
 
 An inertia is a symmetric matrix (3, 3) in kg·m² about the mass center: I = ∫ (r·r 1 - r rᵀ) dm, so its products
 are I_xy = -∫ x y dm.
 
-The numbers that the names in an expression stand for at a state, for messages and pictures.
+The numbers that the names in an expression stand for at a state are for messages and pictures.
 """
 
 from __future__ import annotations

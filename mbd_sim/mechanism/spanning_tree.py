@@ -1,8 +1,7 @@
 """The spanning tree of a mechanism: which joint leads to which part from ground outwards, and which close loops.
 
-Parts at the ends of a spanning tree that their joints move without inertia.
-
-References to parts and to their points, written as `part` or `part.point`.
+Parts at the ends of the tree that their joints move without inertia are found here as well. References to parts and to
+their points, written as `part` or `part.point`, are resolved.
 """
 
 from __future__ import annotations

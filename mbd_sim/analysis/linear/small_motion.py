@@ -9,16 +9,13 @@ Constraints Φ(q, t) = 0 and G u + b = 0 leave
 with the given changes g. D and S span the null spaces of the holonomic rows of G, and of all of them; P, R and T are
 the least solutions of the differentiated constraints.
 
-The axes of small rotations of spherical and free joints while these turn.
-
-The speeds of such a joint have the angular velocity ω in the axes of its second part, and displacements ν a small
-rotation δ in these axes. They turn with the part, so that δ' = δω - ω × δ. A part that spins about a fixed axis without
-external moments has constant derivatives in these axes. A wheel that rolls straight on has them in the axes before the
-joint instead, in which δ and δω have the components φ = R δ and R δω:
+Eigenvalues say how small motions go on only in axes in which the derivatives stay constant, which matters for spherical
+and free joints that turn. The speeds of such a joint have the angular velocity ω in the axes of its second part, and
+displacements ν a small rotation δ in these axes. They turn with the part, so that δ' = δω - ω × δ. A part that spins
+about a fixed axis without external moments has constant derivatives in these axes. A wheel that rolls straight on has
+them in the axes before the joint instead, in which δ and δω have the components φ = R δ and R δω:
 
     φ' = R δω,    (R δω)' = R (δω' + ω × δω).
-
-Eigenvalues say how small motions go on only in axes in which the derivatives stay constant.
 """
 
 from __future__ import annotations

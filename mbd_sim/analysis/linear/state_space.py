@@ -1,6 +1,6 @@
 """Linear systems x' = A x + B i, o = C x + D i with chosen inputs and outputs, found by exact differentiation.
 
-The linear-quadratic regulator: gains that stabilize a linearized mechanism.
+The linear-quadratic regulator gives the gains that stabilize such a system of a mechanism.
 """
 
 from __future__ import annotations

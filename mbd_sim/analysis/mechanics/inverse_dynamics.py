@@ -1,6 +1,6 @@
 """Inverse dynamics: the efforts that a motion requires (Featherstone 2008, ch. 5).
 
-The generalized inertia forces, split by their origin (Lidström, sec. 9.7–9.10; Géradin & Rixen, p. 26–27).
+The generalized inertia forces are also split by their origin (Lidström, sec. 9.7–9.10; Géradin & Rixen, p. 26–27).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Degrees of freedom, by Kutzbach's criterion and by rank (Huston & Liu, ch. 11; Lidström, ch. 1).
 
-Whether velocity constraints are integrable, by the theorem of Frobenius (Géradin & Rixen, sec. 1.3).
+Whether velocity constraints are integrable is decided by the theorem of Frobenius (Géradin & Rixen, sec. 1.3).
 """
 
 from __future__ import annotations

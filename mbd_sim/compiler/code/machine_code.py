@@ -1,8 +1,7 @@
-"""IR to machine code in memory, with llvmlite.
+"""IR to machine code in memory, with llvmlite, and what that code uses of the interpreter and of NumPy.
 
-What machine code uses of the interpreter and of NumPy: names and addresses.
-
-See https://numpy.org/doc/stable/reference/c-api/array.html for NumPy's table of functions.
+The symbols that it uses have names and addresses. See https://numpy.org/doc/stable/reference/c-api/array.html for
+NumPy's table of functions.
 """
 
 from __future__ import annotations

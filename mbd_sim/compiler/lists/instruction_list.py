@@ -1,6 +1,6 @@
 """Lists of scalar operations on a work vector, with the same interface as a CasADi function.
 
-The construction of a graph of scalar operations, without those whose result is known.
+A list can be read as a graph. A graph is built without the operations whose result is known.
 """
 
 from __future__ import annotations

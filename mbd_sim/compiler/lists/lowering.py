@@ -6,9 +6,8 @@ much as some ten of them. Sines and cosines of inputs are computed several at a 
 No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine. Sums and
 products are rearranged and fused in the list itself, by `mbd_sim.compiler.lists.schedule`.
 
-Long instruction lists split into several functions, as compile time grows with the square of a function's length.
-
-The derivative of 30 rods, 110,000 instructions, compiles in 60 s as one function and in 6 s split; it runs as fast.
+Long lists are split into several functions, as compile time grows with the square of a function's length. The
+derivative of 30 rods, 110,000 instructions, compiles in 60 s as one function and in 6 s split; it runs as fast.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 Each lane takes the same IEEE operation on the same numbers as before. What this saves is mostly code: that of a
 quadruped is twice as long as the instruction cache, and so it is fetched and decoded again in each evaluation.
 
-Which sines and cosines are computed together, as one vector: those of angles that are inputs, up to four at a time.
-
-An evaluation of a chain has few other operations that could be done at the same time, and a sine with its cosine takes
+Sines and cosines of angles that are inputs are also computed together, up to four at a time as one vector. An
+evaluation of a chain has few other operations that could be done at the same time, and a sine with its cosine takes
 some fifty operations, as many as the rest of the equations for one link.
 """
 

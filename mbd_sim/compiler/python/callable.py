@@ -1,8 +1,7 @@
-"""Machine code with CPython's calling signature as Python callables.
+"""Machine code with CPython's calling signature as Python callables, which read the fields of NumPy's arrays.
 
-Where machine code finds the fields of NumPy's arrays.
-
-See https://numpy.org/doc/stable/reference/c-api/types-and-structures.html for `PyArrayObject` and `PyArray_Descr`.
+See https://numpy.org/doc/stable/reference/c-api/types-and-structures.html for `PyArrayObject` and `PyArray_Descr`,
+which say where these fields are.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Functions with a linear system in the middle, of which only the active rows are solved, as IR.
 
-The system of a mechanism with one-sided rows, with its guards, as IR.
+The system of a mechanism with one-sided rows is one of them, with its guards.
 """
 
 from __future__ import annotations

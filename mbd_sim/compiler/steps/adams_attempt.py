@@ -1,6 +1,6 @@
 """An attempt of an Adams method to take a step, as IR: prediction, correction, and their difference as the error.
 
-The error of an attempt of an Adams method, told from the round-off of the slopes, as IR.
+The error is told from the round-off of the slopes, which their differences amplify.
 """
 
 from __future__ import annotations

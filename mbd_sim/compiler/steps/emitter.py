@@ -1,6 +1,6 @@
 """The elements of a step that all methods share, as IR: state, rates, projection, and error estimate.
 
-What changes in a state at the start of a step, as IR: see `BetweenSteps`.
+They include what changes in a state at the start of a step, see `BetweenSteps`.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
 """A step of a Rosenbrock method, as IR: one derivative and one factorization, then a linear solve for each stage.
 
-A system linearized for a linearly implicit method, reduced to a dense system for the speeds.
-
-Let z be the components before the core (coordinates), x the core (speeds), and w the components after it, on which no
-rate depends (energies). Then (I − g J) U = r is
+The linearized system is reduced to a dense system for the speeds. Let z be the components before the core
+(coordinates), x the core (speeds), and w the components after it, on which no rate depends (energies). Then
+(I − g J) U = r is
 
     (I − g A) z = r_z + g B x,    (I − g D) x = r_x + g C z,    w = r_w + g E z + g F x.
 
 A is zero, or has small blocks for the rates of quaternions, so that z can be eliminated symbolically. That leaves a
 dense system for x, half the size of the whole and so an eighth of the work.
 
-A step of a Rosenbrock-W method, as IR: the linear systems are solved by functions of the caller.
+In a step of a Rosenbrock-W method, functions of the caller solve the linear systems instead.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The Taylor coefficients of a state as one list of scalar operations, without loops over the order.
+"""The Taylor expansion of a state: its coefficients as a list of scalar operations, and its polynomial as IR.
 
-The polynomial of an expansion as IR: its value, how long it holds, and its error.
-
-The coefficients c (order + 1, n) of the state are in memory, each order after the other.
+The list has no loops over the order. The coefficients c (order + 1, n) of the state are in memory, each order after the
+other. What is emitted of the polynomial is its value, how long it holds, and its error.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""Closing loops by Newton's method, and speeds that satisfy the constraints.
+"""The assembly of mechanisms: loops closed by Newton's method, and speeds that satisfy the constraints.
 
-Assembly of many variants of a mechanism at once, each with the bits that it would get alone.
-
-The same operations as in `mbd_sim.dynamics.constraints.assembly` and `initial_conditions`, on arrays with a row for
-each variant. Variants for which Newton's method fails, whose constraints are undefined, whose speeds are not
-consistent, or which start with speeds in a singular configuration, are left to those.
+Many variants of a mechanism can be assembled at once, each with the bits that it would get alone: the operations are
+the same, on arrays with a row for each variant. Variants for which Newton's method fails, whose constraints are
+undefined, whose speeds are not consistent, or which start with speeds in a singular configuration, are left to the
+functions for a single mechanism.
 """
 
 from __future__ import annotations

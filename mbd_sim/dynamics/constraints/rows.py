@@ -1,9 +1,8 @@
 """Constraints as scalar equations, written on the symbols of the parts (Géradin & Rixen; Nikravesh, ch. 7).
 
 A holonomic row is a function of the poses that stays zero; its velocity follows by differentiation. A nonholonomic row
-is a velocity that stays zero.
-
-The equations of a joint that closes a loop, written on two frames (Nikravesh, sec. 7.2).
+is a velocity that stays zero. The rows of a joint that closes a loop are written on its two frames (Nikravesh,
+sec. 7.2).
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """The point of a cam's profile that touches a roller or a flat follower, by a fixed number of Newton's iterations.
 
 They begin at the nearest of a few points of the profile, or at the one farthest against a follower's normal, and their
-number is such that they converge to round-off; `cam_check` refuses profiles for which they do not.
+number is such that they converge to round-off.
 
-Refuses cams whose profile cannot be followed: one point must touch, and the equations' iterations must find it.
-
-The profile is sampled; at each sample a roller, or a flat follower, is placed so that it touches there. Where a roller
+Cams whose profile cannot be followed are refused: one point must touch, and the iterations must find it. For this the
+profile is sampled; at each sample a roller, or a flat follower, is placed so that it touches there. Where a roller
 touches two points, the nearest one jumps between them, and so would the state.
 """
 

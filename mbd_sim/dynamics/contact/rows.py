@@ -1,10 +1,9 @@
 """The one-sided rows of a mechanism: gaps with their friction, and dry friction that sticks.
 
-A gap is a position g ≥ 0, or for a one-way clutch a speed ≥ 0. Friction acts along one or two slip velocities.
+A gap is a position g ≥ 0, or for a one-way clutch a speed ≥ 0. Friction acts along one or two slip velocities. That of
+joints depends on the forces that they transmit across their axes.
 
-The forces that joints transmit across their axes, on which their friction depends.
-
-Where contacts are, and the forces that they exert there.
+Where contacts are, and the forces that they exert there, are expressed here too.
 """
 
 from __future__ import annotations

@@ -3,13 +3,12 @@
 It holds for any frames, those of rigid contacts and those of compliant ones. The gradient of a distance is the unit
 normal where it is zero, so that its multiplier is the normal force.
 
-The rim of a disc that lies flat on a plane: a few of its points carry it, where its lowest point is not defined.
-
 An upright disc touches a plane in the lowest point of its rim. As it falls flat, that point runs around the rim ever
-faster. Below a small tilt fixed points of the rim therefore protrude beyond the plane of the disc, so that it rests on
-them, and its lowest point is withdrawn. With the tilt s, the sine of the angle between the axis and the normal,
-points protrude by `BULGE` r s² (1 - x) / (1 + x)², x = (s / `FLAT_TILT`)²: the gap is exact where the disc lies flat,
-and no point touches from `FLAT_TILT` on. Between `EXACT_TILT` and `FLAT_TILT` the lowest point leaves the plane.
+faster, and it is not defined where the disc lies flat. Below a small tilt fixed points of the rim therefore protrude
+beyond the plane of the disc, so that it rests on them, and its lowest point is withdrawn. With the tilt s, the sine of
+the angle between the axis and the normal, points protrude by `BULGE` r s² (1 - x) / (1 + x)², x = (s / `FLAT_TILT`)²:
+the gap is exact where the disc lies flat, and no point touches from `FLAT_TILT` on. Between `EXACT_TILT` and
+`FLAT_TILT` the lowest point leaves the plane.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Generalized forces of joints: efforts, springs, dampers, friction and stops, their potential and their powers.
 
-Efforts and potentials of the file that act along joint coordinates.
+They include the efforts and potentials of the file that act along joint coordinates.
 """
 
 from __future__ import annotations

@@ -1,13 +1,15 @@
-"""Drives that follow commands: a reference model of third order, whose states are part of the coordinates.
+"""The motion of drives: how it follows commands, and how small changes of it are inputs of the equations.
 
-With the position r, the velocity v and the acceleration a of the drive, the commands c and w of its position and its
-velocity, and the bandwidth ω, λ = 3 ω:
+A commanded drive follows a reference model of third order, whose states are part of the coordinates. With the position
+r, the velocity v and the acceleration a of the drive, the commands c and w of its position and its velocity, and the
+bandwidth ω, λ = 3 ω:
 
     r' = v,    v' = a,    a' = 2 λ (sat(λ/2 (v* - v)) - a),    v* = sat(w + p(c - r)),
 
 where sat limits the acceleration and the velocity. Where neither limit acts, p(e) = 4/9 ω e, and the poles are -ω, -ω
 and -4 ω. All are real, so that r follows a step of c without overshoot, and a ramp without a lasting error if w is its
-slope. A commanded velocity has v* = sat(w), with both poles at -λ.
+slope. A commanded velocity has v* = sat(w), with both poles at -λ. The commands of drives come after those of actuators
+among the inputs, in the order of the file.
 
 The limits hold without error: a follows a limited signal with a lag of first order. Where the acceleration is not
 limited, v and z = v + a/λ are a chain of two such lags, v' = λ (z - v) and z' = λ (v* - z), which cannot overshoot; a
@@ -15,12 +17,9 @@ limited acceleration only slows this down. A range of positions limits v* to p(u
 the distance e = upper - r obeys (D + 4 ω) (D + ω)² e ≥ 0, and from rest it never becomes negative. With a limit A of
 the acceleration, p(e) is at most sqrt(2 B (|e| - e₀/2)) in size, e₀ = B (4/9 ω)⁻², which brakes with B = 2/3 A.
 
-The commands of drives among the inputs: after those of actuators, in the order of the file.
-
-Disturbances: small changes of the motion of drives and of ground, as inputs of the equations.
-
-They are zero; derivatives by them show how a mechanism responds. With changes ρ, ν, α of the position, the velocity and
-the acceleration of a driven coordinate at the time t₀, its motion is
+Disturbances are small changes of the motion of drives and of ground. They are zero; derivatives by them show how a
+mechanism responds. With changes ρ, ν, α of the position, the velocity and the acceleration of a driven coordinate at
+the time t₀, its motion is
 
     r(t) + ρ + ν (t - t₀) + α (t - t₀)²/2,
 

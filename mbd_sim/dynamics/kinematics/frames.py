@@ -1,9 +1,8 @@
-"""Velocities and accelerations of frames that are fixed in parts.
-
-Jacobians, velocities and bias accelerations of points, as functions that are traced on request.
+"""Velocities and accelerations of frames that are fixed in parts, and their Jacobians.
 
 With the speeds u of the tree, a point and the part that carries it move with [v; ω] = J u + the motion by drives, in
-ground's axes. The columns of J are the partial velocities of the joints between ground and the part.
+ground's axes. The columns of J are the partial velocities of the joints between ground and the part. Jacobians,
+velocities and bias accelerations of points are functions that are traced on request.
 """
 
 from __future__ import annotations

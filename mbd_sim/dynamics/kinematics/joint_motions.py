@@ -1,9 +1,8 @@
-"""The relative motion of the two frames of a joint, and how motions are composed, inverted and prescribed.
+"""The relative motion of the two frames of a joint, for each joint type and for motions that are composed.
 
 The outboard frame M moves relative to the inboard frame F. Motion vectors are [ω; v] of M relative to F, expressed in
-M at M's origin. See `mbd_sim.dynamics` for the notation.
-
-The motion of each joint type as a function of its coordinates q and speeds u (Featherstone, table 4.1).
+M at M's origin. See `mbd_sim.dynamics` for the notation. Motions can be composed, inverted and prescribed; that of each
+joint type is a function of its coordinates q and speeds u (Featherstone, table 4.1).
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""The effort of a motor, its current and its losses, from what commands it and the speed of its port.
+"""Motors: their effort, current and losses from their command and the speed of their port, and their rotors.
 
 A gear with the efficiency η < 1 passes on η of a torque that drives, and takes 1/η of one that brakes. Near rest this
 loss, like the friction of the rotor, falls to zero with tanh(ω/ω₀), so that the torque does not jump.
-
-The inertia of rotors, as the coordinates that they drive feel it.
 
 A rotor that turns N times as fast as its coordinate adds N² J to the diagonal of the mass matrix: its kinetic energy is
 ½ J (N q')². Its mass is that of the part that carries it, whose rotation changes this energy only by terms of the order

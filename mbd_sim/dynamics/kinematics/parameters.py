@@ -1,10 +1,8 @@
 """Numbers of a mechanism's records replaced by symbols, so that one set of equations serves many values.
 
-A number is identified by its path through the records. `equation_data` reads the numbers that can be symbols, and the
-rest of what the equations depend on, such as directions of axes and tables of springs. `with_symbols` replaces the
-numbers by symbols.
-
-Which fields of the records the equations of motion read, and which of their numbers can be symbols.
+A number is identified by its path through the records. Tables here say which fields the equations of motion read, and
+which of their numbers can be symbols. `equation_data` reads these numbers, and the rest of what the equations depend
+on, such as directions of axes and tables of springs. `with_symbols` replaces the numbers by symbols.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Joint coordinates and speeds, by the names that the expressions of forces use.
+"""The state as forces and energies use it: joint coordinates and speeds by name, powers, and energies.
 
-How the power of forces that are given by expressions is counted in the energy audit.
-
-Kinetic energy, the potential of gravity, and the energies that are integrated for the audit.
+The names are those that the expressions of forces use. The powers say how such forces count in the energy audit. The
+energies are the kinetic energy, the potential of gravity, and those that are integrated for the audit.
 """
 
 from __future__ import annotations

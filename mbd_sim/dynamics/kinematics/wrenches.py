@@ -1,6 +1,6 @@
-"""The wrenches that forces and couples on the parts add up to on each link.
+"""The wrenches on each link: the sum of the forces and couples on its parts, and those given as inputs.
 
-The wrenches on parts as symbols among the inputs.
+The wrenches that a caller applies to parts are symbols among the inputs.
 """
 
 from __future__ import annotations

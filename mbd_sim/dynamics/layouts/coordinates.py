@@ -1,7 +1,4 @@
-"""Where the coordinates and speeds of each joint are in q and u.
-
-The energies that are integrated for the audit.
-"""
+"""Where the coordinates and speeds of each joint are in q and u, and which energies the state has for the audit."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""Piecewise functions, and integrals from zero that are exact to rounding.
+"""Piecewise functions as CasADi expressions: their integrals from zero, potentials, and tables.
 
-Potentials of forces that are given by expressions, also far beyond the range of their panels.
-
-Tables of expressions as CasADi expressions.
+The integrals are exact to rounding. The potentials are those of forces that are given by expressions, and they hold
+also far beyond the range of their panels. Tables that expressions look up are curves or surfaces.
 """
 
 from __future__ import annotations

@@ -1,19 +1,17 @@
-"""Six-dimensional vectors over CasADi scalars (Featherstone, *Rigid Body Dynamics Algorithms*, ch. 2).
+"""The algebra of CasADi expressions: six-dimensional vectors and matrices, and functions that keep them short.
 
-A motion vector is [ω; v] and a force vector [moment; force], both expressed in a link's frame at its origin.
-Structural zeros are preserved, so that planar mechanisms cost no more than planar equations.
+A motion vector is [ω; v] and a force vector [moment; force], both expressed in a link's frame at its origin
+(Featherstone, *Rigid Body Dynamics Algorithms*, ch. 2). Structural zeros are preserved, so that planar mechanisms cost
+no more than planar equations.
 
-Functions of CasADi matrices that are traced once and then inlined by one call, instead of one call an operator.
+A function of matrices can be traced once and then inlined by one call, instead of one call for each operator. An
+operator on CasADi's matrices takes 20 to 50 µs in Python, most of it for the types of its operands; a call of a small
+function takes 35 to 50 µs. CasADi simplifies each operation when it inlines it, so zeros and ones in the arguments save
+the same operations as without. But it traces x * -c as -(x * c), which for a constant c would be one product with the
+number -c: a function that changes the sign of an argument before it multiplies may give other expressions.
 
-An operator on CasADi's matrices takes 20 to 50 µs in Python, most of it for the types of its operands. A call of a
-small function takes 35 to 50 µs. CasADi simplifies each operation when it inlines it, so zeros and ones in the
-arguments save the same operations as without. But it traces x * -c as -(x * c), which for a constant c would be one
-product with the number -c: a function that changes the sign of an argument before it multiplies may give other
-expressions.
-
-Functions of CasADi in which equal operations are done once.
-
-An expression separated into what can be computed early and what follows from it.
+In a merged function that is not long, equal operations are done once. An expression can also be separated into
+what can be computed early and what follows from it.
 """
 
 from __future__ import annotations

@@ -1,14 +1,12 @@
-"""Actuators as plain records: motors and cylinders on a coordinate or between two points, servos, and commands.
+"""Actuators as plain records: motors, servos, hydraulic and pneumatic cylinders, and wheeled bases.
 
-An actuator acts along its port, with a position x and a speed v: those of a coordinate, or the distance of two points
-and its rate. Its effort in N or N·m is positive where it increases x. SI units throughout.
+An actuator acts along its port, a coordinate or the line between two points. The port has a position x and a speed v:
+those of the coordinate, or the distance of the points and its rate. The effort in N or N·m is positive where it
+increases x. SI units throughout.
 
-Hydraulic and pneumatic cylinders as plain records. SI units throughout.
-
-Wheeled bases as plain records: the commands of wheels and steering joints for a velocity of the base.
-
-The frame of a base has x forward, y to the left and its origin in the middle between the wheels, for a car in the
-middle of the axle that is not steered. Rolling without slip (Siegwart, Nourbakhsh & Scaramuzza, sec. 3.2).
+A wheeled base gives the commands of its wheels and steering joints for a velocity of the base, for rolling without
+slip (Siegwart, Nourbakhsh & Scaramuzza, sec. 3.2). Its frame has x forward, y to the left and its origin in the middle
+between the wheels, for a car in the middle of the axle that is not steered.
 """
 
 from __future__ import annotations

@@ -1,14 +1,11 @@
-"""Constraints as plain records: they restrict the motion in addition to the joints.
+"""Constraints as plain records: they restrict the motion in addition to the joints, on both sides or on one.
 
 A constraint with a contact `law` is one-sided: `bound` says whether the constrained quantity is at least or at most
-what the record says, and the gap is the distance to that.
+what the record says, and the gap is the distance to that. Contacts, stops, ropes, plays and clutches are one-sided
+too. A gap g(q, t) that cannot become negative has a multiplier λ ≥ 0 with g λ = 0. It may have friction in the
+directions across it, and a coefficient of restitution.
 
 Directions (3,) are unit vectors in the frame of the part that carries them; SI units throughout.
-
-One-sided elements as plain records: contacts, stops, ropes, plays and clutches, and which elements have them.
-
-A gap g(q, t) that cannot become negative has a multiplier λ ≥ 0 with g λ = 0. It may have friction in the directions
-across it, and a coefficient of restitution.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 `JOINT_KINDS` is the only table of joint types. The motion of each type is in
 `mbd_sim.dynamics.kinematics.joint_motions`, and its keys in a mechanism file are in `mbd_sim.files.schema.joints`.
 
-The commands that actuators and drives take: each of them takes one or several, its channels.
-
-Drives that take the motion of a joint from commands, as plain records.
+Drives that take the motion of a joint from commands are plain records. Like actuators they take one command or several,
+their channels.
 """
 
 from __future__ import annotations

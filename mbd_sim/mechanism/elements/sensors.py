@@ -1,6 +1,6 @@
 """Sensors as plain records: what they measure, where, when, and with which errors.
 
-The periods and delays of sensors as numbers of steps.
+Their rates and delays are converted here to periods and delays in numbers of steps.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Arithmetic expressions with named values: parsed, checked and evaluated node by node, never executed as code.
 
-The constants and functions of expressions, and the arithmetics in which these can be evaluated.
+Their constants and functions are defined here, with the arithmetics in which they can be evaluated.
 """
 
 from __future__ import annotations
