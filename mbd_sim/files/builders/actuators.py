@@ -1,9 +1,4 @@
-"""Builds the actuators of a mechanism from their records in the file.
-
-Builds the hydraulic and pneumatic cylinders of a mechanism from their records in the file.
-
-Builds the wheeled bases of a mechanism from their records in the file.
-"""
+"""Builds the actuators of a mechanism from their records in the file: motors, cylinders and wheeled bases."""
 
 from __future__ import annotations
 

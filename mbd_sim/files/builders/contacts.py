@@ -1,6 +1,6 @@
 """Builds the contacts between shapes from their records in the file.
 
-The shapes of parts as bodies of contacts: balls, rims and corners.
+The shapes of the parts become the bodies of the contacts: balls, rims and corners.
 """
 
 from __future__ import annotations

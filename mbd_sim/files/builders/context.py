@@ -1,8 +1,7 @@
-"""The context that all builders share: points of the parts, the file for error messages, and problems found so far.
+"""What all builders share: the context, in which problems are collected, and the elements of the mechanism.
 
-What a mechanism is built from: everything in a file, before the spanning tree is found.
-
-Builds rotation matrices from rotations as written in a file.
+The context has the points of the parts, the file for error messages, and the problems found so far. The elements are
+everything in a file, before the spanning tree is found. Rotations as written in a file become rotation matrices here.
 """
 
 from __future__ import annotations

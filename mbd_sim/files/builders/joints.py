@@ -1,6 +1,6 @@
-"""Builds the joints of a mechanism from their records in the file.
+"""Builds the joints of a mechanism from their records in the file, with their laws.
 
-Builds the laws of springs, dampers and friction from their records in the file.
+The laws are those of springs, dampers and friction.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Builds a `Mechanism` from the records of a file: resolves references, computes masses, finds the spanning tree.
 
-The builders of the sections that many files do not have: each is imported for a section that is not empty.
+Many files do not have all sections: the builder of such a section is imported only if the section is not empty.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Builds the parts of a mechanism from their records in the file: points, mass, mass center and inertia.
+"""Builds the parts of a mechanism from their records in the file: points, shapes, mass, mass center and inertia.
 
-Builds mass properties and shapes to draw from the shapes of a file (Huston & Liu, ch. 7).
+Mass properties that are computed from shapes follow Huston & Liu, ch. 7.
 """
 
 from __future__ import annotations

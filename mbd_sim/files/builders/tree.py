@@ -1,6 +1,6 @@
 """Chooses the joints of the spanning tree, and reports joints and parts that do not fit into one.
 
-Cuts loops so that the parts at the ends of the spanning tree have inertia in their joints.
+Loops are cut so that the parts at the ends of the tree have inertia in their joints.
 """
 
 from __future__ import annotations

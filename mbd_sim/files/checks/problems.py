@@ -1,6 +1,7 @@
-"""Pydantic's errors about a mechanism file as problems, worded in terms of the file.
+"""Pydantic's errors about a mechanism file as problems, worded in terms of the file, with remedies.
 
-Remedies for keys and types that users are likely to write, where the most similar spelling is something else.
+For keys and types that users are likely to write, the remedy is listed where the most similar spelling is something
+else.
 """
 
 from __future__ import annotations

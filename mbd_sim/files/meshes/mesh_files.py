@@ -1,6 +1,6 @@
-"""Where the files of meshes are: `package://` URIs, `file://` URIs and paths, as URDFs write them.
+"""The files of meshes: where they are, and the surfaces that trimesh reads from them.
 
-The surfaces of mesh files, read by trimesh.
+A mesh is named as URDFs write it: by a `package://` URI, a `file://` URI or a path.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """An MJCF as MuJoCo's own compiler resolves it: defaults, classes, frames, orientations, masses, and its errors.
 
-Texts of expressions of a mechanism file.
+Its polynomials and weighted sums of coordinates are written as the texts of expressions of a mechanism file.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""Actuators of a compiled MJCF.
+"""The forces of a compiled MJCF: actuators, and what joints of a mechanism file do not have themselves.
 
 An actuator of MuJoCo exerts (g₀ + g₁ l + g₂ l') ctrl + b₀ + b₁ l + b₂ l' along its length l. With b₁ = -g₀ or b₂ = -g₀
 it is a servo of the position or the velocity, otherwise a motor with gain and bias.
-
-Forces of a compiled MJCF that joints of a mechanism file do not have themselves.
 
 The armature of a joint adds to the diagonal of the mass matrix, as the inertia of the rotor of a motor does.
 """

@@ -1,6 +1,6 @@
-"""The bodies of a compiled MJCF as parts and joints of a mechanism file, and where the names of the MJCF lead.
+"""The bodies of a compiled MJCF as parts and joints of a mechanism file, with their geoms.
 
-Geoms of a compiled MJCF as shapes and meshes that are drawn.
+Geoms become shapes and meshes that are drawn. The module also keeps where the names of the MJCF lead.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """An MJCF as the source of a mechanism: its bodies, joints, equalities, tendons and actuators.
 
 MuJoCo's compiler resolves the file; what it means is read from the compiled model. Names are those of the MJCF, and so
-are the coordinates: a hinge is at its `ref` where the file places its body.
-
-What a compiled MJCF has and is not simulated, with what it would do.
+are the coordinates: a hinge is at its `ref` where the file places its body. What the model has that is not simulated
+is listed, with what it would do.
 """
 
 from __future__ import annotations

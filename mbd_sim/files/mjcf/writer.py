@@ -1,8 +1,7 @@
 """A mechanism as MJCF, for MuJoCo: the spanning tree as bodies, loops as equalities, springs as tendons.
 
-MuJoCo's equalities are soft: they are written with the largest stiffness that its solver allows for the time step.
-
-The start of a mechanism as a keyframe of an MJCF.
+MuJoCo's equalities are soft: they are written with the largest stiffness that its solver allows for the time step. The
+start of the mechanism becomes a keyframe.
 """
 
 from __future__ import annotations

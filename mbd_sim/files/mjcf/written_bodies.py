@@ -1,9 +1,10 @@
-"""The spanning tree of a mechanism as the bodies of an MJCF: nested, with all joints in the frame of their body.
+"""An MJCF as it is written: the spanning tree of a mechanism as nested bodies, and the document that has them.
 
-A body of MuJoCo must have a mass if it moves relative to its parent. So a part without mass that leads to one other
-part only, and to which nothing is attached, is left out: its joints become joints of the next body.
+All joints are in the frame of their body. A body of MuJoCo must have a mass if it moves relative to its parent. So a
+part without mass that leads to one other part only, and to which nothing is attached, is left out: its joints become
+joints of the next body.
 
-An MJCF as it is written: its elements, and the list of what it does not contain.
+The document has the elements of the MJCF and the list of what it does not contain.
 """
 
 from __future__ import annotations

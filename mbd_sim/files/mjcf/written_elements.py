@@ -1,6 +1,6 @@
-"""Loops and constraints of a mechanism as the equalities of an MJCF.
+"""What an MJCF has beside its bodies: the equalities, tendons and actuators that a mechanism is written as.
 
-Springs, dampers and actuators of a mechanism as the tendons and actuators of an MJCF.
+Loops and constraints become equalities; springs, dampers and actuators become tendons and actuators.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The actuators of a mechanism file: motors, cylinders, their servos, and their commands.
-
-The wheeled bases of a mechanism file.
-"""
+"""The actuators of a mechanism file: motors, cylinders and wheeled bases, with their servos and commands."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
 """The numeric fields of a mechanism file: a `Length` accepts `0.5`, `12 in` or `l/2`, and its value is in m.
 
-The fields of a mechanism file that hold an expression of variables, such as a force as a function of the time.
+Some fields hold an expression of variables, such as a force as a function of the time.
 
-Values whose dimension depends on other keys: they keep their unit, and are checked once that is known.
-
-The `effort_limit` of an actuator is in N on a slider and in N·m on a hinge.
+The dimension of others depends on other keys, such as that of the `effort_limit` of an actuator, which is in N on a
+slider and in N·m on a hinge. Such values keep their unit, and are checked once the dimension is known.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The joints of a mechanism file.
+"""The joints of a mechanism file, with their drives.
 
-The drives of joints: expressions of the time, or records of drives that follow commands.
+A drive is an expression of the time, or the record of a drive that follows commands.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Force laws in a mechanism file: against an elongation or a speed, along a length or about an axis.
+"""The laws of a mechanism file: force laws, the ranges of coordinates, and tables.
 
-The ranges of the coordinates of joints, whose ends can be elastic or rigid stops.
-
-The tables of a mechanism file, which expressions read by name.
+A force depends on an elongation or a speed, along a length or about an axis. The ends of the range of a joint's
+coordinate can be elastic or rigid stops. Expressions read tables by name.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Joints of an SDF as joints of a mechanism file. A joint has a frame, in which its axes are given by default.
+"""The joints of an SDF as joints and couplings of a mechanism file.
 
-Gearboxes and mimicking joints of an SDF, as couplings of coordinates.
+A joint has a frame, in which its axes are given by default. Gearboxes and mimicking joints become couplings of
+coordinates.
 """
 
 from __future__ import annotations

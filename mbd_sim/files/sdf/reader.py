@@ -1,8 +1,7 @@
 """An SDF as the source of a mechanism: its links and joints become parts and joints, its frames points.
 
-Links that no joint connects to the world fly freely, as in Gazebo, unless their model is static.
-
-What is read of each element of an SDF within links, joints and frames; everything else is listed.
+Links that no joint connects to the world fly freely, as in Gazebo, unless their model is static. Tables say what is
+read of each element within links, joints and frames; everything else is listed.
 """
 
 from __future__ import annotations

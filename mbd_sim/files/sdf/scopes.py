@@ -1,8 +1,7 @@
-"""Reads the models of an SDF, with those that it includes, into scopes of frames.
+"""The scopes of an SDF: the names and frames of its models, and of those that it includes.
 
-The frames of an SDF: models, links, joints and frames, each with a pose relative to another one.
-
-A `Scope` holds the names of a world or of a model. Names with `::` lead into nested models.
+A `Scope` holds the names of a world or of a model. Names with `::` lead into nested models. Models, links, joints and
+frames each have a frame, with a pose relative to another one.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """A mechanism as SDF, for Gazebo and other readers: a world with one model. Loops are closed by joints, as here.
 
-Of a mechanism without loops, the links are where all coordinates are 0, so that the coordinates are the same. With
-loops they are at the start, where the loops are closed, and the coordinates of SDF count from there.
-
-The joints of a mechanism as joints of an SDF.
-
-A joint of an SDF has a frame on its child, and its coordinate is 0 where the file places the links. The coordinates of
-the mechanism are `offsets` more.
+A joint of an SDF has a frame on its child, and its coordinate is 0 where the file places the links. Without loops, the
+links are placed where all coordinates of the mechanism are 0, so that the coordinates are the same. With loops they are
+placed at the start, where the loops are closed, and the coordinates of the mechanism are `offsets` more than those of
+the SDF.
 """
 
 from __future__ import annotations

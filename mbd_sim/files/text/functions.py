@@ -1,8 +1,7 @@
 """The `functions` of a mechanism file: named expressions of arguments, `stroke(t, phase): l + s*sin(w*t + phase)`.
 
-Each call of a function is replaced by its body, so that everything beyond this module reads plain expressions.
-
-The order in which names that refer to each other can be evaluated.
+Each call of a function is replaced by its body, so that everything beyond this module reads plain expressions. Names
+that refer to each other, of functions or of parameters, are put into an order in which they can be evaluated.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The `parameters` of a mechanism file, which may refer to each other in any order.
+"""The names that expressions of a mechanism file use: its `parameters`, and the coordinates and speeds of joints.
 
-Joint coordinates and speeds by the names that expressions use: `crank`, `crank.position`, `crank.velocity`.
+Parameters may refer to each other in any order. The names of a joint's coordinate and speed are `crank`,
+`crank.position` and `crank.velocity`.
 """
 
 from __future__ import annotations

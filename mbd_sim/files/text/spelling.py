@@ -1,6 +1,6 @@
-"""How names in a mechanism file are spelled, and keys that were once spelled in another way.
+"""How names and keys in a mechanism file are spelled, and which key is meant by another word.
 
-Common words for keys of a mechanism file, and for the keys that URDF, MJCF and SDF have in their place.
+Other words are earlier spellings of a key, common words for it, and what URDF, MJCF and SDF have in its place.
 """
 
 from __future__ import annotations

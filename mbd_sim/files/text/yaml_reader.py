@@ -1,8 +1,6 @@
-"""YAML text as plain data, with the line of every value. Aliases and merge keys are allowed.
+"""YAML text as a tree of nodes and as plain data, with the line of every value.
 
-YAML text as a tree of nodes, each with its line.
-
-The values of YAML scalars by the core schema of YAML 1.2: `1e3` is a number, `no` is a word.
+Aliases and merge keys are allowed. Scalars are read by the core schema of YAML 1.2: `1e3` is a number, `no` is a word.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A joint's frame becomes a point of its parent link, named after the joint; a link keeps its frame. The root link is
 welded to ground, or flies freely, by a joint named base.
 
-What is not read from an XML file: attributes and elements that a table of those that are read does not have.
+Attributes and elements of an XML file that a table of those that are read does not have are listed as not read.
 """
 
 from __future__ import annotations

@@ -4,10 +4,9 @@ A URDF link's frame is that of its inboard joint. If a part has another frame, a
 put between them, so that every part keeps its frame and its name. A joint with several coordinates becomes a chain of
 joints with one coordinate each, named as in `joint_states`, with massless links between them.
 
-The `<ros2_control>` block of a URDF, for JointStateTopicSystem of joint_state_topic_hardware_interface.
-
-That system exchanges commands and states of joints with a node over two topics of sensor_msgs/JointState. It names all
-joints of the block in each message, and each array has an entry for each joint with a command interface of that name.
+The `<ros2_control>` block is for JointStateTopicSystem of joint_state_topic_hardware_interface. That system exchanges
+commands and states of joints with a node over two topics of sensor_msgs/JointState. It names all joints of the block in
+each message, and each array has an entry for each joint with a command interface of that name.
 """
 
 from __future__ import annotations

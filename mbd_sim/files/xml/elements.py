@@ -1,12 +1,11 @@
-"""Parses XML text to elements with their lines.
+"""Parses XML text to elements with their lines, and mends slips that other readers accept.
 
 Document type declarations are refused, so that only XML's five predefined entities exist. Size, depth and the number of
 elements are bounded, so that no file can exhaust the machine.
 
-XML that is not well-formed, and that TinyXML-2, with which Gazebo, urdfdom and MuJoCo read, accepts.
-
-Slips are mended in the text, without moving any line: `--` in a comment, a blank before `<?xml`, a bare `&`, and no
-blank between two attributes.
+TinyXML-2, with which Gazebo, urdfdom and MuJoCo read, accepts some XML that is not well-formed. Such slips are mended
+in the text, without moving any line: `--` in a comment, a blank before `<?xml`, a bare `&`, and no blank between two
+attributes.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""Commands by the names of joints, as messages have them: which of them are efforts of joints, and which of actuators.
+"""Commands by the names of joints, as messages have them: which are for efforts, which for actuators, and their ranges.
 
 A sender such as ros2_control's JointStateTopicSystem names all of its joints, and has an array for each interface, with
-an entry only for each joint that has this interface.
-
-The ranges of joints, which bound commanded positions and velocities. Independent of ROS.
+an entry only for each joint that has this interface. Commanded positions and velocities are bounded by the ranges of
+the joints, independently of ROS.
 """
 
 from __future__ import annotations

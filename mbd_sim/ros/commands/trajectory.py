@@ -1,9 +1,7 @@
-"""A trajectory for several joints, as a message has it: checked as a whole. Independent of ROS.
+"""A trajectory for several joints, checked as a whole, and the motion of each through its points. Independent of ROS.
 
-The motion of one joint through the points of a trajectory. Independent of ROS.
-
-Between two points it is the polynomial in time of the lowest degree that has what both give: linear for positions,
-cubic with velocities, quintic with accelerations too, as in ros2_control's joint_trajectory_controller.
+Between two points the motion is the polynomial in time of the lowest degree that has what both give: linear for
+positions, cubic with velocities, quintic with accelerations too, as in ros2_control's joint_trajectory_controller.
 """
 
 from __future__ import annotations

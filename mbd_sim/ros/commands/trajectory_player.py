@@ -1,6 +1,6 @@
 """Plays trajectories as commands of actuators that take positions, from step to step. Independent of ROS.
 
-When a trajectory that is a goal has succeeded or failed. Independent of ROS.
+If a trajectory is a goal, the module also decides when it has succeeded or failed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What a node prints for `--help`: usage, parameters with their defaults, topics and services.
+"""The parameters of a node as others see them: in what it prints for `--help`, and as launch arguments.
 
-Launch arguments from the declarations of a node's parameters: no parameter can be forgotten in a launch file.
-
-The launch files of this package use it, and those of other packages may; it needs no DDS.
+The help has usage, parameters with their defaults, topics and services. Launch arguments come from the declarations of
+the parameters, so that no parameter can be forgotten in a launch file. The launch files of this package use them, and
+those of other packages may; this needs no DDS.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """A node's parameters: declared with their meaning and range, validated, and updated while the node runs.
 
-The service `set_parameters`, so that a node accepts its own dump from `ros2 param load`.
-
-`ros2 param load` reads each value of its file a second time as YAML. A small number such as 1e-05 then arrives as a
-string, because the numbers of YAML 1.1 have a point, and a string such as 2024 as a number.
+The service `set_parameters` is such that a node accepts its own dump from `ros2 param load`, which reads each value of
+its file a second time as YAML. A small number such as 1e-05 then arrives as a string, because the numbers of YAML 1.1
+have a point, and a string such as 2024 as a number.
 """
 
 from __future__ import annotations

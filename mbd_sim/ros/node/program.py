@@ -1,9 +1,8 @@
 """A node as a program, from the command line to the exit code; `sim_node`, `replay_node` and the examples use it.
 
-Callbacks that nothing that arrives over DDS can make fail: errors are answered and reported, and the node continues.
-
-rclpy ends the executor with the exception of a callback, also with those of its own parameter services, such as
-that of a parameter whose type does not exist.
+Nothing that arrives over DDS can make its callbacks fail: errors are answered and reported, and the node continues.
+Otherwise rclpy ends the executor with the exception of a callback, also with those of its own parameter services, such
+as that of a parameter whose type does not exist.
 """
 
 from __future__ import annotations

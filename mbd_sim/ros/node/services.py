@@ -1,8 +1,7 @@
-"""The services of `sim_node` that control a run: pause, step, reset, and recordings.
+"""The services of `sim_node`: its own, which control a run, and those of `simulation_interfaces`.
 
-The services of `simulation_interfaces`, a standard shared by simulators, if that package is installed.
-
-The services of `simulation_interfaces` about entities, which are the parts of the mechanism.
+Its own services pause, step and reset, and make recordings. `simulation_interfaces` is a standard shared by simulators,
+whose services exist if that package is installed; its entities are the parts of the mechanism.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Builds the parts of `sim_node` from its parameters.
 
-Says on the console and on `~/events` what the start of a node does, if that takes more than a second.
+If that takes more than a second, the node says on the console and on `~/events` what its start does.
 """
 
 from __future__ import annotations

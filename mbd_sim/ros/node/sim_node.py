@@ -1,6 +1,6 @@
 """`ros2 run mbd_sim sim_node`: a mechanism file as a real-time ROS 2 node.
 
-Several mechanisms in one program: a node for each, in a namespace of its own, all on the clock of the first.
+One program can have several mechanisms: a node for each, in a namespace of its own, all on the clock of the first.
 """
 
 from __future__ import annotations

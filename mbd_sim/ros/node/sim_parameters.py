@@ -1,6 +1,7 @@
-"""The parameters of `sim_node`; those that request a topic are declared with the topic, in `topics`.
+"""The parameters of `sim_node`, among them those of the start of a run.
 
-The start of a run as parameters: `start` lists values or names one of `starts.<name>`.
+Parameters that request a topic are declared with the topic, in `topics`. The parameter `start` lists values or names
+one of `starts.<name>`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The topic `markers`: the mechanism as RViz draws it without TF, every marker in ground's frame.
 
-Contacts as markers: a ball where each one touches, and an arrow for its force; both shrink to nothing while open.
+A contact has a ball where it touches, and an arrow for its force; both shrink to nothing while it is open.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Message classes by the names of their types.
+"""Message classes by the names of their types, and messages of constant size that are serialized once.
 
-Messages of constant size from rclpy's own messages, serialized once; afterwards only their numbers are written.
+Such a message comes from rclpy's own message; after the first serialization only its numbers are written.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The publisher of an output topic.
+"""The publishers of output topics, with their quality of service.
 
-Quality of service of the topics as rclpy has it, and of recorded topics.
+Quality of service is that of the topics as rclpy has it, and that of recorded topics.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Plays a recording in time: decides when each message is due. Independent of ROS.
-
-Reads messages before they are due. Independent of ROS.
-"""
+"""Plays a recording in time: reads messages ahead and decides when each is due. Independent of ROS."""
 
 from __future__ import annotations
 

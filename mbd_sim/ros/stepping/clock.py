@@ -1,10 +1,10 @@
-"""The clock of another node that a simulation follows: taken in one thread, read in the stepping thread.
+"""The time of a stepping thread: its own or that of another node, and what is due at a step.
 
-The stepping threads of this program that follow the clock of another one, which waits for them.
+Its own time has absolute deadlines on the steady clock, and statistics of how well they were met. The clock of another
+node is taken in one thread and read in the stepping thread. A stepping thread whose clock others of this program follow
+waits for these.
 
-Keeps time: absolute deadlines on the steady clock, and statistics of how well they were met.
-
-The rates of a node, and what is due at a step.
+The rates of a node tell what is due at a step.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""What the stepping thread hands to the publishing thread: snapshots and events, with the node's clock.
+"""What the stepping thread hands to the publishing thread: snapshots, records and events, with the node's clock.
 
-The records that the stepping thread passes to the publishing thread.
-
-The changes of contacts as events of the node, at a bounded rate.
+Changes of contacts become events of the node at a bounded rate.
 """
 
 from __future__ import annotations

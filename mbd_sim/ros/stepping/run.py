@@ -1,8 +1,7 @@
 """A run between two steps: commands take effect, steps are taken, the state and live values are set. Without ROS.
 
-For the stepping thread, which decides when to step and how far.
-
-Efforts, commands of actuators and wrenches that take effect between two steps, and the events that say so.
+It serves the stepping thread, which decides when to step and how far. Efforts, commands of actuators and wrenches take
+effect between two steps, and events say so.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Small linear systems by elimination with complete pivoting, in elementwise arithmetic.
+"""Linear complementarity problems by Lemke's method, and the small linear systems that contacts need.
 
-Linear complementarity problems by Lemke's method (Cottle, Pang & Stone, *The Linear Complementarity Problem*).
+The method is that of Cottle, Pang & Stone, *The Linear Complementarity Problem*. Linear systems are solved by
+elimination with complete pivoting, in elementwise arithmetic.
 """
 
 from __future__ import annotations

@@ -9,10 +9,8 @@ With the rates s = A λ + r of all rows, of velocity for impulses λ and of acce
 For Lemke's method friction is written along opposite directions (Stewart & Trinkle 1996).
 
 Where rows depend on each other, as those of a table on four legs, rigid bodies leave the forces undetermined. They are
-then those of equal elastic supports: of all forces those with the least sum of squares. Rows that are a little elastic
-tell which of them bear a force.
-
-Forces that rigid bodies leave undetermined, as equal elastic supports would share them.
+then those that equal elastic supports would share: of all forces those with the least sum of squares. Rows that are a
+little elastic tell which of them bear a force.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What happens at contacts, and what can be read from them, as plain records.
+"""Contacts as plain records: what happens at them, and what can be read from them.
 
-Compliant contacts at one instant, from the numbers that their equations give.
+The states of compliant contacts at one instant come from the numbers that their equations give.
 """
 
 from __future__ import annotations

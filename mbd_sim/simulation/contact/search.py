@@ -1,8 +1,7 @@
 """The search for the first event within a step of a mechanism with one-sided rows.
 
-The instant at which a guard becomes zero within a step, by a bracketing root finder on the one-step map.
-
-The motion of a mechanism with one-sided rows from one state on, as the search for events tries it.
+The search tries the motion from one state on. The instant at which a guard becomes zero within a step is found by a
+bracketing root finder on the one-step map.
 """
 
 from __future__ import annotations

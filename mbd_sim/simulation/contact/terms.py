@@ -1,7 +1,4 @@
-"""What the events of a mechanism with one-sided rows are computed from, at one state.
-
-The one-sided rows of a mechanism as a system for the compiler.
-"""
+"""The one-sided rows of a mechanism: as a system for the compiler, and the terms of their events at one state."""
 
 from __future__ import annotations
 

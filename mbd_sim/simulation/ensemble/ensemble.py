@@ -1,8 +1,7 @@
 """Ensembles: many simulations of one mechanism, each with its own values, start and efforts, advanced together.
 
-Why the state of a member of an ensemble would have become infinite.
-
-Whether the motion from a state depends on the time at which it begins.
+The module also says why the state of a member would have become infinite, and whether the motion from a state depends
+on the time at which it begins.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Variants of one mechanism that share its equations of motion and differ in values and initial state.
 
-Variants of a mechanism that differ in the same numbers, built at once: as one, with batches of these numbers.
+Variants that differ in the same numbers are built at once: as one mechanism, with batches of these numbers.
 """
 
 from __future__ import annotations

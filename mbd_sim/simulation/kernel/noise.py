@@ -1,13 +1,12 @@
-"""The noise of one sensor: white noise, walking biases and lost samples as functions of the sample's number.
+"""The noise of sensors: white noise, walking biases and lost samples as functions of the sample's number.
 
-Random numbers by their address: the same on every machine, in any order, and from the middle of a run.
-
-Philox 4x64-10 (Salmon et al. 2011) is a counter-based generator: a block of numbers is a function of a key and a
+Random numbers are found by their address: they are the same on every machine, in any order, and from the middle of a
+run. Philox 4x64-10 (Salmon et al. 2011) is a counter-based generator: a block of numbers is a function of a key and a
 counter, without a state. Normal numbers come from uniform ones by the inverse of the distribution function (Wichura
 1988, AS 241, algorithm PPND16), with additions, multiplications, divisions and square roots only, which are the same
 to the last bit on all machines; logarithms of libraries are not.
 
-What the errors of a sensor do to its exact values.
+Measurement errors apply the noise to a sensor's exact values.
 """
 
 from __future__ import annotations

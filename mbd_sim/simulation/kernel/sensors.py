@@ -1,6 +1,6 @@
 """The measurements of sensors: exact values of a sampled state, and their errors.
 
-The states that sensors have sampled and that are not yet replaced by later measurements.
+States that sensors have sampled are kept until later measurements replace them.
 """
 
 from __future__ import annotations

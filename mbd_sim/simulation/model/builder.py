@@ -1,6 +1,6 @@
 """Builds models: traces the equations of a mechanism, chooses the method, and compiles the kernel.
 
-The loads of redundant joints as a function that is compiled when it is first read, if that pays off.
+The function for the loads of redundant joints is compiled when it is first read, if that pays off.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Commands of actuators: checked as a whole, by the names of actuators or of their channels.
+"""Commands by name, of actuators or their channels and of the efforts of joints: checked as a whole.
 
-Effort commands: checked as a whole, then clamped to the effort limits of the joints.
-
-Compiled code does the same for arrays, lists and tuples that need no error message: see `bounded_writer`.
+Efforts are then clamped to the effort limits of the joints. Compiled code does the same for arrays, lists and tuples
+that need no error message: see `bounded_writer`.
 """
 
 from __future__ import annotations

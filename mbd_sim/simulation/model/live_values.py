@@ -1,6 +1,6 @@
 """Live values: numbers of a mechanism file that change during a run, without another kernel.
 
-Finds the numbers of the equations that depend on named values of a mechanism file, by changing these.
+The numbers of the equations that depend on a named value of the file are found by changing this value.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""What can be computed from a state, as plain records.
+"""What can be computed from a state, as plain records, such as energies, reactions and the motion of parts.
 
-The name of a method of integration, or `auto`.
-
-Velocities and accelerations of the parts, and of points and frames that are fixed in them.
+The motion of parts includes the velocities and accelerations of points and frames that are fixed in them. The name of
+the method of integration, which may be `auto`, is checked here too.
 """
 
 from __future__ import annotations

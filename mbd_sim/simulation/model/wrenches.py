@@ -1,6 +1,6 @@
-"""Commands of external forces and couples on parts, checked as a whole.
+"""External forces and couples on parts, as commands that are checked as a whole, and as messages.
 
-The labels and numbers of an `applied_wrenches` message: a wrench in the layout of the equations' inputs.
+An `applied_wrenches` message has the labels and numbers of a wrench in the layout of the equations' inputs.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Checks of the numbers that a caller gives to a simulation or an ensemble.
+"""The arguments and attributes of a simulation or an ensemble: their types, checks and refusals.
 
-The keyword arguments of `Simulation` and `Ensemble`, which describe them, for the functions that pass them on.
-
-Refuses assignments that a kernel would not see, and names the method that has the intended effect.
+The numbers that a caller gives are checked. The keyword arguments of `Simulation` and `Ensemble` are described by these
+classes, also for the functions that pass them on. Assignments that a kernel would not see are refused, with the name of
+the method that has the intended effect.
 """
 
 from __future__ import annotations

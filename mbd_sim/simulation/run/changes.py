@@ -1,8 +1,7 @@
 """New states of a simulation between two steps: at time zero, with positions by name, or given as numbers.
 
-Positions and speeds given by name: the state with them, in which all loops are closed.
-
-Refuses states in which parts are inside each other, or beyond stops, ropes and other one-sided constraints.
+With positions and speeds given by name, the new state has them, and all loops are closed. States are refused in which
+parts are inside each other, or beyond stops, ropes and other one-sided constraints.
 """
 
 from __future__ import annotations

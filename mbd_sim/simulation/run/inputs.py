@@ -1,6 +1,6 @@
-"""What acts on a simulation from the next step on: efforts, wrenches, commands of actuators, and live values.
+"""What a simulation exchanges with its caller: inputs from the next step on, and reports of a recorded run.
 
-What a simulation reports while its run is recorded.
+The inputs are efforts, wrenches, commands of actuators, and live values.
 """
 
 from __future__ import annotations

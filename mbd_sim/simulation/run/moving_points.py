@@ -1,6 +1,6 @@
-"""The motion of points and frames of a running simulation, with their Jacobians.
+"""The motion of named points and frames of a running simulation, with their Jacobians.
 
-The motions of named points, and the coordinates that give a free part a motion.
+The module also finds the coordinates that give a free part a motion.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Readings of a simulation from compiled functions that are bound to its memory, each when it is first read.
+"""Readings of a simulation: those of compiled functions, and those of its sensors.
 
-The sensors of a simulation.
+Compiled functions are bound to the memory of the simulation, each when it is first read.
 """
 
 from __future__ import annotations

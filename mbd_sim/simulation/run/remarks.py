@@ -1,13 +1,11 @@
 """What a user should know about a model before its first step.
 
-Says where parts turn so far within a step, or fly so fast, that a contact between its ends may be missed.
+A prescribed motion can jump, in position or in speed. A jump of the speed v of a prescribed coordinate is an impact:
+with the impulse Λ = (G M⁻¹ Gᵀ)⁻¹ Δv of the constraint, all other speeds jump as well. A simulation does not compute
+this impulse.
 
-Times at which a prescribed motion jumps, in position or in speed.
-
-A jump of the speed v of a prescribed coordinate is an impact: with the impulse Λ = (G M⁻¹ Gᵀ)⁻¹ Δv of the constraint,
-all other speeds jump as well. A simulation does not compute this impulse.
-
-Finds forces of time that act within single steps, where no method sees them.
+Forces of time can act within single steps, where no method sees them. Parts can turn so far within a step, or fly so
+fast, that a contact between its ends may be missed.
 """
 
 from __future__ import annotations

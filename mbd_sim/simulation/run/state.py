@@ -1,9 +1,9 @@
-"""Snapshots: everything that the rest of a run depends on, as plain data that can be pickled.
+"""The state of a run as plain data: snapshots, and the arrays of a `joint_states` message.
 
-The arrays of a `joint_states` message, and the state that they describe.
+A snapshot has everything that the rest of a run depends on, and can be pickled.
 
-The free coordinates come first, in the order of `Model.coordinate_names`, then the driven ones. An orientation is a
-rotation vector in the message and a quaternion in the state.
+In a message, the free coordinates come first, in the order of `Model.coordinate_names`, then the driven ones. An
+orientation is a rotation vector in the message and a quaternion in the state.
 """
 
 from __future__ import annotations
