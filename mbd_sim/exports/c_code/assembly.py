@@ -1,10 +1,9 @@
 """The start of a mechanism with changed parameters as C functions.
 
-Speeds at a start in a singular configuration as C text: what `mbd_sim.dynamics.constraints.singular_start` does.
-
-Null spaces come from the same rotations of rows as in `mbd_sim.exports.c_code.assembly_texts`, whose functions this
-text uses: a column for each row, appended to the matrix, keeps the combinations of rows, and those of rows that become
-zero are the null space.
+Speeds at a start in a singular configuration follow as in `mbd_sim.dynamics.constraints.singular_start`. Null spaces
+come from the same rotations of rows as in `mbd_sim.exports.c_code.assembly_texts`, whose functions this text uses: a
+column for each row, appended to the matrix, keeps the combinations of rows, and those of rows that become zero are the
+null space.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Instruction lists as C99 functions: one statement for each instruction, with the bits of the compiled kernel.
 
-The statements are those of `mbd_sim.compiler.lists.lowering`: fused multiply-adds are calls of `fma`, divisions by the
-same number share a reciprocal, and sine and cosine come from `sine_cosine` in `mbd_sim.exports.c_code.module`.
-
-Sine and cosine as C text, with the same operations as `mbd_sim.compiler.ir.trigonometry` and so the same bits.
+The statements are those of `mbd_sim.compiler.lists.lowering`: fused multiply-adds are calls of `fma`, and divisions by
+the same number share a reciprocal. Sine and cosine come from the C function `sine_cosine`, whose text is here too: it
+has the same operations as `mbd_sim.compiler.ir.trigonometry` and so the same bits.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What is exported of a mechanism: its traced functions, and the names of their arguments and results.
 
-The start of an exported model as functions of its parameters: what its file gives, and what closes its loops.
+The start is exported as functions of the parameters: what the file gives, and what closes its loops.
 """
 
 from __future__ import annotations

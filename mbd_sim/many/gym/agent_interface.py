@@ -1,6 +1,6 @@
 """What an agent observes of a mechanism, and the efforts that it can apply: the same for one environment and many.
 
-The commands of actuators and drives as actions: their names and their ranges.
+The actions are the commands of actuators and drives, with their names and their ranges.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The varied values of a sweep: on a grid, or drawn at random.
+"""The plan of a sweep: the varied values, and the quantities that are computed of each run.
 
-Quantities of a run by name, for all runs of a sweep at once: of their states at one time.
-
-The last, least, most and root-mean-square values of quantities over the samples of runs.
+Values are on a grid, or drawn at random. Quantities are chosen by name, and computed for all runs at once from their
+states at one time. Their last, least, most and root-mean-square values are taken over the samples of the runs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Tables of results as Parquet or CSV files.
-
-A plot of one result of a sweep over the varied values.
-"""
+"""The results of a sweep as Parquet or CSV files, and a plot of one of them over the varied values."""
 
 from __future__ import annotations
 

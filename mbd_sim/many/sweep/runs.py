@@ -1,6 +1,6 @@
 """The runs of a sweep: each chunk is computed as one ensemble, in this process or in another one.
 
-Execution of the chunks of a sweep by Dask: in local processes or on a cluster.
+Dask can execute the chunks in local processes or on a cluster.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Frames of a mechanism in motion, all of the same size, position and scale.
+"""Animations of a mechanism in motion: GIF, WebP, MP4, or an HTML page that plays them and needs nothing else.
 
-Writes frames as an animation: GIF, WebP, MP4, or an HTML page that plays them and needs nothing else.
+All frames have the same size, position and scale.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Constraints: planes that wheels roll on, lines and planes that guide points, knife edges, cables.
+"""Constraints on the sheet: what points and wheels are constrained to, cables, gears and racks.
 
-Gears and racks: pitch circles and pitch lines, dash-dotted, with marks for their teeth.
-
-Curves and surfaces on which points are constrained to lie.
+Wheels roll on planes, and points lie on lines, planes, curves and surfaces; knife edges are drawn too. Gears and racks
+are pitch circles and pitch lines, dash-dotted, with marks for their teeth.
 """
 
 from __future__ import annotations

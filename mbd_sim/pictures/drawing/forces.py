@@ -1,6 +1,6 @@
-"""Force elements: springs, dampers and rods between points, and the arrows of applied forces and couples.
+"""Forces on the sheet: springs, dampers and rods between points, motors, bushings, and arrows.
 
-Motors, efforts on joints, and bushings on the sheet.
+Arrows show applied forces and couples, and efforts on joints.
 """
 
 from __future__ import annotations

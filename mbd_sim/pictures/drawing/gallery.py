@@ -1,11 +1,9 @@
 """The gallery of shipped mechanisms: `python -m mbd_sim.pictures.drawing.gallery docs` writes its page and pictures.
 
-Names after the folder limit the pictures to these mechanisms.
+Names after the folder limit the pictures to these mechanisms. They are drawn at their start, and as small animations.
 
-Its texts are in the mechanism files. The comment at the top of a file says what the mechanism is and which book it
-is from; a paragraph in it that begins with `Watch:` says what to look at; `description` summarizes it.
-
-Small animations of the shipped mechanisms for the gallery.
+Its texts are in the mechanism files. The comment at the top of a file says what the mechanism is and which book it is
+from; a paragraph in it that begins with `Watch:` says what to look at; `description` summarizes it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The symbols of the joints: pins, balls, crosses, threads, and their supports in ground.
+"""The symbols of the joints: pins, balls, crosses, threads and slides, with their supports in ground.
 
-Sliding joints: guides, sliders on them, and the springs and dampers along them.
+Sliding joints consist of guides, sliders on them, and the springs and dampers along them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The parts of a mechanism as paths, and the space they occupy.
 
-The shapes of parts as paths: bars with round ends, shaded blocks and cylinders, rings around other parts.
+Their shapes are bars with round ends, shaded blocks and cylinders, and rings around other parts.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A drawing as a file or as pixels, rendered by Matplotlib; the same mechanism always gives the same file.
 
-The layout of a drawing: the mechanism, its names and the legend, at the scale at which they fit.
-
-The strip below a drawing: the axes of ground, the direction of gravity, and a scale.
+The layout puts the mechanism, its names and the legend at the scale at which they fit. A strip below the drawing shows
+the axes of ground, the direction of gravity, and a scale.
 """
 
 from __future__ import annotations

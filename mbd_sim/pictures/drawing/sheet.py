@@ -1,8 +1,8 @@
-"""The elements of a drawing: paths and texts in points (1/72 inch), x to the right and y up, without Matplotlib.
+"""The sheet of a drawing: its elements, the projection onto it, and the placement of names.
 
-The direction of view, and the projection from meters in space to points on the sheet.
-
-Placement of names: near the points that they name, and clear of lines and of each other.
+The elements are paths and texts in points (1/72 inch), x to the right and y up, without Matplotlib. The direction of
+view determines the projection from meters in space to points on the sheet. Names are placed near the points that they
+name, and clear of lines and of each other.
 """
 
 from __future__ import annotations

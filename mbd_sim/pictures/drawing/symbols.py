@@ -1,10 +1,8 @@
-"""A joint at a state: the part that carries it, the part that moves, its frames and its axes.
+"""The symbols that drawings share: joints at a state, elements between two points, ropes, and ground.
 
-Springs, dampers, rods, cables and friction between two points on the sheet.
-
-Symbols of ground and of its supports: hatched lines, brackets, bearings, walls, posts.
-
-Ropes, which can pull but not push: taut they are straight, slack they hang with their own length.
+A joint has the part that carries it, the part that moves, its frames and its axes. The elements between points are
+springs, dampers, rods, cables and friction. Ropes can pull but not push: taut they are straight, slack they hang with
+their own length. Ground and its supports are hatched lines, brackets, bearings, walls and posts.
 """
 
 from __future__ import annotations

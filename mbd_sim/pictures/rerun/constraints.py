@@ -1,8 +1,7 @@
-"""Constraints: rods and cables, curves and surfaces, and the contact points of wheels.
+"""Constraints, contacts and traces of points in the scene.
 
-Contacts: the points where they touch, and their forces, while they are closed.
-
-The traces that points leave.
+Constraints are rods and cables, curves and surfaces, and the contact points of wheels. Contacts are shown while they
+are closed, by the points where they touch and their forces.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
-"""Springs and dampers between two points.
+"""Springs and dampers between two points, forces as arrows, and couples as arcs.
 
 A coil is logged once, one meter long; after that only the transform that stretches it is sent.
 
-Forces as arrows and couples as arcs: those of the file, commanded ones, and those that joints transmit.
-
-Lengths are to scale up to `LONGEST`. An arrow of `LONG` times the mechanism's size stands for the largest value of
-the expression for forces of the file, for the limit of efforts that have one, and otherwise for the weight of all
-parts (for couples, that weight times a quarter of the size).
+Arrows show the forces of the file, commanded ones, and those that joints transmit. Their lengths are to scale up to
+`LONGEST`. An arrow of `LONG` times the mechanism's size stands for the largest value of the expression for forces of
+the file, for the limit of efforts that have one, and otherwise for the weight of all parts (for couples, that weight
+times a quarter of the size).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Joints as pins, rails and balls: yellow where they are driven, pink where they close a loop.
+"""Joints as pins, rails and balls, motors on them, and bushings.
 
-Motors on joints, and bushings.
+Joints are yellow where they are driven, and pink where they close a loop.
 """
 
 from __future__ import annotations

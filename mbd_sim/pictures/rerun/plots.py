@@ -1,6 +1,7 @@
-"""The curves in the plots: joints, the energy account, and its residual.
+"""The curves in the plots, and the layout of the window around them.
 
-The layout of the window: the scene on the left, plots on the right, the log at the bottom.
+The plots show joints, the energy account, and its residual. The window has the scene on the left, plots on the right,
+and the log at the bottom.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""A sample of a motion as one row of numbers: written by the simulation's process, read by the viewer's.
+"""What the simulation's process and the viewer's send each other: samples as rows of numbers, and other messages.
 
-The messages between the simulation's process and the viewer's: a kind, a length, and bytes.
-
-To the viewer: first the scene description and the sink, pickled; then rows of samples as raw numbers, events and
-measurements of sensors as JSON, and numbered requests to flush what was sent before. Back: lines of JSON.
+A message has a kind, a length, and bytes. To the viewer go first the scene description and the sink, pickled; then rows
+of samples as raw numbers (one row for each sample of a motion), events and measurements of sensors as JSON, and
+numbered requests to flush what was sent before. Lines of JSON come back.
 """
 
 from __future__ import annotations

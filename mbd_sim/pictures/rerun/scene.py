@@ -1,12 +1,8 @@
-"""The description of a mechanism that the viewer's process receives before the samples, as plain records.
+"""The scene that the viewer's process draws: its description, its entities, and their states for many samples at once.
 
-Points and directions of parts for many samples at once, in ground's frame.
-
-The interface of everything that is drawn: each entity is logged once, and changes by columns.
-
-The paths of entities in the recording, and the units of the plotted values.
-
-The coordinates of joints for many samples at once.
+The process receives the description of a mechanism before the samples, as plain records. Everything that is drawn has
+the same interface: each entity is logged once, at its path in the recording, and changes by columns. Points and
+directions of parts are computed in ground's frame, and the coordinates of joints with them. Plotted values have units.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The destinations of a recording: a viewer's window, a browser, a running viewer, or a file.
 
-Rerun's own program, started so that it listens on this machine only.
+For a window or a browser, Rerun's own program is started so that it listens on this machine only.
 """
 
 from __future__ import annotations

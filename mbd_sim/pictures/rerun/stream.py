@@ -1,6 +1,6 @@
 """The motion of a mechanism as a recording of Rerun: the scene is logged once, then rows of samples follow.
 
-Events on the timeline: a log line for each, and state lanes that show whether the run is going and commanded.
+Events are on the timeline too: a log line for each, and state lanes that show whether the run is going and commanded.
 """
 
 from __future__ import annotations

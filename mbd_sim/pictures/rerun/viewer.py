@@ -1,8 +1,7 @@
 """Shows a motion in Rerun from a separate process, so that the simulation never waits for it.
 
-A bounded queue with one writer and one reader that never blocks the writer.
-
-Selects the events worth a line in the log: of commands, which may come a thousand times a second, only the first.
+The samples pass through a bounded queue with one writer and one reader that never blocks the writer. The events worth a
+line in the log are selected: of commands, which may come a thousand times a second, only the first.
 """
 
 from __future__ import annotations

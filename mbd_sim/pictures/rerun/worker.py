@@ -2,10 +2,9 @@
 
 It ends when its input does, so that the recording is complete even when the simulation was killed.
 
-The list of all chunks at the end of a file of Rerun, by which other programs find data without reading it all.
-
-Rerun itself keeps this list in memory while it writes a file. The viewer's process writes files without it, so that its
-memory hardly grows, and has it added at the end.
+A file of Rerun ends with a list of all chunks, by which other programs find data without reading it all. Rerun itself
+keeps this list in memory while it writes a file. The process writes files without it, so that its memory hardly grows,
+and has it added at the end.
 """
 
 from __future__ import annotations

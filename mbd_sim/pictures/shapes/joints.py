@@ -1,10 +1,8 @@
-"""Sizes and frames of joints that the renderers share.
+"""Sizes, frames and places of joints, motors and arrows that the renderers share.
 
-Where motors, efforts and bushings are shown, and which elements between points are shown as cylinders.
-
-The points of a mechanism that leave a trace where the user does not name others.
-
-The scale of drawn forces, and where the arrows of contacts start.
+They say where motors, efforts and bushings are shown, which elements between points are shown as cylinders, at which
+scale forces are drawn, and where the arrows of contacts start. They also choose the points of a mechanism that leave a
+trace where the user does not name others.
 """
 
 from __future__ import annotations

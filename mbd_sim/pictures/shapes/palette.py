@@ -1,6 +1,6 @@
-"""The colors of the scene and the plots; a part and the curves of its joint share one.
+"""How curves and parts are shown in the scene and the plots: their colors, and the energy residual.
 
-The energy residual as it is shown on a logarithmic scale.
+A part and the curves of its joint share a color. The residual is prepared for a logarithmic scale.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The solids that stand for the shapes of a part, the same in Rerun, in RViz and in drawings.
+"""The solids and lines of which pictures are made, the same in Rerun, in RViz and in drawings.
 
-The lines of which symbols are made, in the plane and in space: circles, spirals, coils, dashpots, curved arrows.
+Solids stand for the shapes of a part. Symbols are made of lines in the plane and in space: circles, spirals, coils,
+dashpots and curved arrows.
 """
 
 from __future__ import annotations

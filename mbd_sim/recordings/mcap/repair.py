@@ -1,8 +1,7 @@
-"""The data section of an MCAP file, read strictly: all that precedes its summary, up to the first damage.
+"""The data section of an MCAP file, read strictly: its undamaged records, and the problems with the others.
 
-What was found in the data section of an MCAP file: its undamaged records, and the problems with the others.
-
-The definitions in an MCAP file: as strict a check as that of `rosbags`, and repair of those of recorded runs.
+The section is all that precedes the summary, and is read up to the first damage. The definitions in it are checked as
+strictly as by `rosbags`, and those of recorded runs are repaired.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""`metadata.yaml` of a rosbag2 folder as written in Jazzy (version 9, `rosbag2_storage/yaml.hpp`).
+"""A rosbag2 folder: its `metadata.yaml`, and its SQLite files.
 
-Reads one SQLite file of a rosbag2 recording.
+`metadata.yaml` is written as in Jazzy (version 9, `rosbag2_storage/yaml.hpp`). Of the SQLite files one is read at a
+time.
 """
 
 from __future__ import annotations

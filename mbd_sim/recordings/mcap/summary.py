@@ -1,8 +1,7 @@
 """The end of an MCAP file: summary, index and footer (https://mcap.dev/spec).
 
-The index of the chunks of a file that is being written, in the encoded form in which the file will contain it.
-
-It holds no Python object for each chunk: in runs of many hours the garbage collector would traverse them all.
+While a file is being written, the index of its chunks is kept in the encoded form in which the file will contain it. It
+holds no Python object for each chunk: in runs of many hours the garbage collector would traverse them all.
 """
 
 from __future__ import annotations

@@ -1,15 +1,12 @@
-"""Messages of constant size, serialized once as CDR; afterwards only their numbers are written, into the bytes.
+"""Messages as CDR: written without ROS, and decoded into plain records that are the same for all formats.
 
-CDR (OMG DDS-XTypes 1.3, section 7.4, version 1): four bytes that give the byte order, then the fields, each aligned to
-its size. Filling and serializing a message by rclpy takes some 10 µs with the interpreter's lock held; this takes one
-or two, and needs no ROS.
+CDR (OMG DDS-XTypes 1.3, section 7.4, version 1) has four bytes that give the byte order, then the fields, each aligned
+to its size.
 
-Decodes recorded messages: the types that runs consist of as fast as `verify` needs it, all others by `rosbags`.
+Messages of constant size are serialized once; afterwards only their numbers are written, into the bytes. Filling and
+serializing a message by rclpy takes some 10 µs with the interpreter's lock held; this takes one or two.
 
-CDR (OMG DDS-XTypes 1.3, section 7.4, version 1): four bytes that give the byte order, then the fields, each aligned to
-its size.
-
-Plain records of the contents of a recorded file, the same for all formats.
+The types that runs consist of are decoded as fast as `verify` needs it, all others by `rosbags`.
 """
 
 from __future__ import annotations

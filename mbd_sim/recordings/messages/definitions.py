@@ -1,10 +1,8 @@
-"""Message definitions for recordings: from the installed ROS packages, or else from `rosbags`, which needs no ROS.
+"""What a topic needs to be recorded: its name, its message definition, and its quality of service.
 
-A topic to be recorded.
-
-Quality of service that topics offer, and its representation in rosbag2; needs no ROS.
-
-Topic names of parts: ROS allows only letters, digits and underscores.
+Message definitions come from the installed ROS packages, or else from `rosbags`, which needs no ROS. The quality of
+service that a topic offers is represented as in rosbag2, without ROS too. In the names of topics of parts, ROS allows
+only letters, digits and underscores.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The messages that are published with an event, and those that are published once at the start.
 
-The message of a new state: everything that the run depends on from there, in one labeled array.
+The message of a new state holds everything that the run depends on from there, in one labeled array.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The messages that are published with each state; the table in `topics` says which of them are always published.
+"""The messages that are published with each state, written from the state of a run at a tick.
 
-The message of accelerations: of the coordinates, and of parts and their points.
-
-The state of a run at a tick, from which its messages are written.
+The table in `topics` says which of them are always published. Accelerations are those of the coordinates, and of parts
+and their points.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""All topics of a run: one entry each. `sim_node` publishes them; recordings contain them, with ROS or without.
+"""All topics of a run, those of its sensors included: one entry each.
 
-The messages of all sensors of a run, with the names of their topics.
+`sim_node` publishes them; recordings contain them, with ROS or without.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""Runs of a simulation as plots and animations that a notebook shows.
+"""Mechanisms and simulations in a notebook: pictures and tables, plots and animations of runs, and Rerun's viewer.
 
-Pictures and tables of mechanisms and simulations as HTML and PNG.
-
-A run in Rerun's viewer, within a notebook.
+Pictures and tables are HTML and PNG.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Recomputes a recorded run with other values, another method or another step, under the same commands.
 
-Writes a changed run as a recording: the messages of the recorded run with other numbers. Needs no ROS.
+The changed run is written as a recording: the messages of the recorded run with other numbers. This needs no ROS.
 """
 
 from __future__ import annotations

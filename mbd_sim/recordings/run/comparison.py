@@ -1,8 +1,6 @@
-"""Compares the messages of one recorded file with its recomputation.
+"""Compares the messages of one recorded file, measurements of sensors included, with their recomputation.
 
-Compares recorded measurements of sensors with those that a recomputation gives.
-
-The result of verifying a recorded file.
+The result is the verification of the file: bit for bit, or within a tolerance.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The metadata of a recording: everything besides its messages that is needed to recompute the run.
 
-The start of a recorded run, as its metadata describes it; `mbd_sim.recordings.run.metadata` writes it.
+It is written here, and read as the start of the recorded run.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 >>> recording = open_recording("recordings/double_rod.mcap")                                           # doctest: +SKIP
 >>> [message.time_ns for message in recording.messages({"/joint_states"})]                             # doctest: +SKIP
 
-The topics of a recorded run that are recomputed, and those that carry its commands.
+The topics that are recomputed from a recorded run are chosen here, and those that carry its commands.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Records a run to MCAP files that any ROS 2 tool opens, without delaying the thread that steps the simulation.
 
-Forces recorded files to the disk in a thread of its own, so that the one that writes them does not wait for it.
+A thread of its own forces the files to the disk, so that the one that writes them does not wait for it.
 """
 
 from __future__ import annotations

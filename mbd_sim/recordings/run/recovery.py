@@ -1,9 +1,7 @@
 """Repairs a recording that was truncated by a kill or a full disk, or whose bytes were damaged.
 
 Complete chunks up to the first damage are kept. The summary and the index, without which many tools refuse a file, are
-rebuilt from them.
-
-Recovery of a rosbag2 folder: each of its MCAP files, then its `metadata.yaml`.
+rebuilt from them. In a rosbag2 folder each of the MCAP files is repaired, then `metadata.yaml`.
 """
 
 from __future__ import annotations

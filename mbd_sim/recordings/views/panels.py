@@ -1,6 +1,6 @@
-"""The plots of a run as data, independent of the plotting library: panels of lines.
+"""The plots of a run as data, independent of the plotting library: panels of lines, and how they look.
 
-How plots look: width, fonts and colors for a screen, a slide or a printed page, on a light or a dark ground.
+Width, fonts and colors are for a screen, a slide or a printed page, on a light or a dark ground.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Draws panels as PNG, SVG or PDF by Matplotlib, or as a zoomable HTML page by Plotly, which needs no network.
 
-Files that plots and tables are written to.
-
-Plots a recorded run and a changed one in the same axes.
+A recorded run and a changed one can be plotted in the same axes. Files that plots and tables cannot be written to are
+refused before anything is computed for them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A recording as arrays: joints, energies and events over time.
 
-The columns of a table for what a run records on request: reactions, poses, violation of constraints.
+Further columns hold what a run records on request: reactions, poses, and violation of constraints.
 """
 
 from __future__ import annotations

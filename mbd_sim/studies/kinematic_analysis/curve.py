@@ -1,16 +1,15 @@
-"""The motion of a mechanism along a range of its drives, by continuation: predictor along the tangent, then Newton.
+"""The curve of configurations along a range of the drives, its dead points and its change points.
 
-The steps follow the curve of configurations by its arc length (Allgower & Georg, ch. 2 and 6), so that the curve can be
-followed through dead points, at which the drives reverse. The steps are short enough that the tangent hardly turns,
-which keeps to one branch.
+It is followed by continuation, with a predictor along the tangent and then Newton's method. The steps go by its arc
+length (Allgower & Georg, ch. 2 and 6), so that the curve can be followed through dead points. They are short enough
+that the tangent hardly turns, which keeps to one branch.
 
-Points at which the drives do not determine the motion: dead points and change points, located to round-off.
+At dead points and change points the drives do not determine the motion; both are located to round-off. At a dead point
+the drives reverse: their velocity along the curve is zero, and the determinant of the equations for the dependent
+velocities with it. At a change point the equations of the curve themselves lose rank: two branches of the motion meet,
+as in a parallelogram linkage lying flat (Uicker, Pennock & Shigley, ch. 1).
 
-At a dead point the drives reverse: their velocity along the curve of configurations is zero, and the determinant of the
-equations for the dependent velocities with it. At a change point the equations of the curve themselves lose rank: two
-branches of the motion meet, as in a parallelogram linkage lying flat (Uicker, Pennock & Shigley, ch. 1).
-
-How far a drive can go, and errors that say so.
+Where a drive cannot go through its whole range, errors say how far it can go.
 """
 
 from __future__ import annotations

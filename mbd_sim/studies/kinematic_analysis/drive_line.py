@@ -1,6 +1,6 @@
 """A straight line through the space of the drives, and points of the curve of configurations above it.
 
-Where a function of one variable is least.
+Where a function along the line is least is found by golden section.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
-"""The efforts of the drives and the loads on the joints in a prescribed motion, by inverse dynamics.
+"""The loads of a prescribed motion: efforts of drives, loads on joints, and the transmission angle.
 
-The transmission angle: how well a coupler moves its follower.
+Efforts and loads follow by inverse dynamics.
 
-It is the complement of the pressure angle, which is the angle between the force of the coupler on the follower and the
-direction in which the follower lets the pin between them move. In a coupler without mass and friction the force is
-along the line of its two pins. In a four-bar linkage this is the angle between the lines of coupler and follower, in a
-slider-crank the one between the coupler and the normal of the guide (Alt 1932; Uicker, Pennock & Shigley, ch. 1 and 3).
-If one of the coupler's joints is a slider, as that of a block on a slotted lever, the force passes through the other
-joint, normal to the slide; this is then the angle between the slide and the direction in which the follower lets the
-point under the pin move. It is given from 0 to 90°; 90° is best, and at 0 the follower cannot be moved.
+The transmission angle says how well a coupler moves its follower. It is the complement of the pressure angle, which is
+the angle between the force of the coupler on the follower and the direction in which the follower lets the pin between
+them move. In a coupler without mass and friction the force is along the line of its two pins. In a four-bar linkage
+this is the angle between the lines of coupler and follower, in a slider-crank the one between the coupler and the
+normal of the guide (Alt 1932; Uicker, Pennock & Shigley, ch. 1 and 3). If one of the coupler's joints is a slider, as
+that of a block on a slotted lever, the force passes through the other joint, normal to the slide; this is then the
+angle between the slide and the direction in which the follower lets the point under the pin move. It is given from 0 to
+90°; 90° is best, and at 0 the follower cannot be moved.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The motion of a mechanism whose drives move through a range: positions, velocities and accelerations.
 
-The motion of points of parts in given states.
-
-The coordinates of joints that close loops, from the frames on both sides: they are not among q.
+It includes the motion of points of parts, and the coordinates of joints that close loops. These are not among q, and
+follow from the frames on both sides of the joint.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""The states of a mechanism at given drives as differentiable functions of parameters of its file.
+"""A prescribed motion as a differentiable function of parameters of the file: its states and its efforts.
 
-Coordinates q, speeds u and accelerations u' satisfy Φ(q, p) = 0, G u = 0 and G u' + γ = 0 with given values of the
-drives. Their derivatives by the parameters p follow by implicit differentiation, from exact derivatives of these
-equations (Haug, ch. 3): the same matrix serves all.
-
-How positions, velocities, accelerations and efforts of a motion change with parameters of the file.
+At given values of the drives, coordinates q, speeds u and accelerations u' satisfy Φ(q, p) = 0, G u = 0 and G u' + γ =
+0. Their derivatives by the parameters p follow by implicit differentiation, from exact derivatives of these equations
+(Haug, ch. 3): the same matrix serves all.
 """
 
 from __future__ import annotations

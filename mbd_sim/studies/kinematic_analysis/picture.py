@@ -1,6 +1,6 @@
 """A prescribed motion as a picture: the mechanism with the paths of points, and curves over the drive.
 
-The curves of a prescribed motion over its drive, in panels, independent of the plotting library.
+The curves are in panels that are independent of the plotting library.
 """
 
 from __future__ import annotations

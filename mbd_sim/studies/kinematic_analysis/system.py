@@ -1,10 +1,11 @@
 """The constraints of a mechanism whose drives are prescribed: positions, velocities and accelerations at given drives.
 
+The analysis needs no dynamics: it prescribes coordinates within their ranges, and the mechanism is taken without its
+drives.
+
 The coordinates are those of the spanning tree. With the selection S of the driven ones, positions satisfy Φ(q) = 0 and
 S q = c, velocities G u = 0 and S u = c', accelerations G u' + γ = 0 and S u' = c'' (Nikravesh, ch. 3). Redundant rows
 are kept, and the systems solved by least squares.
-
-The coordinates that an analysis without dynamics prescribes: their ranges, and the mechanism without its drives.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A prescribed motion as readable text: dead points, limit positions, transmission angles, loads, and a short table.
+"""A prescribed motion as readable text, and as columns of numbers.
 
-A prescribed motion as columns of numbers with units in their names, like those of a recorded run.
-
-Columns of a prescribed motion that are chosen by name, and limits of their magnitudes.
+The text names dead points, limit positions, transmission angles and loads, and ends with a short table. The columns
+have units in their names, like those of a recorded run; they can be chosen by name, and their magnitudes limited.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How tolerances of lengths add up in a motion: worst case, root sum of squares, and random samples.
 
-Sensitivities and tolerances of a motion as columns of a table and as lines of a report.
+Sensitivities and tolerances are given as columns of a table and as lines of a report.
 """
 
 from __future__ import annotations

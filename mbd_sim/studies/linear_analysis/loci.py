@@ -1,6 +1,6 @@
 """Eigenvalues over values of the file: root loci over one of them, stability maps over two.
 
-The state about which a simulation is linearized.
+The state about which a simulation is linearized, such as the nearest equilibrium, is found here too.
 """
 
 from __future__ import annotations

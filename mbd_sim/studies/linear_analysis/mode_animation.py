@@ -1,7 +1,4 @@
-"""A natural mode as an animation of the mechanism.
-
-The shapes of natural modes: how all coordinates move in each of them.
-"""
+"""The shapes of natural modes: how all coordinates move in each of them, and animations of the mechanism in one."""
 
 from __future__ import annotations
 

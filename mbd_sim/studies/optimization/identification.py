@@ -1,15 +1,14 @@
-"""Parameters from measured runs, with exact gradients and confidence intervals.
+"""Parameters from measured runs by nonlinear least squares, with exact gradients and confidence intervals.
 
 The measurements are cut into intervals. For each one the trajectory follows from a start state of its own, which is
 unknown too, so that noise in it does no harm. It varies along the directions that constraints and unit quaternions
 leave free. Parameters and start states minimize the sum of the squared deviations (output error method; Ljung 1999,
-sec. 10.2), weighted by the standard deviation of each measured number, which is estimated from the residuals of a
-first fit.
+sec. 10.2), weighted by the standard deviation of each measured number, which is estimated from the residuals of a first
+fit.
 
-Nonlinear least squares with a few shared unknowns and further ones for each part of the data.
-
-The Levenberg-Marquardt method (Nocedal & Wright, *Numerical Optimization*, sec. 10.3), with the unknowns of each part
-eliminated from its linearized residuals by a singular value decomposition.
+So a few unknowns, the parameters, are shared, and each interval has further ones. The Levenberg-Marquardt method
+(Nocedal & Wright, *Numerical Optimization*, sec. 10.3) eliminates those of each interval from its linearized residuals
+by a singular value decomposition.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Trajectories with their derivatives by parameters, start values and efforts (forward sensitivities).
 
-A compiled kernel integrates the derivatives beside the state: see `mbd_sim.studies.optimization.tangent_kernel`. They
-are those of the computed trajectory, exact up to round-off, and so differ from those of the exact one as the states do.
-
-A trajectory with its derivatives by parameters, start values and efforts, as plain records.
+Both are plain records. A compiled kernel integrates the derivatives beside the state: see
+`mbd_sim.studies.optimization.tangent_kernel`. They are those of the computed trajectory, exact up to round-off, and so
+differ from those of the exact one as the states do.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Forces and actuators in the report of `mbd_sim check`: what they act on, and what they depend on.
+"""Bodies, force elements, actuators and sensors in the report of `mbd_sim check`.
 
-`mbd_sim check --inertia`: center of mass, inertia tensor and principal axes of each part and of the whole.
-
-A sensor in the report of `mbd_sim check`.
+For forces and actuators the report says what they act on and what they depend on, and for sensors what they measure.
+With `--inertia` it gives center of mass, inertia tensor and principal axes of each part and of the whole.
 """
 
 from __future__ import annotations

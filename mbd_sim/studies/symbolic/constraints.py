@@ -1,6 +1,6 @@
-"""The independent constraints of a mechanism as simplified SymPy expressions, each with its multiplier.
+"""Constraints and one-sided elements of a mechanism as simplified SymPy expressions.
 
-The one-sided elements of a mechanism as simplified SymPy expressions: gaps, friction and restitution.
+Each of the independent constraints has its multiplier. One-sided elements have gaps, friction and restitution.
 """
 
 from __future__ import annotations

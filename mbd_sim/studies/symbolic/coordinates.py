@@ -1,7 +1,4 @@
-"""The symbols of coordinates, speeds and efforts, and their LaTeX.
-
-The energies of a mechanism as simplified SymPy expressions.
-"""
+"""The symbols of coordinates, speeds and efforts with their LaTeX, and the energies as simplified SymPy expressions."""
 
 from __future__ import annotations
 

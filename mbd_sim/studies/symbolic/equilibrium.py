@@ -1,6 +1,6 @@
-"""Equilibria as formulas: coordinates, and multipliers of the constraints.
+"""Equilibria as formulas: coordinates, multipliers of the constraints, and states of actuators.
 
-Equilibria of mechanisms whose actuators have states, such as currents and integrals of servos.
+States of actuators are, for example, currents and integrals of servos.
 """
 
 from __future__ import annotations

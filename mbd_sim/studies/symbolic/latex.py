@@ -1,10 +1,6 @@
 """Symbolic equations as LaTeX: the equations, the entries of their matrices, and the meaning of the symbols.
 
-What the symbols of equations mean, in LaTeX.
-
-Equations as LaTeX for a screen: one formula, whose lines fit on the page of a notebook.
-
-Linearized equations as LaTeX.
+Linearized equations are included. For a screen, equations are one formula, whose lines fit on the page of a notebook.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""One-sided elements as LaTeX: complementarity, friction as a set-valued law, and the law of impact (Glocker 2001).
+"""The laws of one-sided elements, actuators and sensors as LaTeX.
 
-What sensors measure as LaTeX.
-
-The laws of actuators as LaTeX.
+One-sided elements are given by complementarity, friction as a set-valued law, and the law of impact (Glocker 2001). For
+sensors the formulas say what they measure.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
 Small changes of a state are displacements δq, changes of speed δu, and changes δs of the states of actuators, such as
 currents. Displacements are those along the speeds: q' = N u, so that they change q by N δq. For a spherical or free
-joint these include a small rotation about the axes of its second part, by which the quaternion p changes by
-½ p ∘ (0, δq): at rest its rate is the angular velocity.
+joint these include a small rotation about the axes of its second part, by which the quaternion p changes by ½ p ∘ (0,
+δq): at rest its rate is the angular velocity.
 
-The characteristic polynomial of linearized equations, where it is short enough to be read.
+The characteristic polynomial is given where it is short enough to be read.
 """
 
 from __future__ import annotations

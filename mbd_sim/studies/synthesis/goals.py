@@ -1,6 +1,6 @@
 """What a mechanism is to do: lead a point along a path, move an output as a function, or need little effort.
 
-Goals and bounds from the arguments of the command line.
+Goals and bounds are read from the arguments of the command line.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The deviations from a goal as a differentiable function of parameters, of the timing, and of an offset.
+"""The problem of a synthesis, and its solution with the least largest deviation from the goal.
 
-The least largest deviation: linear programs in a trust region.
-
-Each step minimizes the largest of the linearized deviations within bounds and a box (Madsen 1975). It converges
-quadratically where as many deviations are equally large as unknowns determine, and linearly elsewhere.
+The deviations are a differentiable function of parameters, of the timing, and of an offset. Linear programs in a trust
+region minimize them: each step minimizes the largest of the linearized deviations within bounds and a box (Madsen
+1975). This converges quadratically where as many deviations are equally large as unknowns determine, and linearly
+elsewhere.
 """
 
 from __future__ import annotations

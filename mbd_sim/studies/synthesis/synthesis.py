@@ -1,7 +1,4 @@
-"""Parameters of a mechanism that serve a goal best.
-
-A design as text, as a mechanism file, and as a picture.
-"""
+"""Parameters of a mechanism that serve a goal best, and the design as text, as a mechanism file and as a picture."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Names of a file as LaTeX: `theta_1` as θ with the subscript 1, `m_rod` as m with the subscript rod.
+"""Names of a file and SymPy expressions as LaTeX, with numbers in their usual form.
 
-SymPy expressions as LaTeX, with numbers in their usual form.
+The name `theta_1` becomes θ with the subscript 1, and `m_rod` becomes m with the subscript rod.
 """
 
 from __future__ import annotations

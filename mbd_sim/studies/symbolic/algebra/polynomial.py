@@ -1,11 +1,9 @@
 """Polynomials with exact coefficients in symbols, sines, cosines and roots, always in reduced form.
 
 The squares of sines, of roots and of the scalar part of quaternions are replaced by the polynomials that they equal. So
-terms cancel without a search for identities.
+terms cancel without a search for identities. Quotients of reduced polynomials serve to cancel roots in denominators.
 
-Quotients of reduced polynomials, to cancel roots in denominators.
-
-The exact numbers for which floating-point numbers stand: 1/3, √3/2, 1/(100 π).
+The coefficients are the exact numbers for which floating-point numbers stand: 1/3, √3/2, 1/(100 π).
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""Samples of the numbers of a mechanism for several values of the parameters of its file.
+"""The parameters of a file as symbols, and the numbers of its equations as formulas of them.
 
-The parameters of a file as symbols, and the numbers of its equations as formulas of them.
-
-The builders of a mechanism compute with numbers. So the parameters are varied, and a formula is found for each number
-that changes, see `mbd_sim.studies.symbolic.algebra.formulas`. A number without such a formula becomes a symbol of its
-own.
+The builders of a mechanism compute with numbers. So the parameters are varied, the numbers are sampled for several of
+their values, and a formula is found for each number that changes, see `mbd_sim.studies.symbolic.algebra.formulas`. A
+number without such a formula becomes a symbol of its own.
 """
 
 from __future__ import annotations
