@@ -56,6 +56,13 @@ def test_follower_force_reaches_the_reference_end_state():
     assert np.cumsum(sim.u) == pytest.approx([0.330826508838, -3.89387287305], rel=1e-11)
 
 
+@pytest.mark.parametrize("name", ["tube_particles", "follower_force"])
+def test_the_energy_audit_closes_over_a_minute(name):
+    sim = Simulation.from_file(name)
+    sim.run(until=60.0)
+    assert abs(sim.energies.residual) < 1e-10
+
+
 LAWS = ("cart_massive_spring", "snap_through", "duffing", "quadratic_drag", "stick_slip", "box_kite")
 
 

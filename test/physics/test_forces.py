@@ -69,6 +69,26 @@ def test_a_couple_rotates_the_part_without_translation(axes, expected):
     assert sim.energies.work_applied == pytest.approx(sim.energies.kinetic, rel=1e-12)
 
 
+def test_springs_and_dampers_between_two_parts_conserve_the_momentum():
+    text = """
+mechanism: two
+gravity: [0, 0, 0]
+parts:
+  a: {mass: 1, inertia: [1, 1, 1], points: {p: [0.2, 0, 0]}}
+  b: {mass: 3, inertia: [2, 2, 2], points: {p: [0, 0.3, 0]}}
+joints:
+  fa: {type: free, between: [ground, a], velocity: [0, 0.4, 0.2]}
+  fb: {type: free, between: [ground, b], position: [1, 1, 0]}
+forces:
+  s: {type: spring, between: [a.p, b.p], stiffness: 30, length: 0.5, damping: 2}
+"""
+    sim = Simulation.from_text(text)
+    sim.run(until=3.0)
+    assert sim.u[:3] + 3 * sim.u[6:9] == pytest.approx([0, 0.4, 0.2], abs=1e-12)
+    assert sim.energies.dissipated > 0.1
+    assert abs(sim.energies.residual) < 1e-11
+
+
 @pytest.mark.parametrize(
     ("force", "line", "words"),
     [
