@@ -140,6 +140,18 @@ def test_folders_are_small():
     assert set(sizes[""]) == {"__main__", "programs"}
 
 
+def test_overviews_of_folders_name_their_modules():
+    """The first column of a table in the docstring of a folder's __init__."""
+    found = [
+        (folder, name)
+        for folder in sorted(folders() - {""})
+        for row in re.findall(r"^\| (`.*?`) \|", ast.get_docstring(modules()[folder]) or "", re.MULTILINE)
+        for name in re.findall(r"`(\w+)`", row)
+    ]
+    assert len(found) > 40
+    assert not [f"{folder}: {name}" for folder, name in found if f"{folder}.{name}" not in modules()]
+
+
 def test_tests_mirror_the_folders_of_the_package():
     own = {"benchmarks", "docs", "generators", "oracles", "physics", "ros_interfaces", "system"}
     tested = {path.parent.relative_to(ROOT / "test") for path in (ROOT / "test").rglob("test_*.py")}

@@ -20,7 +20,8 @@ class Adams:
     coefficients, or where the error of y* in a component exceeds `tolerance` (s + |y|), with its scale s. It is
     y' − y* = h γ ∇ᵏ f, the difference of order k of the slopes, k their number. `differences` are the coefficients s of
     those of the orders `LOWER`, f(t + h, y*) − Σ s_j f_j, which tell the error from the round-off of f, see
-    `adams_error`. `midpoints` are the coefficients of f(t + h, y*) and the f_j in the slopes at t − h/2, t − 3h/2 ….
+    `mbd_sim.compiler.steps.adams_attempt`. `midpoints` are the coefficients of f(t + h, y*) and the f_j in the slopes
+    at t − h/2, t − 3h/2 ….
     `stability_limit` is that of `otherwise`, since y' − y* grows where a step of this method is not stable.
     """
 

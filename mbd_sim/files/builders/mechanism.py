@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 def build_force_elements(
     specs: Mapping[str, AnyForceSpec], joints: Mapping[str, Joint | None], context: BuildContext
 ) -> ForceElements:
-    """See `force_builder`."""
+    """As in `mbd_sim.files.builders.forces`, which is imported only where a file has them."""
     if not specs:
         return ForceElements()
     from mbd_sim.files.builders import forces
@@ -52,7 +52,7 @@ def build_force_elements(
 def build_constraints(
     specs: Mapping[str, AnyConstraintSpec], joints: Mapping[str, Joint | None], context: BuildContext
 ) -> tuple[Constraint, ...]:
-    """See `constraint_builder`."""
+    """As in `mbd_sim.files.builders.constraints`, which is imported only where a file has them."""
     if not specs:
         return ()
     from mbd_sim.files.builders import constraints as constraint_builder
@@ -61,7 +61,7 @@ def build_constraints(
 
 
 def coupled_joints(constraints: Sequence[Constraint], joints: Mapping[str, Joint]) -> list[str]:
-    """See `constraint_builder`."""
+    """As in `mbd_sim.files.builders.constraints`, which is imported only where a file has them."""
     if not constraints:
         return []
     from mbd_sim.files.builders import constraints as constraint_builder
@@ -72,7 +72,7 @@ def coupled_joints(constraints: Sequence[Constraint], joints: Mapping[str, Joint
 def build_contacts(
     specs: Mapping[str, ContactSpec], parts: Mapping[str, PartSpec], context: BuildContext
 ) -> tuple[Contact, ...]:
-    """See `contact_builder`."""
+    """As in `mbd_sim.files.builders.contacts`, which is imported only where a file has them."""
     if not specs:
         return ()
     from mbd_sim.files.builders import contacts
@@ -83,7 +83,7 @@ def build_contacts(
 def build_actuators(
     specs: Mapping[str, AnyActuatorSpec], joints: Mapping[str, Joint | None], context: BuildContext
 ) -> tuple[Actuator, ...]:
-    """See `actuator_builder`."""
+    """As in `mbd_sim.files.builders.actuators`, which is imported only where a file has them."""
     if not specs:
         return ()
     from mbd_sim.files.builders import actuators as actuator_builder
@@ -92,7 +92,7 @@ def build_actuators(
 
 
 def actuated_joints(actuators: tuple[Actuator, ...], joints: Mapping[str, Joint]) -> list[str]:
-    """See `actuator_builder`."""
+    """As in `mbd_sim.files.builders.actuators`, which is imported only where a file has them."""
     if not actuators:
         return []
     from mbd_sim.files.builders import actuators as actuator_builder
@@ -107,7 +107,7 @@ def build_sensors(
     step: float | None,
     context: BuildContext,
 ) -> tuple[AnySensor, ...]:
-    """See `sensor_builder`."""
+    """As in `mbd_sim.files.builders.sensors`, which is imported only where a file has them."""
     if not specs:
         return ()
     from mbd_sim.files.builders import sensors as sensor_builder
@@ -116,7 +116,7 @@ def build_sensors(
 
 
 def measured_joints(sensors: Sequence[AnySensor], joints: Mapping[str, Joint]) -> set[str]:
-    """See `sensor_builder`."""
+    """As in `mbd_sim.files.builders.sensors`, which is imported only where a file has them."""
     if not sensors:
         return set()
     from mbd_sim.files.builders import sensors as sensor_builder
@@ -127,12 +127,12 @@ def measured_joints(sensors: Sequence[AnySensor], joints: Mapping[str, Joint]) -
 def build_bases(
     specs: Mapping[str, AnyBaseSpec], joints: Mapping[str, Joint], actuators: Sequence[Actuator], context: BuildContext
 ) -> tuple[Base, ...]:
-    """See `base_builder`."""
+    """As in `mbd_sim.files.builders.actuators`, which is imported only where a file has them."""
     if not specs:
         return ()
-    from mbd_sim.files.builders import actuators as base_builder
+    from mbd_sim.files.builders import actuators as actuator_builder
 
-    return base_builder.build_bases(specs, joints, actuators, context)
+    return actuator_builder.build_bases(specs, joints, actuators, context)
 
 
 def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:

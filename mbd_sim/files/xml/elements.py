@@ -83,7 +83,7 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 class Element:
     """An element: its tag, attributes, line, the elements in it, its text, and the file where it stands.
 
-    `slips` of a root element are those that were mended in the file, see `xml_slips`.
+    `slips` of a root element are those that were mended in the file, see `mended`.
     """
 
     tag: str

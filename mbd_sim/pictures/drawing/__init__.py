@@ -5,13 +5,12 @@ mechanism is chosen, its lines and texts are laid out in points on a `Sheet`, an
 
 | module | contents |
 |---|---|
-| `picture` | `draw`: a drawing as a file, or as pixels |
-| `composition`, `legend`, `label_placement` | the whole sheet; the strip below it; the placement of names |
-| `projection`, `sheet` | the view, and the paths and texts it is drawn with |
-| `part_outlines`, `shape_outlines` | parts and their shapes |
-| `placed_joint`, `joint_symbols`, `slider_symbols`, `gear_symbols` | joints and couplings |
-| `spring_symbols`, `load_symbols`, `constraint_symbols`, `curve_paths` | force elements, forces, constraints |
-| `ground_symbols` | hatched lines, supports, bearings, walls |
+| `picture` | `draw`: a drawing as a file, or as pixels; the whole sheet with its legend |
+| `sheet` | the view, the paths and texts it is drawn with, the placement of names |
+| `outlines`, `mesh_outlines` | parts and their shapes |
+| `joints` | joints |
+| `symbols` | springs, ropes, hatched lines, supports, bearings, walls |
+| `forces`, `constraints` | forces and drives; constraints and gears |
 | `animation` | frames of a mechanism in motion |
 | `gallery` | the page of all shipped mechanisms |
 """

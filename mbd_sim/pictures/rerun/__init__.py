@@ -4,16 +4,13 @@ Importing this package does not import Rerun; creating a `Viewer` does. Rerun ru
 
 | module | contents |
 |---|---|
-| `viewer` | `Viewer`: the simulation's side |
-| `worker`, `protocol`, `mailbox` | the viewer's process, the messages to it, and the queue before it |
-| `sample_rows`, `scene_description` | the data sent: samples as rows of numbers, the mechanism once |
-| `rerun_stream`, `sinks`, `rerun_process` | the recording, where it goes, and Rerun's own program |
-| `blueprint`, `entity_paths` | the layout of the window, the paths of entities |
-| `entity` | the interface of everything that is drawn |
-| `part_entities`, `joint_entities`, `spring_entities`, `drive_entities`, `constraint_entities` | the mechanism |
-| `arrow_entities`, `trace_entities`, `plot_entities` | forces, traces and plots |
-| `rerun_shapes`, `part_poses`, `joint_coordinates` | solids, poses and coordinates for many samples at once |
-| `event_filter`, `event_log` | which events are shown, and how |
+| `viewer` | `Viewer`: the simulation's side, with the queue before the viewer's process |
+| `worker` | the viewer's process |
+| `rows`, `scene` | the data sent: messages, rows of numbers; the mechanism with the paths of its entities |
+| `stream`, `sinks` | the recording with its events; where it goes |
+| `parts`, `joints`, `forces`, `constraints` | the mechanism, its forces, contacts and traces |
+| `plots` | plots, and the layout of the window |
+| `shapes` | solids for many samples at once |
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Records of MCAP data (https://mcap.dev/spec): a file, whole, truncated or damaged, or the content of a chunk.
 
-This is the only place that steps from record to record. `mcap_reader` and `recovery` interpret the records.
+This is the only place that steps from record to record. `reader` and `repair` interpret the records.
 """
 
 from __future__ import annotations

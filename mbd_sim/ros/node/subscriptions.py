@@ -23,7 +23,7 @@ from mbd_sim.recordings.messages.journal import RunClock
 from mbd_sim.ros.commands.efforts import CommandBuffer
 from mbd_sim.ros.commands.trajectory import Trajectory, TrajectoryPoint
 from mbd_sim.ros.commands.wrenches import WrenchBuffer, WrenchTargets
-from mbd_sim.ros.publishing import publishers as qos
+from mbd_sim.ros.publishing.publishers import COMMAND, COMMAND_BEST_EFFORT
 from mbd_sim.simulation.run.changes import StateValues
 
 SET_STATE, ACTUATORS, TRAJECTORY = "~/set_state", "~/actuator_commands", "joint_trajectory"
@@ -100,13 +100,13 @@ class Subscriptions:
             best_effort = any(
                 publisher.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT for publisher in publishers
             )
-            profile = qos.COMMAND_BEST_EFFORT if best_effort else qos.COMMAND
+            profile = COMMAND_BEST_EFFORT if best_effort else COMMAND
             if publishers and profile.reliability != subscription.qos_profile.reliability:
                 self._node.destroy_subscription(subscription)
                 self._subscribe(subscription.msg_type, topic, subscription.callback, profile)
 
     def _subscribe(
-        self, message_type: type, topic: str, take: Callable[..., None], profile: QoSProfile = qos.COMMAND
+        self, message_type: type, topic: str, take: Callable[..., None], profile: QoSProfile = COMMAND
     ) -> None:
         self._subscriptions[topic] = self._node.create_subscription(message_type, topic, take, profile)
 

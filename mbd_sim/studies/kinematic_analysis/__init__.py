@@ -2,16 +2,14 @@
 
 | module | contents |
 |---|---|
-| `prescribed_drives` | the driven coordinates and their ranges |
-| `kinematic_system` | the constraints with prescribed drives: positions, velocities and accelerations |
-| `drive_line`, `curve_tracing`, `singular_points` | continuation along the drives; dead points and change points |
-| `driven_motion`, `point_motion` | the motion through a range, and of points |
-| `assembly_modes`, `reach` | all configurations at given drives; how far a drive can go |
-| `transmission`, `extremes`, `golden_section` | transmission angles; limit positions and extreme angles |
-| `closing_joints` | angles and displacements of joints that close loops |
-| `drive_loads` | efforts and reactions by inverse dynamics |
-| `parametric_motion`, `sensitivity`, `tolerances` | derivatives by parameters of the file; tolerances |
-| `motion_table`, `motion_text`, `motion_picture`, `accuracy_report` | the results as columns, text and pictures |
+| `system` | the driven coordinates and their ranges; the constraints with prescribed drives |
+| `drive_line`, `curve` | continuation along the drives; dead points, change points, and how far a drive can go |
+| `motion` | the motion through a range, of points, and of joints that close loops |
+| `modes` | all configurations at given drives |
+| `loads` | efforts and reactions by inverse dynamics; transmission angles |
+| `extremes` | limit positions and extreme angles |
+| `parametric`, `tolerances` | derivatives by parameters of the file; tolerances |
+| `text`, `picture` | the results as columns, text and pictures |
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 | module | contents |
 |---|---|
-| `working_point` | a simulation set to an equilibrium |
-| `eigenvalue_locus` | eigenvalues over values of the file |
+| `loci` | a simulation set to an equilibrium; eigenvalues over values of the file |
 | `plots` | Bode plots, root loci and stability maps as pictures |
 | `mode_animation` | a mode as an animation of the mechanism |
 

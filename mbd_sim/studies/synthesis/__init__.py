@@ -3,8 +3,7 @@
 | module | contents |
 |---|---|
 | `goals` | what is wanted: `PathGoal`, `FunctionGoal`, `EffortGoal` |
-| `design_problem` | the deviations from a goal as a differentiable function of the unknowns |
-| `minimax` | the least largest deviation, by linear programs in a trust region |
+| `problem` | the deviations from a goal as a differentiable function; the least largest one by linear programs |
 | `synthesis` | `synthesize`: the optimum, checked by moving the mechanism through it |
 """
 
