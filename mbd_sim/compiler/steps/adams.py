@@ -10,7 +10,7 @@ from mbd_sim.compiler.ir.vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.steps.adams_attempt import AdamsAttempt
 from mbd_sim.compiler.steps.adams_history import AdamsHistory, finest_level
 from mbd_sim.compiler.steps.emitter import EmitStep, Prepare, StepEmitter
-from mbd_sim.compiler.steps.runge_kutta import ExplicitStep
+from mbd_sim.compiler.steps.runge_kutta import CalledStep
 from mbd_sim.integrators.adams import PARTS, Adams
 
 LONGEST_PAUSE = 255.0  # steps until the next attempt, after many that failed
@@ -42,15 +42,16 @@ class _AdamsStep:
     def __init__(self, method: Adams, emitter: StepEmitter) -> None:
         self._method, self._emitter = method, emitter
         self._finest = finest_level(emitter.system.instructions, emitter.system.size)
-        self._history, self._otherwise = AdamsHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
-        self._rarely = ExplicitStep(method.otherwise, emitter, rare=True)
-        self._at_once, self._in_parts = (AdamsAttempt(method, emitter, rare=rare) for rare in (False, True))
-        self._current, self._trial = emitter.vector(), emitter.vector()
-        several, attempt = isinstance(emitter.b, LaneBuilder), self._at_once
+        self._history, self._otherwise = AdamsHistory(emitter, method), CalledStep(method.otherwise, emitter)
+        self._in_parts = AdamsAttempt(method, emitter, rare=True)
+        # Fast code has a copy for steps that are taken at once, which most of them are.
+        self._at_once = AdamsAttempt(method, emitter, rare=False) if emitter.b.module.fast else None
+        self._current, self._trial = emitter.vector("current"), emitter.vector("trial")
+        several, attempt = isinstance(emitter.b, LaneBuilder), self._at_once or self._in_parts
         self._new = emitter.vector() if several else attempt.moved  # of an attempt that succeeded
         self._lost = emitter.vector() if several else attempt.left
-        self._first_predicted = emitter.array(emitter.system.size)
-        self._taken, self._refines = emitter.scalar(), emitter.scalar()
+        self._first_predicted = emitter.array(emitter.system.size, "first_predicted")
+        self._taken, self._refines = emitter.scalar("taken"), emitter.scalar("refines")
 
     def emit(self, t: Value) -> None:
         """Emit a step of the emitter's y from time t on."""
@@ -67,19 +68,15 @@ class _AdamsStep:
         b.store(b.select(counts, number(0.0), b.fsub(wait, number(1.0))), history.wait)
         b.store(number(0.0), self._taken)
         b.store(number(0.0), self._refines)
-        probes = b.and_(ready, self._is_probe(integer(0)))
-        at_once = b.or_(b.and_(ready, self._is_known(integer(0))), probes)
-        with b.if_then(emitter.any(at_once), likely=True):
-            attempt = self._at_once
-            attempt.begin(history.lost)
-            places = range(self._method.length)
-            attempt.move(t, emitter.h, [history.slopes(-PARTS * back) for back in places])
-            self._judge(attempt, integer(0), at_once, probes)
-        if self._finest:
-            divided = b.and_(ready, b.not_(self._is_at_level(integer(0))))
-            divided = b.and_(divided, b.not_(self._is_taken()))
-            with b.if_then(emitter.any(divided), likely=False):
-                loop(b, 1, self._finest + 1, lambda level: self._attempt_in_parts(t, level, divided))
+        if self._at_once is None:
+            loop(b, 0, self._finest + 1, lambda level: self._attempt_in_parts(t, level, ready))
+        else:
+            self._attempt_at_once(t, self._at_once, ready)
+            if self._finest:
+                divided = b.and_(ready, b.not_(self._is_at_level(integer(0))))
+                divided = b.and_(divided, b.not_(self._is_taken()))
+                with b.if_then(emitter.any(divided), likely=False):
+                    loop(b, 1, self._finest + 1, lambda level: self._attempt_in_parts(t, level, divided))
         self._complete(t, b.and_(counts, b.fcmp_ordered("<=", self._read(history.wait), number(0.0))))
 
     def _read(self, address: Value) -> Value:
@@ -116,8 +113,19 @@ class _AdamsStep:
         parts = b.shl(integer(1), level)
         return parts, b.fdiv(self._emitter.h, b.sitofp(parts, DOUBLE)), b.lshr(integer(PARTS), level)
 
+    def _attempt_at_once(self, t: Value, attempt: AdamsAttempt, ready: Value) -> None:
+        """Emit the attempt at level 0."""
+        emitter, history, b = self._emitter, self._history, self._emitter.b
+        probes = b.and_(ready, self._is_probe(integer(0)))
+        at_once = b.or_(b.and_(ready, self._is_known(integer(0))), probes)
+        with b.if_then(emitter.any(at_once), likely=True):
+            attempt.begin(history.lost)
+            places = range(self._method.length)
+            attempt.move(t, emitter.h, [history.slopes(-PARTS * back) for back in places])
+            self._judge(attempt, integer(0), at_once, probes)
+
     def _attempt_in_parts(self, t: Value, level: Value, divided: Value) -> None:
-        """Emit the attempt at one of the levels above 0."""
+        """Emit the attempt at any level."""
         emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
         divided = b.and_(divided, b.not_(self._is_taken()))
         probes = b.and_(divided, self._is_probe(level))
@@ -198,9 +206,10 @@ class _AdamsStep:
             longer = b.select(b.fcmp_ordered("<", longer, number(LONGEST_PAUSE)), longer, number(LONGEST_PAUSE))
             self._choose(failed, pause, history.wait)
             self._choose(failed, longer, history.pause)
-        with b.if_then(emitter.is_estimated):
-            larger = b.and_(passed, b.fcmp_ordered(">", error, self._read(emitter.largest_error)))
-            self._choose(larger, error, emitter.largest_error)
+        if emitter.estimates:
+            with b.if_then(emitter.is_estimated):
+                larger = b.and_(passed, b.fcmp_ordered(">", error, self._read(emitter.largest_error)))
+                self._choose(larger, error, emitter.largest_error)
 
     def _level_above(self, level: Value, finer: int) -> Value:
         b = self._emitter.b
@@ -213,7 +222,7 @@ class _AdamsStep:
         if isinstance(b, LaneBuilder):
             for_each(b, size, lambda i: _store_where(b, passed, load(b, attempt.moved, i), self._new, i))
             for_each(b, size, lambda i: _store_where(b, passed, load(b, attempt.left, i), self._lost, i))
-        elif attempt is not self._at_once:
+        elif attempt.moved is not self._new:
             copy(b, size, attempt.moved, self._new)
             copy(b, size, attempt.left, self._lost)
 
@@ -251,6 +260,7 @@ class _AdamsStep:
         once = b.not_(b.or_(taken, several))
         with b.if_then(emitter.any(once)):
             largest = self._read(emitter.largest_error)
+            copy(b, size, emitter.y, self._trial)
             self._otherwise.emit(t, self._current, self._trial)
             self._choose(b.not_(once), largest, emitter.largest_error)
             for_each(b, size, lambda i: _store_where(b, once, load(b, self._trial, i), self._new, i))
@@ -277,7 +287,7 @@ class _AdamsStep:
 
         def part(index: Value) -> None:
             start = b.fadd(t, b.fmul(b.sitofp(index, DOUBLE), emitter.h))
-            slopes = self._at_once.predicted
+            slopes = self._in_parts.predicted
             with b.if_else(b.icmp_unsigned("==", index, integer(0))) as (first, later):
                 with first:
                     copy(b, size, self._current, slopes)
@@ -285,7 +295,7 @@ class _AdamsStep:
                     emitter.rates_rarely(start, emitter.y, slopes)
                     place = history.slopes(b.mul(index, stride))
                     for_each(b, size, lambda i: _store_where(b, here, load(b, slopes, i), place, i))
-            self._rarely.emit(start, slopes)
+            self._otherwise.emit(start, slopes)
 
         loop(b, 0, parts, part)
         further = b.sitofp(b.sub(parts, integer(1)), DOUBLE)

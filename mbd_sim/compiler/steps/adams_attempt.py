@@ -33,9 +33,9 @@ class AdamsError:
     def __init__(self, method: Adams, emitter: StepEmitter, *, rare: bool) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
         self._method, self._emitter, self._rare = method, emitter, rare
-        self._errors = emitter.array(emitter.system.size) if rare else emitter.vector()
-        self.start = emitter.array(emitter.system.size) if rare else emitter.y  # of the step
-        self.largest = emitter.scalar()
+        self._errors = emitter.array(emitter.system.size, "errors") if rare else emitter.vector()
+        self.start = emitter.array(emitter.system.size, "start") if rare else emitter.y  # of the step
+        self.largest = emitter.scalar("largest")
 
     def clear(self) -> None:
         """Begin with no error."""
@@ -116,9 +116,10 @@ class AdamsAttempt:
     def __init__(self, method: Adams, emitter: StepEmitter, *, rare: bool) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
         size = emitter.system.size
-        arrays = [emitter.array(size) if rare else emitter.vector() for _ in range(6)]
+        names = ("moved", "left", "predicted", "increment", "partial", "trial_state")
+        arrays = [emitter.array(size, name) if rare else emitter.vector() for name in names]
         self.moved, self.left, self.predicted, self._increment, self._partial, self._trial = arrays
-        self.worst, self._method, self._emitter, self._rare = emitter.scalar(), method, emitter, rare
+        self.worst, self._method, self._emitter, self._rare = emitter.scalar("worst"), method, emitter, rare
         self._error = AdamsError(method, emitter, rare=rare)
 
     def begin(self, lost: Value) -> None:

@@ -49,15 +49,15 @@ class AdamsHistory:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
         self._emitter, self._method, self._places = emitter, method, PARTS * method.length
         b, size, inputs_size = emitter.b, emitter.system.size, emitter.system.inputs_size
-        self._start = element(b, emitter.inputs, inputs_size)
+        self._start = element(b, emitter.inputs, inputs_size) if emitter.history is None else emitter.history
         self._kept_y, self._kept_inputs = element(b, self._start, VECTORS), element(b, self._start, VECTORS + size)
         self.lost = element(b, self._start, VECTORS + size + inputs_size)
         self._first_slope = VECTORS + inputs_size + 2 * size
         self._total = method.history_size(size, inputs_size)
         self._now = integer(0)  # the first number of the slopes of the present step, from the first of all slopes on
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
-        self.count, self.level, self.wait, self.pause = (emitter.scalar() for _ in range(4))
-        self._changes = emitter.array(cells(b, max(size, inputs_size)))
+        self.count, self.level, self.wait, self.pause = map(emitter.scalar, ("count", "level", "wait", "pause"))
+        self._changes = emitter.array(cells(b, max(size, inputs_size)), "changes")
         addresses = (self.count, self.level, self.wait, self.pause)
         self._counters = tuple(zip(addresses, (COUNT, LEVEL, WAIT, PAUSE), strict=True))
         emitter.begin, emitter.end = self._emit_begin, self._emit_end
