@@ -242,6 +242,10 @@ class IRBuilder:
         self._lines.append(f"  {instruction}")
         self.block.is_terminated = True
 
+    def named(self, value: Value, name: str) -> Value:
+        """The value, with a name for readers of generated C."""
+        return value
+
     def comment(self, text: str) -> None:
         """What follows, for readers of generated C."""
 

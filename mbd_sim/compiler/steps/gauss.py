@@ -59,7 +59,7 @@ class _GaussStep:
         emitter, method, b = self._emitter, self._method, self._emitter.b
         b.store(number(0.0), self._last_change)
         for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
-            stage_time, slopes = emitter.stage_time(t, c), self._k[stage]
+            stage_time, slopes = b.named(emitter.stage_time(t, c), f"t{stage + 1}"), self._k[stage]
             combine(b, emitter.system.size, self._trial, emitter.y, emitter.h, weighted(weights, self._k))
             emitter.project_stage(stage_time, self._trial)
             emitter.rates(stage_time, self._trial, self._fresh)

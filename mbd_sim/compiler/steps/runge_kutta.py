@@ -34,7 +34,7 @@ class ExplicitStep:
         for index in sorted(system.held - system.unread):
             store(emitter.b, load(emitter.b, y, index), trial, index)
         for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
-            stage_time, state = emitter.stage_time(t, c), y
+            stage_time, state = emitter.b.named(emitter.stage_time(t, c), f"t{stage + 1}"), y
             if any(weights):
                 state = trial
                 combine_at_once(emitter.b, size, trial, y, emitter.h, weighted(weights, k), still=still, unread=unread)

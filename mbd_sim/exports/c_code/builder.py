@@ -6,6 +6,7 @@ Values that are used once become parts of expressions, as long as nothing betwee
 
 from __future__ import annotations
 
+import operator
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -29,6 +30,7 @@ _LOGICAL = {"and": ("{0} && {1}", BOTH), "or": ("{0} || {1}", EITHER)}
 _BITWISE = {"and": ("{0} & {1}", BITS), "or": ("{0} | {1}", BITS)}
 _ORDERS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
+_INTEGERS = {"add": operator.add, "sub": operator.sub, "mul": operator.mul}
 _CASTS = {"sitofp": "double", "fptosi": "int64_t", "zext": "int64_t"}
 
 
@@ -82,8 +84,16 @@ class CBuilder(IRBuilder):
         self._open = self._statements
         self._locals: dict[str, _Local] = {}
         self._places: dict[str, tuple[Value, Value]] = {}  # arrays and indices of addresses
+        self._results: set[str] = set()
+        self._hints: dict[str, str] = {}  # names of values
         self._depth = 0
         self._tables: list[str] = []
+
+    def named(self, value: Value, name: str) -> Value:
+        """A value that has a name in the text, unless it has one already."""
+        if value.text in self._results:
+            self._hints[value.text] = name
+        return value
 
     def comment(self, text: str) -> None:
         """Explain what follows."""
@@ -112,6 +122,7 @@ class CBuilder(IRBuilder):
         self, type_: Type, template: str, operands: Sequence[Value], level: int, *, reads: bool = False
     ) -> Value:
         result = Value(type_, f"%v{next(self._numbers)}")
+        self._results.add(result.text)
         self._open.append(_Statement(template, operands, result, level, reads))
         return result
 
@@ -119,6 +130,11 @@ class CBuilder(IRBuilder):
         """An operation on two values."""
         if x.type == BOOL:
             return self._logical(operation, x, y)
+        if operation in _INTEGERS and y.is_constant:
+            if x.is_constant:
+                return integer(_INTEGERS[operation](int(x.text), int(y.text)))
+            if y.text == ("1" if operation == "mul" else "0"):
+                return x
         return self._value(x.type, *_with_operands({**_BITWISE, **_BINARY}[operation], x, y))
 
     def _logical(self, operation: str, x: Value, y: Value) -> Value:
@@ -180,7 +196,7 @@ class CBuilder(IRBuilder):
 
     def _place(self, pointer: Value) -> tuple[str, tuple[Value, ...]]:
         """How a number in memory is written, and of what."""
-        if pointer.text in self._places:
+        if pointer.text in self._places and pointer.text not in self._hints:
             return "{0}[{1}]", self._places[pointer.text]
         local = self._locals.get(pointer.text)
         return "{0}" if local is not None and local.size is None else "{0}[0]", (pointer,)
@@ -224,7 +240,7 @@ class CBuilder(IRBuilder):
         changed.add("%history")  # which all steps have, and some leave alone
         unchanged = (index for index, one in enumerate(function.args) if one.text not in changed)
         self.module.unchanged[function.name] = frozenset(unchanged)
-        text = _Text(function, self._statements, self._locals, self.module)
+        text = _Text(function, self._statements, self._locals, self._hints, self.module)
         self.module.texts.append(text.function(self._tables))
 
     def loop(self, first: Value, beyond: Value, body: Callable[[Value], object]) -> None:
@@ -322,10 +338,16 @@ class _Text:
     """The text of a function from its statements."""
 
     def __init__(
-        self, function: Function, statements: list[_Statement], variables: dict[str, _Local], module: CModule
+        self,
+        function: Function,
+        statements: list[_Statement],
+        variables: dict[str, _Local],
+        hints: dict[str, str],
+        module: CModule,
     ) -> None:
         self._function, self._statements, self._variables, self._size = function, statements, variables, module.size
-        self._unchanged = module.unchanged[function.name]
+        self._unchanged, self._hints = module.unchanged[function.name], hints
+        self._taken = {argument.text[1:] for argument in function.args} | {name[1:] for name in variables}
         self._uses: Counter[str] = Counter()
         self._inside: dict[str, int] = {}  # the list of statements in which a value is used last
         self._names: dict[str, str] = {}
@@ -426,7 +448,11 @@ class _Text:
                 name = statement.result.text
                 reads = statement.reads or any(one.reads for one in taken)
                 found = _Expression(text, statement.level, statement.result.type, reads)
-                if self._uses[name] == 1 and (not reads or self._inside[name] == id(statements)):
+                if (
+                    name not in self._hints
+                    and self._uses[name] == 1
+                    and (not reads or self._inside[name] == id(statements))
+                ):
                     pending[name] = found
                 else:
                     self._lines.append(f"{indent}{self._defined(name, found)}")
@@ -484,7 +510,13 @@ class _Text:
 
     def _defined(self, name: str, one: _Expression) -> str:
         kind = _TYPES.get(one.type, one.type)
-        self._names[name] = f"v{len(self._names) + 1}"
+        chosen = hint = self._hints.get(name, "v1")
+        number = 1
+        while chosen in self._taken:
+            number += 1
+            chosen = f"{hint}_{number}" if name in self._hints else f"v{number}"
+        self._taken.add(chosen)
+        self._names[name] = chosen
         const = f"{kind}const " if kind.endswith("*") else f"const {kind} "
         return f"{const}{self._names[name]} = {one.text};"
 

@@ -175,8 +175,8 @@ int {name}_step_{method}({name}_state *state, {history}const {name}_inputs *inpu
 
 HISTORY = """\
 /*
- * What {method} keeps of earlier steps: set it to zero before the first step, and keep it from step to step. It counts
- * as nothing if the state, an input or the step size has changed since.
+ * The slopes of earlier steps, for {method}: set it to zero before the first step, and keep it from step to step. It
+ * counts as none if the state, an input or the step size has changed since.
  */
 typedef struct {{
     double numbers[{size}];
