@@ -64,7 +64,7 @@ class RowWriter:
 
     def __init__(self, model: Model, reactions: bool = False) -> None:
         joints = len(model.mechanism.all_joints) if reactions else 0
-        contacts = len(model.placed_contacts)
+        contacts = len(model.contact_readings.placed)
         self.layout = RowLayout(
             len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), contacts, joints
         )
@@ -85,7 +85,7 @@ class RowWriter:
         if self.layout.driven:
             row[self._drives] = model.drives(motion_time, y, inputs).ravel()
         if self.layout.contacts:
-            row[self._contacts] = model.contact_places(motion_time, y, inputs).ravel()
+            row[self._contacts] = model.contact_readings.places(motion_time, y, inputs).ravel()
         if self._reactions:
             found = model.reactions(motion_time, y, inputs).values()
             row[self._forces] = np.concatenate([part for reaction in found for part in reaction])

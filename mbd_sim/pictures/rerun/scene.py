@@ -114,7 +114,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         q=model.layout.q,
         u=model.layout.u,
         quaternions=dict(model.quaternions),
-        contacts=model.placed_contacts,
+        contacts=model.contact_readings.placed,
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),

@@ -22,7 +22,7 @@ from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.simulation.model.method_choice import DEFAULT, STIFF, choose_method
-from mbd_sim.simulation.model.state_records import AUTO, require_method
+from mbd_sim.simulation.model.prepared import AUTO, require_method
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 
 
