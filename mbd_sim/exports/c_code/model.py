@@ -41,7 +41,7 @@ from mbd_sim.mechanism.elements.actuators import Cylinder
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Expressed
 from mbd_sim.simulation.model.method_choice import choose_method
-from mbd_sim.simulation.model.state_records import require_method
+from mbd_sim.simulation.model.prepared import require_method
 from mbd_sim.simulation.model.wrenches import require_parts
 from mbd_sim.simulation.run.arguments import step_size
 from mbd_sim.studies.optimization.parameter_inputs import (

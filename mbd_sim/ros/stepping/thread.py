@@ -36,10 +36,14 @@ class SteppingThread:
         wrenches: WrenchBuffer | None = None,
         paused: bool = False,
         followed: FollowedClock | None = None,
+        start: StateValues | None = None,
     ) -> None:
-        """Prepare the thread; with a `followed` clock, steps are taken up to its time, instead of in real time."""
+        """Prepare the thread; with a `followed` clock, steps are taken up to its time, instead of in real time.
+
+        :param start: to which resets return, if it is not that of the file.
+        """
         wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
-        self.run = SteppedRun(simulation, commands, wrenches, silent=followed is not None)
+        self.run = SteppedRun(simulation, commands, wrenches, start, silent=followed is not None)
         self.simulation, self.clock, self.rates = simulation, self.run.clock, rates
         self._output = self.run.output
         self.output, self.counters = self._output.queue, self._output.counters
