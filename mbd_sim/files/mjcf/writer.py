@@ -239,6 +239,7 @@ def _note_rest(document: Document) -> None:
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
         ("bases on wheels", [base.name for base in mechanism.bases]),
+        ("<ros2_control> blocks", [mechanism.name] if mechanism.source.data.get("ros2_control") else []),
     ):
         for name in names:
             document.leave_out(kind, name)

@@ -423,6 +423,8 @@ def _note_rest(document: Document) -> None:
         ("actuators", [actuator.name for actuator in mechanism.actuators]),
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
+        ("bases on wheels", [base.name for base in mechanism.bases]),
+        ("<ros2_control> blocks", [mechanism.name] if mechanism.source.data.get("ros2_control") else []),
     ):
         document.leave_out(kind, names)
 
