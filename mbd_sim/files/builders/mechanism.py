@@ -26,6 +26,7 @@ from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.exact_geometry.snapping import with_exact_loops
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.spanning_tree import PointsByPart, SpanningTree
+from mbd_sim.mechanism.values.names import unique_name
 from mbd_sim.mechanism.values.source import Location, Source
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         name=file.mechanism,
         description=file.description.strip(),
         parts=elements.parts,
-        joints=_joints_of(tree, joints),
+        joints=_joints_of(tree, joints, elements.parts),
         closing={name: joints[name] for name in tree.closing if name not in tree.split},
         tree=(*tree.joints, *tree.split),
         ground_points=elements.ground_points,
@@ -89,14 +90,15 @@ def _require_different_coordinates(joints: Mapping[str, Joint], context: BuildCo
         found |= dict.fromkeys(names, joint.name)
 
 
-def _joints_of(tree: SpanningTree, joints: Mapping[str, Joint]) -> dict[str, Joint]:
+def _joints_of(tree: SpanningTree, joints: Mapping[str, Joint], parts: Collection[str]) -> dict[str, Joint]:
     """The joints with coordinates, with their direction in the tree."""
-    outboard = {**tree.outboard, **tree.split}
-    return {
-        name: dataclasses.replace(joint, reversed=outboard[name] == joint.parent, splits=name in tree.split)
-        for name, joint in joints.items()
-        if name in outboard
-    }
+    outboard, bodies = {**tree.outboard, **tree.split}, set(parts)
+    found = {}
+    for name in (name for name in joints if name in outboard):
+        piece = unique_name(f"{outboard[name]}/{name}", bodies) if name in tree.split else ""
+        bodies.add(piece)
+        found[name] = dataclasses.replace(joints[name], reversed=outboard[name] == joints[name].parent, piece=piece)
+    return found
 
 
 def _named_joints(elements: MechanismElements) -> set[str]:

@@ -240,6 +240,8 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
                 valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
                 example = f", for example {valid}" if len(valid) <= 60 and re.match(PLAIN_PATTERN, valid) else ""
                 return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."
+            if text.startswith("/") and loc[:1] in (("parts",), ("sensors",)):
+                return "begins with '/'", "Remove it: names of frames in TF, which this is as well, do not begin so."
             form = f"Use at most {LONGEST_NAME} characters without line ends, and none of {{ }}."
             return "not a valid name", form
         case "string_type":

@@ -13,6 +13,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
 from mbd_sim.files.schema.base import (
     Color,
+    FrameName,
     Name,
     PlainName,
     PointOrVector,
@@ -148,7 +149,7 @@ class MechanismFile(Spec):
     # Made without validation, which would build both records at every start.
     integrator: IntegrationSpec = IntegrationSpec.model_construct()
     ground: GroundSpec = GroundSpec.model_construct()
-    parts: dict[Name, PartSpec] = Field(min_length=1)
+    parts: dict[FrameName, PartSpec] = Field(min_length=1)
     joints: dict[Name, AnyJointSpec] = Field(min_length=1)
     constraints: dict[Name, AnyConstraintSpec] = Field(
         default={}, description="restrictions of the motion in addition to joints"
@@ -157,7 +158,7 @@ class MechanismFile(Spec):
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")
     actuators: dict[Name, AnyActuatorSpec] = Field(default={}, description="motors and servos, which take commands")
     bases: dict[Name, AnyBaseSpec] = Field(default={}, description="bases on wheels, whose velocity is commanded")
-    sensors: dict[Name, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
+    sensors: dict[FrameName, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
     ros2_control: ControlBlocks = Field(
         "", description="<ros2_control> elements, which exported URDF and ~/robot_description repeat"
     )

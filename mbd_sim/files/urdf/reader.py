@@ -19,7 +19,7 @@ from mbd_sim.files.urdf.joints import joint_of, mimic_of
 from mbd_sim.files.urdf.links import MOMENTS, Origins, color_of, part_of
 from mbd_sim.files.xml.elements import Element, parse_xml, text_of
 from mbd_sim.files.xml.reading import Base, Reading
-from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.values.names import LONGEST_NAME, accepted_names, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin, Source
 
@@ -150,7 +150,7 @@ class _Robot:
         named = self._named("joint")
         self.kinds = {name: joint.attributes.get("type", "") for name, joint in named.items()}
         self.joints = self._connected(named)
-        self.part_names = accepted_names(self.links, "link", (GROUND,))
+        self.part_names = accepted_names(self.links, "link", is_frame_name)
         self.joint_names = accepted_names(self.joints, "joint")
         self.root = self._root()
         self.grounded = self._is_ground()
