@@ -160,7 +160,7 @@ def test_blocks_of_ros2_control_stay_and_one_is_added_for_other_joints_only(tmp_
     converted = mechanism_text(load_mechanism(tmp_path / "hand.urdf").source)
     (tmp_path / "converted.yaml").write_text(converted, encoding="utf-8")
     for write in (to_mjcf, to_sdf):
-        assert "<ros2_control> blocks: hand" in write(load_mechanism(tmp_path / "hand.urdf")).left_out
+        assert "<ros2_control> blocks: hand, tool" in write(load_mechanism(tmp_path / "hand.urdf")).left_out
     assert '\n  <ros2_control name="hand" type="system">\n    <hardware>\n' in converted
     for file in ("hand.urdf", "more.yaml", "converted.yaml"):
         written = to_urdf(load_mechanism(tmp_path / file), TOPICS).replace("<robot ", "<robot xmlns:x='u' ", 1)

@@ -29,7 +29,7 @@ from mbd_sim.files.mjcf.written_bodies import (
     written_bodies,
 )
 from mbd_sim.files.mjcf.written_elements import add_actuators, add_constraints, add_elements, add_loops, attached_parts
-from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.parts import GROUND, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import unique_name
@@ -244,7 +244,7 @@ def _note_rest(document: Document) -> None:
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
         ("bases on wheels", [base.name for base in mechanism.bases]),
-        ("<ros2_control> blocks", [mechanism.name] if mechanism.source.data.get("ros2_control") else []),
+        ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),
     ):
         for name in names:
             document.leave_out(kind, name)

@@ -21,7 +21,7 @@ from mbd_sim.base.geometry.rotation import about, to_quaternion
 from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.urdf.joint_motions import Mimic, mimics_of, motions_of
-from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -424,7 +424,7 @@ def _note_rest(document: Document) -> None:
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
         ("bases on wheels", [base.name for base in mechanism.bases]),
-        ("<ros2_control> blocks", [mechanism.name] if mechanism.source.data.get("ros2_control") else []),
+        ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),
     ):
         document.leave_out(kind, names)
 

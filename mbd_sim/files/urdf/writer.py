@@ -115,12 +115,17 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     robot = _robot(mechanism)
     if missing := left_out(mechanism):
         robot.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(missing)} ".replace("--", "- -")))
-    if written := mechanism.source.data.get(ROS2_CONTROL):
-        robot.extend(map(xml_elements.as_tree, xml_elements.parse_elements(written, ROS2_CONTROL)))
+    robot.extend(map(xml_elements.as_tree, control_blocks(mechanism)))
     if control is not None and (block := ros2_control_block(mechanism, robot, control)) is not None:
         robot.append(block)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+
+
+def control_blocks(mechanism: Mechanism) -> list[xml_elements.Element]:
+    """The `<ros2_control>` elements of the URDF or the file of a mechanism."""
+    written = mechanism.source.data.get(ROS2_CONTROL)
+    return xml_elements.parse_elements(written, ROS2_CONTROL) if written else []
 
 
 def _robot(mechanism: Mechanism) -> Element:
