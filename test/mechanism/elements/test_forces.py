@@ -6,7 +6,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from mbd_sim import parse_mechanism
+from mbd_sim import Simulation, parse_mechanism
+from mbd_sim.base.geometry.pose import identity_pose
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.files.mjcf.writer import to_mjcf
@@ -14,6 +15,10 @@ from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.sdf.writer import to_sdf
 from mbd_sim.files.urdf.writer import left_out
 from mbd_sim.mechanism.elements.forces import ForceElement
+from mbd_sim.pictures.drawing.picture import mechanism_sheet
+from mbd_sim.pictures.drawing.sheet import Page, view_of
+from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.primitives import connectors, primitives
 from mbd_sim.studies.report.elements import force_reports
 from test.generators.mechanisms import accelerations
 
@@ -71,6 +76,22 @@ def test_the_report_and_the_exports_name_it(kind):
     assert any("one" in sentence.split(": ")[-1] for sentence in left_out(mechanism))
     for written in (to_mjcf(mechanism), to_sdf(mechanism)):
         assert 'name="one"' in written.text or any("one" in text.split(": ")[-1] for text in written.left_out)
+
+
+def drawn_pieces(mechanism):
+    """The number of paths of a drawing, and of primitives, connectors and arrows of a viewer."""
+    simulation = Simulation(mechanism)
+    poses, extent = simulation.poses(), extent_of(simulation.model)
+    paths = mechanism_sheet(Page(view_of(mechanism, poses), 100.0), mechanism, poses, 1.0, []).paths
+    start = {"ground": identity_pose(), **poses}
+    lists = primitives(mechanism, extent, lambda mesh: True), connectors(mechanism, extent, start), mechanism.applied
+    return len(paths), sum(map(len, lists))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KEYS if kind != "potential"])  # which has no place
+def test_it_is_drawn(kind):
+    plain, with_element = drawn_pieces(parse_mechanism(FILE.format(element=""))), drawn_pieces(loaded(kind))
+    assert with_element[0] > plain[0] and with_element[1] > plain[1]
 
 
 @pytest.mark.parametrize("kind", KEYS)

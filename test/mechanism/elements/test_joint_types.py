@@ -16,9 +16,8 @@ from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, JointType, LoopCondition
 from mbd_sim.pictures.drawing import draw
-from mbd_sim.pictures.rerun.joints import joint_entities
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.primitives import primitives
 
 KEYS = {
     "revolute": "axis: [0, 0, 1]",
@@ -131,9 +130,7 @@ def test_it_has_a_picture(type_, simulations, tmp_path):
 
 
 @pytest.mark.parametrize("type_", JOINT_KINDS)
-def test_it_has_entities_in_the_viewer(type_, simulations):
+def test_it_has_primitives_for_viewers(type_, simulations):
     model = simulations[type_].model
-    scene = describe_scene(model, RowWriter(model, False).layout, DisplayOptions())
-    paths = [path for entity in joint_entities(scene) for path, _ in entity.static()]
-    shown = any(path.endswith("/joints/joint") for path in paths)
-    assert shown == JOINT_KINDS[type_].connects
+    drawn = primitives(model.mechanism, extent_of(model), lambda mesh: True)
+    assert any(one.kind == "joints" and one.path[0] == "joint" for one in drawn) == JOINT_KINDS[type_].connects
