@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from mbd_sim.base.errors import CommandError, listed
+from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.common import add_mechanism
 
@@ -55,10 +55,6 @@ def execute(options: argparse.Namespace) -> int:
         print_file(yaml_text(source.data))
         return 0
     print_file(mechanism_text(source))
-    if source.ros2_control and source.text is None:
-        blocks = listed([block.attributes.get("name", "") for block in source.ros2_control])
-        remedy = "To keep them, write a mechanism file with 'urdf: FILE' instead."
-        print(f"note: not in this file: <ros2_control>: {blocks}. {remedy}", file=sys.stderr)
     return 0
 
 

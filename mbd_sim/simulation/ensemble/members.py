@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.ensemble_kernel import Advance, MemberGroups, advance_lanes, advance_one_by_one, compile_members
-from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.contact.events import EventError, OneSidedStepper
 from mbd_sim.simulation.ensemble.variants import Variants
@@ -76,7 +75,7 @@ def member_groups(model: Model, count: int, contacts: Sequence[OneSidedStepper])
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))
-    if isinstance(model.method, Taylor):  # each member needs its own expansions
+    if model.method.uses_series:  # each member needs its own expansions
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
     partial = partial_system(equations, model.method)

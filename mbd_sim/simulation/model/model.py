@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mbd_sim.dynamics.equations import Equations
     from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
     from mbd_sim.integrators.between_steps import BetweenSteps
-    from mbd_sim.integrators.methods import Method
+    from mbd_sim.integrators.method import Method
     from mbd_sim.mechanism.elements.contacts import Contact
     from mbd_sim.simulation.contact.readings import ContactReadings
     from mbd_sim.simulation.contact.terms import OneSidedModel
