@@ -21,8 +21,7 @@ from mbd_sim.recordings.messages.states import Due
 from mbd_sim.recordings.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.node.diagnostics import PERIOD, Diagnostics
-from mbd_sim.ros.node.help import program_help
-from mbd_sim.ros.node.parameters import NodeParameters
+from mbd_sim.ros.node.parameters import NodeParameters, program_help
 from mbd_sim.ros.node.program import run_node
 from mbd_sim.ros.node.services import SERVICES, RunServices, serve_simulation_interfaces
 from mbd_sim.ros.node.setup import (

@@ -25,7 +25,7 @@ from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Ball, Box, Cylinder, Ring, Rod, circle
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
-from mbd_sim.ros.publishing.message_types import STAMP, MessageTemplate, slot
+from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
 
 CONTACT_COLOR: Color = palette.CONTACT

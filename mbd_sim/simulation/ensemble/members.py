@@ -17,8 +17,7 @@ from mbd_sim.compiler.ensemble_kernel import Advance, MemberGroups, advance_lane
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.contact.events import EventError, OneSidedStepper
 from mbd_sim.simulation.ensemble.variants import Variants
-from mbd_sim.simulation.kernel.contact_stepper import one_sided_stepper
-from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
 from mbd_sim.simulation.model.builder import partial_system
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.advice import advice_on_step, divergence

@@ -15,9 +15,8 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import CommandMap, EffortMap, Efforts
+from mbd_sim.simulation.model.commands import CommandMap, EffortMap, Efforts, WrenchMap
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.wrenches import WrenchMap
 from mbd_sim.simulation.run.arguments import ReadOnlyView
 from mbd_sim.simulation.run.events import AppliedCommands, AppliedEfforts, AppliedWrench, EventKind, Payload
 

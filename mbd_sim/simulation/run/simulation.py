@@ -16,11 +16,10 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.simulation.model.commands import Command, Efforts
+from mbd_sim.simulation.model.commands import Command, Efforts, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues, require_closed
 from mbd_sim.simulation.model.model import Model, build_model
-from mbd_sim.simulation.model.wrenches import require_parts
 from mbd_sim.simulation.run.arguments import (
     SimulationOptions,
     Value,
