@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, assert_never
 
 import casadi as ca
 import numpy as np
@@ -37,7 +37,7 @@ from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 from mbd_sim.mechanism.contents import require_two_sided
-from mbd_sim.mechanism.elements.actuators import Cylinder
+from mbd_sim.mechanism.elements.actuators import Cylinder, DcMotor, EffortMotor, Machine
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Expressed
 from mbd_sim.simulation.model.method_choice import choose_method
@@ -125,10 +125,15 @@ def _with_start(mechanism: Mechanism, start: dict[Path, Any]) -> Mechanism:
     """The mechanism whose actuators have these numbers at the start."""
     actuators = []
     for actuator in mechanism.actuators:
-        motor = actuator.motor
-        if isinstance(motor, Cylinder):
-            pressures = tuple(start["pressure", actuator.name, index] for index in range(len(motor.pressures)))
-            motor = replace(motor, pressures=pressures)
+        motor: Machine
+        match actuator.motor:
+            case Cylinder(pressures=pressures) as cylinder:
+                own = tuple(start["pressure", actuator.name, index] for index in range(len(pressures)))
+                motor = replace(cylinder, pressures=own)
+            case EffortMotor() | DcMotor() as motor:
+                pass
+            case _:
+                assert_never(actuator.motor)
         commands = {channel: start["command", actuator.name, channel] for channel in actuator.start}
         actuators.append(replace(actuator, motor=motor, start=commands))
     return replace(mechanism, actuators=tuple(actuators))

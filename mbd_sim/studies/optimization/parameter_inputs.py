@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -20,7 +21,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.kinematics.parameters import Path, SymbolicParameters, equation_data, equation_data_of_variants
 from mbd_sim.files.checks.override import location_of, values_of, with_values
 from mbd_sim.mechanism.contents import commanded_drives
-from mbd_sim.mechanism.elements.actuators import Cylinder
+from mbd_sim.mechanism.elements.actuators import Cylinder, DcMotor, EffortMotor
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.symbolic.algebra.formulas import Formula, Samples, formulas
@@ -135,8 +136,13 @@ def start_numbers(mechanism: Mechanism) -> dict[Path, float]:
     found |= {("drive", name): float(drive.start) for name, drive in commanded_drives(mechanism).items()}
     for actuator in mechanism.actuators:
         found |= {("command", actuator.name, channel): float(value) for channel, value in actuator.start.items()}
-        if isinstance(actuator.motor, Cylinder):
-            found |= {("pressure", actuator.name, i): float(p) for i, p in enumerate(actuator.motor.pressures)}
+        match actuator.motor:
+            case Cylinder(pressures=pressures):
+                found |= {("pressure", actuator.name, index): float(one) for index, one in enumerate(pressures)}
+            case EffortMotor() | DcMotor():
+                pass
+            case _:
+                assert_never(actuator.motor)
     return found
 
 
