@@ -95,17 +95,19 @@ class SteppingThread:
         """Take some steps while paused; returns the problem, or "" on success."""
         return self.between_steps(lambda: self._step_paused(steps))
 
-    def set_live(self, changes: Mapping[str, float]) -> str:
+    def set_live(self, changes: Mapping[str, float], *, reassemble: bool = False) -> str:
         """Change live values of the mechanism; returns the problem, and then nothing has changed, or "" on success.
 
-        The new values are validated in the calling thread. Changes from several threads are applied one after another.
+        With `reassemble`, lengths in closed loops may change: see `Simulation.set_live`. Values are validated in the
+        calling thread. Changes from several threads are applied one after another.
         """
         with self._live_lock:
             try:
-                prepared = self.simulation.prepare_live(changes)
+                prepared = self.simulation.prepare_live(changes, reassemble=reassemble)
             except CommandError as error:
                 return str(error)
-            return self.between_steps(self.run.live_change(prepared))
+            change = self.run.live_change(prepared)
+            return self.between_steps(lambda: self._set_live(change))
 
     def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
         """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success.
@@ -296,6 +298,13 @@ class SteppingThread:
         began = time.perf_counter()
         if not (problem := self.run.set_state(given)):
             self._show_change(Due.NEW, began)
+        return problem
+
+    def _set_live(self, change: Callable[[], str]) -> str:
+        began, before = time.perf_counter(), self.simulation.state.tobytes()
+        problem = change()
+        if self.simulation.state.tobytes() != before:  # the mechanism has been assembled anew
+            self._show_change(Due.ALL, began)
         return problem
 
     def _show_change(self, due: Due, began: float) -> None:
