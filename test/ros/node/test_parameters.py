@@ -120,8 +120,6 @@ ENTRY = "import sys; from mbd_sim.programs import {0}; sys.exit({0}.{1}())"
     [
         ("node.ros.node.sim_node.main", "--help", ""),
         ("node.ros.replay.replay_node.main", "--help", "1"),
-        ("node.examples.identification.identify.main", "--help", ""),
-        ("command.cli.main.main", "list", ""),
         ("command.cli.main.main", "list", "1"),
     ],
 )
