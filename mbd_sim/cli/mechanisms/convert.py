@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import CommandError
@@ -11,6 +12,7 @@ from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.common import add_mechanism
 
 if TYPE_CHECKING:
+    from mbd_sim.files.mjcf.written_bodies import Written
     from mbd_sim.mechanism.mechanism import Mechanism
 
 HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF, MJCF or SDF"
@@ -25,9 +27,7 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_mechanism(parser)
-    parser.add_argument(
-        "--to", choices=["yaml", "urdf", "mjcf", "sdf"], default="yaml", help="format to write (default: yaml)"
-    )
+    parser.add_argument("--to", choices=["yaml", *WRITERS], default="yaml", help="format to write (default: yaml)")
     parser.add_argument(
         "--base",
         choices=["fixed", "free"],
@@ -60,22 +60,30 @@ def execute(options: argparse.Namespace) -> int:
 
 def write_as(mechanism: Mechanism, to: str) -> int:
     """Print a mechanism in another format, and to standard error what is left out."""
-    if to == "urdf":
-        from mbd_sim.files.urdf.writer import left_out, to_urdf
-
-        print_file(to_urdf(mechanism))
-        missing = left_out(mechanism)
-    else:
-        if to == "mjcf":
-            from mbd_sim.files.mjcf.writer import to_mjcf
-
-            written = to_mjcf(mechanism)
-        else:
-            from mbd_sim.files.sdf.writer import to_sdf
-
-            written = to_sdf(mechanism)
-        print_file(written.text)
-        missing = written.left_out
-    for note in missing:
+    written = WRITERS[to](mechanism)
+    print_file(written.text)
+    for note in written.left_out:
         print(f"note: not in this file: {note}", file=sys.stderr)
     return 0
+
+
+def _urdf(mechanism: Mechanism) -> Written:
+    from mbd_sim.files.mjcf.written_bodies import Written
+    from mbd_sim.files.urdf.writer import left_out, to_urdf
+
+    return Written(to_urdf(mechanism), left_out(mechanism))
+
+
+def _mjcf(mechanism: Mechanism) -> Written:
+    from mbd_sim.files.mjcf.writer import to_mjcf
+
+    return to_mjcf(mechanism)
+
+
+def _sdf(mechanism: Mechanism) -> Written:
+    from mbd_sim.files.sdf.writer import to_sdf
+
+    return to_sdf(mechanism)
+
+
+WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": _mjcf, "sdf": _sdf}

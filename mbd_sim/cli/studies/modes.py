@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import COUNT, ProgressBar, add_quiet, print_notes
+from mbd_sim.cli.shared.common import COUNT, ProgressBar, Waiting, add_quiet, print_notes
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.cli.shared.working_point import (
     EQUILIBRIUM,
@@ -92,6 +92,7 @@ def _modes(options: argparse.Namespace) -> int:
         require_suffix(options.out, TABLES)
         require_packages_for(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     linearization = simulation.linearize()
     shapes = mode_shapes(linearization)
     print(state)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import MechanismError, Problem
@@ -109,8 +110,8 @@ def _named_joints(elements: MechanismElements) -> set[str]:
         return sprung
     from mbd_sim.mechanism.force_expressions import force_expressions
 
-    with_expressions: tuple[ForceElement, ...] = (*forces.springs, *forces.applied, *forces.efforts, *forces.potentials)
-    found = force_expressions(elements.joints.values(), with_expressions)
+    of_all_kinds: chain[ForceElement] = chain.from_iterable(vars(forces).values())
+    found = force_expressions(elements.joints.values(), of_all_kinds)
     names = {state.coordinate for one in found for state in one.expression.state}
     names |= {effort.coordinate for effort in forces.efforts}
     return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)} | sprung

@@ -51,8 +51,7 @@ from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import ALL, WrenchTargets, wrench_targets
 from mbd_sim.ros.node.parameters import NodeParameters
 from mbd_sim.ros.node.subscriptions import JOINT_COMMANDS
-from mbd_sim.ros.publishing.message_types import message_type
-from mbd_sim.ros.publishing.publishers import FOLLOWED_CLOCK, TopicPublisher
+from mbd_sim.ros.publishing.publishers import FOLLOWED_CLOCK, TopicPublisher, message_type
 from mbd_sim.ros.publishing.recordings import NodeRecordings, SplitLimits
 from mbd_sim.ros.publishing.thread import PublishingThread
 from mbd_sim.ros.stepping.clock import FollowedClock, Rates
