@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mbd_sim.base.errors import CommandError, listed
+from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.common import add_mechanism
 
@@ -42,8 +42,8 @@ def execute(options: argparse.Namespace) -> int:
     :raises CommandError: `--expand` with another format.
     """
     from mbd_sim.files.load import load_mechanism
-    from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
-    from mbd_sim.files.text.yaml_writer import mechanism_text, yaml_text
+    from mbd_sim.files.text.mesh_files import with_meshes_seen_from
+    from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 
     if options.expand and options.to != "yaml":
         raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")
@@ -55,10 +55,6 @@ def execute(options: argparse.Namespace) -> int:
         print_file(yaml_text(source.data))
         return 0
     print_file(mechanism_text(source))
-    if source.ros2_control and source.text is None:
-        blocks = listed([block.attributes.get("name", "") for block in source.ros2_control])
-        remedy = "To keep them, write a mechanism file with 'urdf: FILE' instead."
-        print(f"note: not in this file: <ros2_control>: {blocks}. {remedy}", file=sys.stderr)
     return 0
 
 

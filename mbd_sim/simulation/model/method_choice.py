@@ -19,8 +19,8 @@ from mbd_sim.integrators.method import Method
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism.contents import one_sided_names
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.simulation.model.prepared import AUTO
 from mbd_sim.simulation.model.spectrum import FastestMode, fastest_mode, fastest_without_joints, is_slower
-from mbd_sim.simulation.model.state_records import AUTO
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 TRIVIAL = 2  # instructions of the rates, which cost less than the history of a method that uses earlier steps

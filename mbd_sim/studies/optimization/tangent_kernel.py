@@ -20,7 +20,7 @@ from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.integrators.method import Method
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.simulation.model.method_choice import DEFAULT, STIFF, choose_method
-from mbd_sim.simulation.model.state_records import AUTO, require_method
+from mbd_sim.simulation.model.prepared import AUTO, require_method
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 
 
