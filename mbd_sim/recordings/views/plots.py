@@ -36,23 +36,23 @@ def require_suffix(path: Path, suffixes: Sequence[str]) -> None:
         raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")
 
 
-def require_plot_packages(path: Path) -> None:
-    """Refuse a plot whose packages are missing, before anything is computed for it.
+def require_plot(path: Path | None, suffixes: Sequence[str] = PLOT_SUFFIXES) -> None:
+    """Refuse a plot that cannot be written, before anything is computed for it.
 
+    :raises InputError: it has another suffix, or its folder does not exist.
     :raises MissingPackageError: Matplotlib, or Plotly for a page, is not installed.
     """
+    if path is None:
+        return
+    require_suffix(path, suffixes)
     if path.suffix == ".html":
         require_packages("plotly", purpose="An HTML page of plots", otherwise="or choose a .png, .svg or .pdf file.")
     else:
         require_packages("matplotlib", purpose="A picture of plots", otherwise="or choose an .html file.")
 
 
-def import_plotly() -> tuple[Any, Any]:
-    """Return Plotly's modules `graph_objects` and `subplots`.
-
-    :raises MissingPackageError: Plotly is not installed.
-    """
-    require_plot_packages(Path("page.html"))
+def _plotly() -> tuple[Any, Any]:
+    """Plotly's modules `graph_objects` and `subplots`."""
     return importlib.import_module("plotly.graph_objects"), importlib.import_module("plotly.subplots")
 
 
@@ -67,12 +67,11 @@ def draw(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle 
 
     :raises MbdSimError: the file has another format or cannot be written, or Plotly is not installed.
     """
-    require_suffix(path, PLOT_SUFFIXES)
+    require_plot(path)
     try:
         if path.suffix == ".html":
             _write_page(path, table, panels, style)
         else:
-            require_plot_packages(path)
             with style.applied():
                 _draw_picture(path, table, panels, style)
     except InputError:  # already has a remedy
@@ -133,7 +132,7 @@ def _align_labels(figure: Any, all_axes: Iterable[Any]) -> None:
 
 
 def _write_page(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle) -> None:
-    graph_objects, subplots = import_plotly()
+    graph_objects, subplots = _plotly()
     heights = [220 if panel.over_time else 440 for panel in panels]
     total = sum(heights)
     figure = subplots.make_subplots(
@@ -217,13 +216,12 @@ def plot_changed_run(
 
     :raises MbdSimError: the file has another format or cannot be written, or Plotly is not installed.
     """
-    require_suffix(path, PLOT_SUFFIXES)
+    require_plot(path)
     rows = [*_coordinate_rows(run, units), _energy_row(run)]
     try:
         if path.suffix == ".html":
             _write_changed_page(path, rows, title, change, style)
         else:
-            require_plot_packages(path)
             with style.applied():
                 _draw_changed_picture(path, rows, title, change, style)
     except InputError:  # already has a remedy
@@ -283,7 +281,7 @@ def _draw_series(axes: Any, series: ComparedSeries, change: str, style: PlotStyl
 
 
 def _write_changed_page(path: Path, rows: Sequence[_Row], title: str, change: str, style: PlotStyle) -> None:
-    graph_objects, subplots = import_plotly()
+    graph_objects, subplots = _plotly()
     residual = rows[-1][1]
     figure = subplots.make_subplots(rows=len(rows), cols=2, shared_xaxes="all", vertical_spacing=0.15 / len(rows))
     for number, row in enumerate(rows, 1):

@@ -5,8 +5,9 @@ import sys
 
 import pytest
 
-from mbd_sim.cli.shared import common
-from mbd_sim.cli.shared.common import ProgressBar, Waiting, text_table
+from mbd_sim.cli.shared import progress
+from mbd_sim.cli.shared.common import text_table
+from mbd_sim.cli.shared.progress import ProgressBar, Waiting
 from test.waiting import wait_until
 
 
@@ -17,7 +18,7 @@ class Terminal(io.StringIO):
 
 def terminal(monkeypatch, patience=0.0):
     """Not a fixture: pytest sets its own standard output before a test begins."""
-    monkeypatch.setattr(common, "PATIENCE", patience)
+    monkeypatch.setattr(progress, "PATIENCE", patience)
     monkeypatch.setattr(sys, "stdout", Terminal())
     return sys.stdout
 
