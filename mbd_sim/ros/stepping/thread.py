@@ -70,6 +70,7 @@ class SteppingThread:
         self._wake.set()
         if self._thread.is_alive():
             self._thread.join()
+        self.simulation.listen(None)
         self.output.put(None)
 
     @property

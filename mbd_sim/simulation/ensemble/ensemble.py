@@ -16,7 +16,7 @@ from typing import ClassVar, NoReturn, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import CommandError, DivergedError, counted, nearest
+from mbd_sim.base.errors import DivergedError, counted
 from mbd_sim.base.geometry.arrays import require_finite
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.ensemble_kernel import MemberGroups, advance_lanes, advance_one_by_one, compile_members
@@ -28,7 +28,7 @@ from mbd_sim.simulation.contact.records import ContactObserver
 from mbd_sim.simulation.ensemble.contacts import advance_through_events, member_contacts, settle_members
 from mbd_sim.simulation.ensemble.variants import Change, Variants, member_changes
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import Command, CommandMap, MemberCommand
+from mbd_sim.simulation.model.commands import Command, CommandMap, EffortMap, MemberCommand
 from mbd_sim.simulation.model.model import Model, build_model
 from mbd_sim.simulation.model.state_records import EnsembleDrive, EnsembleEnergies, EnsembleMotion, Losses, Reaction
 from mbd_sim.simulation.run.advice import advice_on_step, divergence
@@ -140,7 +140,8 @@ class Ensemble(ReadOnlyAttributes):
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes, progress)
         self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
-        self._variants, self._limits = variants, variants.effort_limits()
+        self._variants = variants
+        self._effort_map = EffortMap(self.model.coordinate_names, variants.effort_limits(), self.model.driven_names)
         self._failures: dict[int, MemberFailure] = {}
         self._starts, values = variants.starts(self.model)
         self._contacts = member_contacts(self.model, variants, len(changes))
@@ -343,40 +344,23 @@ class Ensemble(ReadOnlyAttributes):
 
         :raises CommandError: wrong shape, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        try:
-            if isinstance(efforts, Mapping):
-                new = self._groups.get("inputs", self._effort_inputs)
-                names = list(self.model.coordinate_names)
-                for name, value in efforts.items():
-                    if name not in names:
-                        raise CommandError(f"there is no joint '{name}'", nearest(name, names))
-                    new[:, names.index(name)] = value
-            else:
-                new = np.broadcast_to(np.asarray(efforts, dtype=float), self._limits.shape)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, CommandError):
-                raise
-            raise CommandError(
-                f"the efforts do not fit {len(self)} members with {self._limits.shape[1]} joints: {error}"
-            ) from error
-        if not np.all(np.isfinite(new)):
-            raise CommandError("an effort is not finite", "Give finite numbers.")
-        self._groups.put("inputs", np.clip(new, -self._limits, self._limits), self._effort_inputs)
+        new = self._effort_map.merged_rows(self._groups.get("inputs", self._effort_inputs), efforts)
+        self._groups.put("inputs", self._effort_map.clamped(new), self._effort_inputs)
 
     @property
     def effort_limits(self) -> Array:
         """A copy of the largest absolute efforts (k, nv) in N and N·m."""
-        return self._limits.copy()
+        return self._effort_map.limits.copy()
 
     def set_effort_limits(self, limits: Array) -> None:
         """Replace the largest absolute efforts (k, nv) in N and N·m, or (nv,) for all, from the next command on.
 
         :raises ValueError: wrong shape, or a limit that is negative or not a number.
         """
-        new = np.broadcast_to(np.asarray(limits, dtype=float), self._limits.shape).copy()
+        new = np.broadcast_to(np.asarray(limits, dtype=float), self._effort_map.limits.shape)
         if not np.all(new >= 0.0):
             raise ValueError("a limit of an effort is negative or not a number.")
-        self._limits = new
+        self._effort_map.limit(new)
 
     @property
     def start_states(self) -> Array:

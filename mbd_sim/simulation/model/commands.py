@@ -1,7 +1,7 @@
 """Commands by name, of actuators or their channels and of the efforts of joints: checked as a whole.
 
-Efforts are then clamped to the effort limits of the joints. Compiled code does the same for arrays, lists and tuples
-that need no error message: see `bounded_writer`.
+Efforts are clamped to the effort limits of the joints where they take effect, and nowhere else: by `EffortMap.clamped`,
+and by compiled code that does the same for arrays, lists and tuples that need no error message: see `bounded_writer`.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Command = float | Mapping[Channel, float]
 MemberCommand = float | Array | Mapping[Channel, float | Array]  # for all members of an ensemble, or (k,)
+Efforts = Mapping[str, float] | Sequence[float] | Array  # some by name, or all in order
 
 
 class CommandMap:
@@ -64,7 +65,7 @@ class CommandMap:
         if isinstance(commands, Mapping):
             merged = current.copy()
             for index, value in self._given(commands):
-                merged[:, index] = _rows(self.names[index], value, (count,))
+                merged[:, index] = _rows(f"commands of {self.names[index]}", value, (count,))
             return merged
         if not isinstance(commands, np.ndarray) and any(isinstance(one, Mapping) for one in commands):
             if len(commands) != count:
@@ -72,7 +73,7 @@ class CommandMap:
                 raise CommandError(counts, "Give one mapping for each.")
             pairs = zip(current, commands, strict=True)
             return np.array([self.merged(row, given) for row, given in pairs]).reshape(count, size)
-        return _rows(f"{counted(size, 'channel')} ({listed(list(self.names))})", commands, (count, size))
+        return _rows(f"commands of {counted(size, 'channel')} ({listed(self.names)})", commands, (count, size))
 
     def _given(self, commands: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
         """The index and the value of each command.
@@ -100,17 +101,17 @@ class CommandMap:
         return values
 
 
-def _rows(name: str, value: object, shape: tuple[int, ...]) -> Array:
+def _rows(what: str, value: object, shape: tuple[int, ...]) -> Array:
     """Finite numbers of a shape, of which fewer are repeated for all members."""
     try:
         if isinstance(value, str | bytes):
             raise TypeError(f"{quoted(value)} is a text")
         rows = np.broadcast_to(np.asarray(value, dtype=float), shape)
     except (TypeError, ValueError) as error:
-        counts = f"the commands of {name} do not fit {counted(shape[0], 'member')}: {error}"
+        counts = f"the {what} do not fit {counted(shape[0], 'member')}: {error}"
         raise CommandError(counts, "Give numbers for all of them, or one for each.") from error
     if not np.all(np.isfinite(rows)):
-        raise CommandError(f"a command of {name} is not finite", "Give finite numbers.")
+        raise CommandError(f"one of the {what} is not finite", "Give finite numbers.")
     return rows
 
 
@@ -139,21 +140,24 @@ class UnknownJointError(CommandError):
 
 
 class EffortMap:
-    """Commands by order or by name, as one effort (N or N·m) for each degree of freedom."""
+    """Commands by order or by name, as one effort (N or N·m) for each degree of freedom.
+
+    `limits` are the largest absolute values of those that act: (nv,), or (k, nv) for the members of an ensemble.
+    """
 
     __repr__ = short_repr
 
     def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
-        """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
+        """Efforts of `names` up to `limits`; `driven` coordinates take none."""
         self.names, self._driven = tuple(names), frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
         self.limits = np.array(limits, dtype=float)
 
     def limit(self, limits: Array) -> None:
-        """Set the largest absolute values (nv,) of the efforts from now on, in place: compiled code reads them."""
+        """Set the largest absolute values from now on, in place: compiled code reads them."""
         self.limits[:] = limits
 
-    def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
+    def merged(self, current: Array, efforts: Efforts) -> Array:
         """The efforts (nv,) after a command; those that it does not name stay as in `current`.
 
         :raises CommandError: wrong length, an unknown name, or a value that is not a finite number.
@@ -182,10 +186,26 @@ class EffortMap:
             raise CommandError(f"the effort of {listed(bad)} is not finite", "Give finite numbers.")
         return merged
 
+    def merged_rows(self, current: Array, efforts: Array | Mapping[str, float | Array]) -> Array:
+        """The efforts (k, nv) of k members after a command, see `Ensemble.set_efforts`.
+
+        :raises CommandError: see `merged`; or the efforts do not fit the members.
+        """
+        if not isinstance(efforts, Mapping):
+            return _rows(f"efforts of {counted(len(self.names), 'joint')}", efforts, current.shape)
+        merged = current.copy()
+        for name, value in efforts.items():
+            merged[:, self._index_of(name)] = _rows(f"efforts of {name}", value, (len(current),))
+        return merged
+
     def clamped(self, efforts: Array) -> Array:
         """The efforts within the effort limits of the joints."""
         clamped: Array = np.copysign(np.minimum(np.abs(efforts), self.limits), efforts)
         return clamped
+
+    def exceeded(self, efforts: Array) -> bool:
+        """Whether one of the efforts is beyond its limit, so that `clamped` reduces it."""
+        return bool(np.any(np.abs(efforts) > self.limits))
 
     def require(self, name: str) -> None:
         """Check that a joint exists and is not driven.

@@ -12,9 +12,9 @@ from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.constraints import two_sided
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import EffortMap
+from mbd_sim.simulation.model.commands import EffortMap, Efforts
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.inputs import Efforts, EffortWriter, effort_writer
+from mbd_sim.simulation.run.inputs import EffortWriter, effort_writer
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mechanics.inverse_dynamics import InverseDynamics

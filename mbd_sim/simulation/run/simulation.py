@@ -18,7 +18,7 @@ from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import Command
+from mbd_sim.simulation.model.commands import Command, Efforts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues, require_closed
 from mbd_sim.simulation.model.model import Model, build_model
@@ -37,7 +37,7 @@ from mbd_sim.simulation.run.arguments import (
 from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started
 from mbd_sim.simulation.run.dynamics_readings import DynamicsReadings, Momentum
 from mbd_sim.simulation.run.events import ChangedValues, EventKind
-from mbd_sim.simulation.run.inputs import Efforts, EffortWriter, RunInputs, RunListener, RunReports
+from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs, RunListener, RunReports
 from mbd_sim.simulation.run.moving_points import MovingFrame, MovingPoint, motion_of
 from mbd_sim.simulation.run.readings import CompiledReadings, RunSensors
 from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layout
@@ -292,10 +292,7 @@ class Simulation(ReadOnlyAttributes):
             memory.contacts.events.clear()
         memory.settle()
         self._sensors.restart()
-        if q is None and u is None:
-            self._reports.report(EventKind.RESET)
-        else:
-            self._report_new_state()
+        self._report_state(EventKind.RESET, q is not None or u is not None)
 
     def snapshot(self) -> RunPoint:
         """Everything that the rest of the run depends on, for `restore`.
@@ -357,7 +354,7 @@ class Simulation(ReadOnlyAttributes):
         self._live.restore(point.live)
         self._live.limit(self.effort_map)
         self._sensors.restart(samples, keep=keep_samples)
-        self._report_new_state()
+        self._report_state()
 
     def set_state(
         self, positions: Mapping[str, float] | None = None, velocities: Mapping[str, float] | None = None
@@ -375,21 +372,9 @@ class Simulation(ReadOnlyAttributes):
         after = self.model.energies(self.time, y, 0.0, self._memory.inputs).total
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 
-    def begin_at(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
-        """Set positions and velocities by name as `set_state` does, and let actuators start as after a reset.
-
-        :raises CommandError: see `set_state`.
-        """
-        self.set_state(positions, velocities)
-        if self.command_map.names:
-            y, inputs = self._memory.y.copy(), self._memory.inputs.copy()
-            self.model.hold_start(y, inputs)
-            self._memory.load(y, inputs, self._memory.steps, self._memory.error_estimate)
-            self._report_new_state()
-
-    def _report_new_state(self) -> None:
+    def _report_state(self, kind: EventKind = EventKind.NEW_STATE, with_state: bool = True) -> None:
         if self._reports.listener is not None:
-            self._reports.report(EventKind.NEW_STATE, self.snapshot())
+            self._reports.report(kind, self.snapshot() if with_state else None)
 
     def set_efforts(self, efforts: Efforts) -> None:
         """Set the efforts (N or N·m) from the next step on, all in order or some by name, clamped to the effort limits.
@@ -397,6 +382,13 @@ class Simulation(ReadOnlyAttributes):
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
         self._write_efforts(efforts)
+
+    def expire_efforts(self, names: Sequence[str]) -> None:
+        """Set some efforts to zero from the next step on; reported as commands that have expired.
+
+        :raises CommandError: an unknown name; nothing is changed then.
+        """
+        self._inputs.expire_efforts(names)
 
     @cached_property
     def _write_efforts(self) -> EffortWriter:
@@ -423,6 +415,11 @@ class Simulation(ReadOnlyAttributes):
             exist, or a vector that is not three finite numbers; nothing is changed then.
         """
         self._inputs.set_wrench(part, self.wrench_map.numbers(part, force, couple, at, axes))
+
+    def expire_wrench(self, part: str) -> None:
+        """Set the wrench on a part to zero from the next step on; reported as a command that has expired."""
+        zero = self.wrench_map.numbers(part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), None, "ground")
+        self._inputs.set_wrench(part, zero, EventKind.EXPIRED)
 
     def set_commands(self, commands: Mapping[str, Command]) -> None:
         """Command actuators by name from the next step on; the others keep their commands.
