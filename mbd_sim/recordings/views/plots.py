@@ -48,7 +48,8 @@ def require_plot(path: Path | None, suffixes: Sequence[str] = PLOT_SUFFIXES) -> 
     if path.suffix == ".html":
         require_packages("plotly", purpose="An HTML page of plots", otherwise="or choose a .png, .svg or .pdf file.")
     else:
-        require_packages("matplotlib", purpose="A picture of plots", otherwise="or choose an .html file.")
+        otherwise = "or choose an .html file." if ".html" in suffixes else ""
+        require_packages("matplotlib", purpose="A picture of plots", otherwise=otherwise)
 
 
 def _plotly() -> tuple[Any, Any]:
