@@ -11,10 +11,9 @@ from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import MCAP_OR_BAG, add_quiet, add_recordings, positive_number
 from mbd_sim.cli.shared.progress import ProgressBar
 from mbd_sim.cli.shared.recorded_run import add_run, is_recording, recorded_run
-from mbd_sim.recordings.run.comparison import Difference, Verification
 from mbd_sim.recordings.run.paths import RecordingError
 from mbd_sim.recordings.run.recovery import damaged_original, recover, recover_bag
-from mbd_sim.recordings.run.verification import verify
+from mbd_sim.recordings.run.verification import Difference, Verification, verify
 
 NOUNS = {  # singular and plural
     "joint_states": ("joint state", "joint states"),

@@ -17,6 +17,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.load import parse_mechanism
+from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.mcap import rosbag2
 from mbd_sim.recordings.mcap.reader import read_mcap
 from mbd_sim.recordings.mcap.rosbag2 import read_sqlite
@@ -54,6 +57,16 @@ class Recording:
     def mechanism_text(self) -> str | None:
         """The mechanism's file, if the recording contains one."""
         return next((file.mechanism_text for file in self.files if file.mechanism_text is not None), None)
+
+    @cached_property
+    def mechanism(self) -> Mechanism | None:
+        """The mechanism of a run; None if its file is not in the recording, or this program cannot read it."""
+        if self.mechanism_text is None:
+            return None
+        try:
+            return parse_mechanism(self.mechanism_text, str(self.path))
+        except MechanismError:
+            return None
 
     @cached_property
     def topics(self) -> Mapping[str, RecordedTopic]:

@@ -19,7 +19,7 @@ from mcap.records import Chunk, Header, MessageIndex
 
 from mbd_sim.recordings.mcap.check import summary_problem
 from mbd_sim.recordings.mcap.reader import read_mcap
-from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, definition_problem, read_data_section
+from mbd_sim.recordings.mcap.repair import chunk_records, definition_problem, read_data_section
 from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, FileStatistics, bag_text, read_bag_metadata, write_metadata
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
@@ -31,7 +31,7 @@ from mbd_sim.recordings.mcap.scanner import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recordings.mcap.summary import encoded, may_replace_chunks
+from mbd_sim.recordings.mcap.summary import DataSection, encoded, may_replace_chunks
 from mbd_sim.recordings.messages.cdr import RecordedFile
 from mbd_sim.recordings.messages.definitions import Topic
 from mbd_sim.recordings.run.paths import natural_order

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.recordings.messages.schedule import publication_schedule
+from mbd_sim.recordings.messages.journal import publication_schedule
 from mbd_sim.ros.commands.trajectory import JointCurve, JointMotion
 from mbd_sim.simulation.model.commands import CommandMap
 
