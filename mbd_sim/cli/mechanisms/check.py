@@ -54,9 +54,9 @@ def _execute(options: argparse.Namespace) -> int:
     :raises CommandError: options that have no effect.
     """
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
-        raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex")
+        raise CommandError("--numbers and --symbols choose what --latex prints", "Give one of them, with --latex.")
     if options.no_linearization and not options.latex:
-        raise CommandError("--no-linearization chooses what --latex prints: give it with --latex")
+        raise CommandError("--no-linearization chooses what --latex prints", "Give it with --latex.")
     mechanism = changed_mechanism(options)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):

@@ -38,7 +38,7 @@ def _convert(options: argparse.Namespace) -> int:
     :raises CommandError: `--expand` with another format.
     """
     if options.expand and options.to != "yaml":
-        raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")
+        raise CommandError(f"--expand has no effect with --to {options.to}", "Leave out one of them.")
     mechanism = with_meshes_seen_from(load_mechanism(options.mechanism, options.base), None)
     if options.to != "yaml":
         return _write_as(mechanism, options.to)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from shlex import quote
 
-from mbd_sim.base.errors import counted, listed
+from mbd_sim.base.errors import InputError, counted, listed
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import MCAP_OR_BAG, add_quiet, add_recordings, positive_number
 from mbd_sim.cli.shared.progress import ProgressBar
@@ -146,7 +146,9 @@ def _recover(options: argparse.Namespace) -> int:
             for file, counts in recover_bag(path) if path.is_dir() else [(path, recover(path))]:
                 print(_report(file, counts))
         except FileNotFoundError as error:
-            raise RecordingError(f"{path}: there is no such file. Check the path.") from error
+            raise RecordingError(f"{path}: there is no such file", "Check the path.") from error
+        except InputError as error:
+            raise RecordingError(f"{path}: {error.message}", error.remedy) from error
         except (OSError, ValueError, LookupError) as error:
             raise RecordingError(f"{path}: {error}") from error
     return 0

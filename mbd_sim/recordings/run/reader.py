@@ -178,15 +178,15 @@ def open_recording(path: str | Path) -> Recording:
     if path.is_dir():
         return Recording(path, [_read_file(file) for file in _files(path)])
     if not path.exists():
-        raise ReadingError(f"{path}: there is no such file. Check the path.")
+        raise ReadingError(f"{path}: there is no such file", "Check the path.")
     return Recording(path, [_read_file(path)])
 
 
 def _read_file(path: Path) -> RecordedFile:
     if not path.is_file():
-        raise ReadingError(f"{path}: there is no such file. Check the path.")
+        raise ReadingError(f"{path}: there is no such file", "Check the path.")
     if path.suffix == ".zstd":
-        raise ReadingError(f"{path}: the file is compressed as a whole. Decompress it first: zstd -d '{path}'.")
+        raise ReadingError(f"{path}: the file is compressed as a whole", f"Decompress it first: zstd -d '{path}'.")
     return _READERS.get(path.suffix, read_mcap)(path)
 
 
@@ -201,8 +201,8 @@ def _files(folder: Path) -> list[Path]:
         return present
     if missing:
         raise ReadingError(
-            f"{missing[0]}: there is no such file, though {rosbag2.FILE_NAME} lists it. Put it back, or list "
-            f"the files that are there with 'mbd_sim recover {folder}'."
+            f"{missing[0]}: there is no such file, though {rosbag2.FILE_NAME} lists it",
+            f"Put it back, or list the files that are there with 'mbd_sim recover {folder}'.",
         )
     if not listed:
         raise ReadingError(f"{folder}: contains no recording: neither metadata.yaml nor .mcap or .db3 files.")
