@@ -190,7 +190,7 @@ def test_what_few_runs_need_is_loaded_by_them_alone():
         ],
         "import mbd_sim; sim = mbd_sim.Simulation.from_file('double_rod'); sim.step()": [
             "mbd_sim.compiler.code.compile_process", "mbd_sim.files.urdf.reader", "mbd_sim.dynamics.math.piecewise",
-            "mbd_sim.simulation.run.undefined_expressions", "mbd_sim.analysis.mechanics.load_sharing",
+            "mbd_sim.simulation.run.advice", "mbd_sim.analysis.mechanics.load_sharing",
         ],
         # The first build of a mechanism with joints alone.
         "import mbd_sim; from mbd_sim.dynamics.equations import derive; derive(mbd_sim.load_mechanism('double_rod'))": [

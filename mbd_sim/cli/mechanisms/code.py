@@ -8,6 +8,7 @@ from pathlib import Path
 from mbd_sim.base.errors import InputError, counted
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, print_notes
+from mbd_sim.cli.shared.progress import Waiting
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 from mbd_sim.exports.c_code.model import ExportedModel, export_model
 from mbd_sim.exports.c_code.module import c_module
@@ -36,8 +37,10 @@ def _exported(options: argparse.Namespace) -> ExportedModel:
 
     :raises MechanismError: it cannot be exported, see `export_model`.
     """
+    mechanism = changed_mechanism(options)
+    Waiting.stage("derive the equations")
     model = export_model(
-        changed_mechanism(options),
+        mechanism,
         method=options.method,
         step=options.step,
         parameters=options.parameter,
@@ -55,6 +58,7 @@ def _add_c_code(parser: argparse.ArgumentParser) -> None:
 def _write_c_code(options: argparse.Namespace) -> int:
     """Write the header and the source."""
     model = _exported(options)
+    Waiting.stage("write the code")
     files = c_module(model)
     options.out.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
@@ -84,7 +88,7 @@ def _write_fmu(options: argparse.Namespace) -> int:
     model = _exported(options)
     if model.between_steps is not None:
         print("note: sampled controllers and delays act between fixed steps: the FMU is for co-simulation only")
-    write_fmu(model, options.out, binary=not options.sources_only)
+    write_fmu(model, options.out, binary=not options.sources_only, stage=Waiting.stage)
     platform = "sources only" if options.sources_only else f"{platform_tuple()} and sources"
     variables = {"input": model.inputs, "parameter": model.parameters, "output": model.output_variables}
     counts = ", ".join(counted(len(found), noun) for noun, found in variables.items())

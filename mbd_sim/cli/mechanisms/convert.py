@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 
-from mbd_sim.base.errors import CommandError, listed
+from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
@@ -19,11 +20,16 @@ from mbd_sim.files.urdf.writer import left_out, to_urdf
 from mbd_sim.mechanism.mechanism import Mechanism
 
 
+def _urdf(mechanism: Mechanism) -> Written:
+    return Written(to_urdf(mechanism), left_out(mechanism))
+
+
+WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": to_mjcf, "sdf": to_sdf}
+
+
 def _add_convert(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
-    parser.add_argument(
-        "--to", choices=["yaml", "urdf", "mjcf", "sdf"], default="yaml", help="format to write (default: yaml)"
-    )
+    parser.add_argument("--to", choices=["yaml", *WRITERS], default="yaml", help="format to write (default: yaml)")
     parser.add_argument(
         "--base",
         choices=["fixed", "free"],
@@ -47,24 +53,16 @@ def _convert(options: argparse.Namespace) -> int:
         print_file(yaml_text(source.data))
         return 0
     print_file(mechanism_text(source))
-    if source.ros2_control and source.text is None:
-        blocks = listed([block.attributes.get("name", "") for block in source.ros2_control])
-        remedy = "To keep them, write a mechanism file with 'urdf: FILE' instead."
-        print(f"note: not in this file: <ros2_control>: {blocks}. {remedy}", file=sys.stderr)
     return 0
 
 
 def _write_as(mechanism: Mechanism, to: str) -> int:
     """Print a mechanism in another format, and to standard error what is left out."""
-    written = {"urdf": _urdf, "mjcf": to_mjcf, "sdf": to_sdf}[to](mechanism)
+    written = WRITERS[to](mechanism)
     print_file(written.text)
     for note in written.left_out:
         print(f"note: not in this file: {note}", file=sys.stderr)
     return 0
-
-
-def _urdf(mechanism: Mechanism) -> Written:
-    return Written(to_urdf(mechanism), left_out(mechanism))
 
 
 def _print_urdf(options: argparse.Namespace) -> int:

@@ -25,8 +25,17 @@ from mbd_sim.cli.shared.progress import COUNT, ProgressBar
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.yaml_writer import mechanism_text
 from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation
-from mbd_sim.many.sweep.results import SUFFIXES, draw, require_column, write
-from mbd_sim.many.sweep.runs import Results, Settings, chunks, result_names, sweep
+from mbd_sim.many.sweep.runs import (
+    SUFFIXES,
+    Results,
+    Settings,
+    chunks,
+    draw,
+    require_column,
+    result_names,
+    sweep,
+    write,
+)
 from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot, require_suffix
 
 SAMPLES = 1000  # of each run, from which its extremes are taken, unless --every is given

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, nearest
+from mbd_sim.cli.shared.progress import Waiting
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.values import parse_value, split_unit
@@ -48,6 +49,7 @@ def changed_mechanism(options: argparse.Namespace) -> Mechanism:
     :raises InputError: an option is not an assignment.
     :raises MechanismError: with all problems of the file, or of the values.
     """
+    Waiting.stage("read the mechanism")
     mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
     return with_values(mechanism, changes) if changes else mechanism
 
@@ -69,7 +71,9 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
     """
     from mbd_sim.simulation.run.simulation import Simulation  # not for `check`, whose reports are kept
 
+    Waiting.stage("read the mechanism")
     mechanism = load_mechanism(options.mechanism)
+    Waiting.stage("derive and compile the equations")
     changes = changes_of(options.changes) if with_changes else {}
     changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
     simulation = Simulation(

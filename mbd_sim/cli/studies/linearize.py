@@ -15,6 +15,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import positive_in, print_written
+from mbd_sim.cli.shared.progress import Waiting
 from mbd_sim.cli.shared.working_point import add_working_point, simulation_at
 from mbd_sim.recordings.views.export import require_table, write_columns
 from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot
@@ -59,6 +60,7 @@ def _linearize(options: argparse.Namespace) -> int:
     """Print the system."""
     require_table(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     system = simulation.state_space(options.input, options.output)
     if options.out is not None:
         write_columns(options.out, _columns(system), {"mechanism": simulation.mechanism.name})
@@ -142,6 +144,7 @@ def _bode(options: argparse.Namespace) -> int:
     require_plot(options.plot, PICTURE_SUFFIXES)
     require_table(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     system = simulation.state_space(options.input, options.output)
     frequencies = np.geomspace(options.least, options.most, options.points)
     response = system.response(frequencies)
@@ -152,6 +155,7 @@ def _bode(options: argparse.Namespace) -> int:
             options.out, _response_columns(system, frequencies, response), {"mechanism": simulation.mechanism.name}
         )
     if options.plot is not None:
+        Waiting.stage("draw")
         draw_bode(options.plot, system, frequencies, simulation.mechanism.name)
     print_written(options.out, options.plot)
     return 0

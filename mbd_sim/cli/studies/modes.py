@@ -14,7 +14,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_quiet, print_notes, print_written
-from mbd_sim.cli.shared.progress import COUNT, ProgressBar
+from mbd_sim.cli.shared.progress import COUNT, ProgressBar, Waiting
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.cli.shared.working_point import (
     EQUILIBRIUM,
@@ -83,6 +83,7 @@ def _execute(options: argparse.Namespace) -> int:
 def _modes(options: argparse.Namespace) -> int:
     require_table(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     linearization = simulation.linearize()
     shapes = mode_shapes(linearization)
     print(state)

@@ -8,10 +8,10 @@ from mbd_sim.compiler.ir.module import Value
 from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.steps.adams_attempt import AdamsAttempt
-from mbd_sim.compiler.steps.adams_history import PARTS, AdamsHistory, finest_level
+from mbd_sim.compiler.steps.adams_history import AdamsHistory, finest_level
 from mbd_sim.compiler.steps.emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.compiler.steps.runge_kutta import ExplicitStep
-from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.adams import PARTS, Adams
 
 LONGEST_PAUSE = 255.0  # steps until the next attempt, after many that failed
 # Errors in units of the tolerance: those up to which an attempt that fails now and then changes nothing,

@@ -20,18 +20,11 @@ from mbd_sim.compiler.ir.vectors import (
     weighted,
 )
 from mbd_sim.compiler.steps.emitter import StepEmitter
-from mbd_sim.integrators.adams import Adams
-from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.adams import PARTS, Adams
 
 COUNT, LEVEL, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(7)  # the numbers at the start of a history
-FINEST = 2  # the level of the smallest parts of a step
-PARTS = 1 << FINEST  # of a step at most
+FINEST = PARTS.bit_length() - 1  # the level of the smallest parts of a step
 DIVIDED = 5  # instructions of a rate on average, from which on parts of a step cost less than the other method
-
-
-def history_size(method: Method, size: int, inputs_size: int) -> int:
-    """The numbers of the history of a method, for a state and inputs of these sizes; 0 for methods without one."""
-    return VECTORS + inputs_size + (2 + PARTS * method.length) * size if isinstance(method, Adams) else 0
 
 
 def finest_level(instructions: int, size: int) -> int:
@@ -60,7 +53,7 @@ class AdamsHistory:
         self._kept_y, self._kept_inputs = element(b, self._start, VECTORS), element(b, self._start, VECTORS + size)
         self.lost = element(b, self._start, VECTORS + size + inputs_size)
         self._first_slope = VECTORS + inputs_size + 2 * size
-        self._total = history_size(method, size, inputs_size)
+        self._total = method.history_size(size, inputs_size)
         self._now = integer(0)  # the first number of the slopes of the present step, from the first of all slopes on
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
         self.count, self.level, self.wait, self.pause = (emitter.scalar() for _ in range(4))

@@ -17,7 +17,7 @@ from mbd_sim.compiler.ir.types import DOUBLE, FALSE, integer, local_array, numbe
 from mbd_sim.compiler.ir.vectors import Index, add_square, copy, for_each, load, store, total, weighted
 from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
-from mbd_sim.integrators.tableau import ErrorEstimate, Scales
+from mbd_sim.integrators.method import ErrorEstimate, Scales
 
 
 @dataclass(frozen=True, eq=False)

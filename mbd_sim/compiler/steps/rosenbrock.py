@@ -24,29 +24,30 @@ from mbd_sim.compiler.ir.lanes import LaneBuilder, lanes_of
 from mbd_sim.compiler.ir.module import Function, Value
 from mbd_sim.compiler.ir.types import local_array, number
 from mbd_sim.compiler.ir.vectors import Index, combine, copy, for_each, load, store, total, weighted
-from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.compiler.steps.emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.compiler.steps.runge_kutta import explicit_step
-from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.rosenbrock import Rosenbrock, RosenbrockW
 from mbd_sim.integrators.tableau import EXPLICIT
 
 
 @dataclass(frozen=True, eq=False)
 class Linearized:
-    """The three functions of a step.
+    """The three functions of a step, and the numbers of the core and of the memory.
 
     `at(t, y, inputs, g)` gives the memory (m,) of the other two, the matrix (n, n) of the core, and ∂f/∂t. Then
     `reduce(memory, r)` gives the right side (n,) of the core, and `expand(memory, r, x)` all of U from its solution x.
     If `timeless`, ∂f/∂t vanishes.
     """
 
-    at: ca.Function
-    reduce: ca.Function
-    expand: ca.Function
+    at: Function
+    reduce: Function
+    expand: Function
+    core: int
+    memory_size: int
     timeless: bool
 
 
-def linearize_rates(rates: ca.Function, core: slice) -> Linearized:
+def emit_linearized(rates: ca.Function, core: slice, emit: Callable[[ca.Function], Function]) -> Linearized:
     """Differentiate `rates(t, y, inputs)` exactly; `core` are the components of y that are solved for together."""
     t, y, inputs = (ca.SX.sym(name, rates.nnz_in(index)) for index, name in enumerate(("t", "y", "inputs")))
     g, right = ca.SX.sym("g"), ca.SX.sym("right", y.shape[0])
@@ -67,11 +68,15 @@ def linearize_rates(rates: ca.Function, core: slice) -> Linearized:
     full = ca.densify(ca.vertcat(before, solution, after))
     options = {"cse": True}
     return Linearized(
-        at=ca.Function(
-            "linearize", [t, y, inputs, g], [memory.values, ca.densify(matrix), ca.densify(time_rates)], options
+        at=emit(
+            ca.Function(
+                "linearize", [t, y, inputs, g], [memory.values, ca.densify(matrix), ca.densify(time_rates)], options
+            )
         ),
-        reduce=ca.Function("reduce", [memory.symbols, right], [small], options),
-        expand=ca.Function("expand", [memory.symbols, right, solution], [full], options),
+        reduce=emit(ca.Function("reduce", [memory.symbols, right], [small], options)),
+        expand=emit(ca.Function("expand", [memory.symbols, right, solution], [full], options)),
+        core=matrix.shape[0],
+        memory_size=memory.values.shape[0],
         timeless=time_rates.nnz() == 0,
     )
 
@@ -150,16 +155,12 @@ class _RosenbrockStep:
     """The functions and the arrays of a Rosenbrock step."""
 
     def __init__(self, method: Rosenbrock, linearized: Linearized, emitter: StepEmitter) -> None:
-        b, core = emitter.b, linearized.expand.nnz_in(2)
-        self._method, self._emitter, self._timeless = method, emitter, linearized.timeless
-        self._linearize, self._reduce, self._expand = (
-            lower(b.module, function, inline=False, lanes=lanes_of(b))
-            for function in (linearized.at, linearized.reduce, linearized.expand)
-        )
+        b, core = emitter.b, linearized.core
+        self._method, self._emitter, self._linearized = method, emitter, linearized
         self._solver = emit_dense_solver(b.module, core, lanes=lanes_of(b))
         self._increments = [emitter.vector() for _ in range(method.stages)]
         self._trial, self._slopes, self._right, self._time_rates = (emitter.vector() for _ in range(4))
-        self._memory, self._matrix = local_array(b, linearized.at.nnz_out(0)), local_array(b, core * core)
+        self._memory, self._matrix = local_array(b, linearized.memory_size), local_array(b, core * core)
         self._rows, self._small, self._solution = (local_array(b, core) for _ in range(3))
         self._g = emitter.scalar()
         self._emit_estimate = emitter.estimator(method.estimate, self._increments)
@@ -211,20 +212,20 @@ class _RosenbrockStep:
 
     def _implicit(self, t: Value) -> None:
         """Linearize, factorize, and solve for the increment of each stage."""
-        emitter, method, b = self._emitter, self._method, self._emitter.b
+        emitter, method, b, linearized = self._emitter, self._method, self._emitter.b, self._linearized
         b.store(t, emitter.time)
         b.store(b.fmul(number(method.gamma), emitter.h), self._g)
         outputs = [self._memory, self._matrix, self._time_rates]
-        b.call(self._linearize, [emitter.time, emitter.y, emitter.inputs, self._g, *outputs])
+        b.call(linearized.at, [emitter.time, emitter.y, emitter.inputs, self._g, *outputs])
         b.call(self._solver.factorize, [self._matrix, self._rows])
         for stage in range(method.stages):
             if stage > 0:
                 stage_slopes(emitter, method, t, stage, self._increments, self._trial, self._slopes)
-            time_rates = None if self._timeless else self._time_rates
+            time_rates = None if linearized.timeless else self._time_rates
             right_side(emitter, method, stage, self._increments, self._slopes, time_rates, self._right)
-            b.call(self._reduce, [self._memory, self._right, self._small])
+            b.call(linearized.reduce, [self._memory, self._right, self._small])
             b.call(self._solver.solve, [self._matrix, self._rows, self._small, self._solution])
-            b.call(self._expand, [self._memory, self._right, self._solution, self._increments[stage]])
+            b.call(linearized.expand, [self._memory, self._right, self._solution, self._increments[stage]])
         self._emit_estimate(None)
         combine(b, emitter.system.size, emitter.y, emitter.y, None, weighted(method.m, self._increments))
 
@@ -294,7 +295,7 @@ def emit_partial_system(
     return PartialFunctions(emit(at), emit(solve), max(1, at.nnz_out(0)))
 
 
-def rosenbrock_w_step(method: Rosenbrock, system: PartialFunctions) -> Prepare:
+def rosenbrock_w_step(method: RosenbrockW, system: PartialFunctions) -> Prepare:
     """The step of a method that keeps its order with any approximation A of the Jacobian, for `emit_advance`."""
     return lambda emitter: _RosenbrockWStep(method, system, emitter).step
 
@@ -302,7 +303,7 @@ def rosenbrock_w_step(method: Rosenbrock, system: PartialFunctions) -> Prepare:
 class _RosenbrockWStep:
     """The functions and the arrays of a step."""
 
-    def __init__(self, method: Rosenbrock, system: PartialFunctions, emitter: StepEmitter) -> None:
+    def __init__(self, method: RosenbrockW, system: PartialFunctions, emitter: StepEmitter) -> None:
         b = emitter.b
         self._method, self._emitter, self._system = method, emitter, system
         self._increments = [emitter.vector() for _ in range(method.stages)]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from mbd_sim.compiler.steps.adams import DIVISIBLE, HALVED, LONGEST_PAUSE, NEARLY, PATIENCE, PROBED_EVERY, REFINABLE
 from mbd_sim.compiler.steps.adams_attempt import GROWING, SHRINKING
-from mbd_sim.compiler.steps.adams_history import PARTS
 from mbd_sim.exports.c_code.functions import literal
 from mbd_sim.exports.c_code.steps import StepParts, weighted_sum
-from mbd_sim.integrators.adams import LOWER, Adams
-from mbd_sim.integrators.tableau import Scales
+from mbd_sim.integrators.adams import LOWER, PARTS, Adams
+from mbd_sim.integrators.method import Scales
 
 HISTORY = """\
 /*

@@ -37,12 +37,11 @@ from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 from mbd_sim.mechanism.contents import require_two_sided
-from mbd_sim.mechanism.elements.actuators import Cylinder
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Expressed
+from mbd_sim.simulation.model.commands import require_parts
 from mbd_sim.simulation.model.method_choice import choose_method
-from mbd_sim.simulation.model.state_records import require_method
-from mbd_sim.simulation.model.wrenches import require_parts
+from mbd_sim.simulation.model.prepared import require_method
 from mbd_sim.simulation.run.arguments import step_size
 from mbd_sim.studies.optimization.parameter_inputs import (
     ParameterInputs,
@@ -125,10 +124,8 @@ def _with_start(mechanism: Mechanism, start: dict[Path, Any]) -> Mechanism:
     """The mechanism whose actuators have these numbers at the start."""
     actuators = []
     for actuator in mechanism.actuators:
-        motor = actuator.motor
-        if isinstance(motor, Cylinder):
-            pressures = tuple(start["pressure", actuator.name, index] for index in range(len(motor.pressures)))
-            motor = replace(motor, pressures=pressures)
+        states = actuator.motor.start_states
+        motor = actuator.motor.with_start_states({state: start["state", actuator.name, state] for state in states})
         commands = {channel: start["command", actuator.name, channel] for channel in actuator.start}
         actuators.append(replace(actuator, motor=motor, start=commands))
     return replace(mechanism, actuators=tuple(actuators))
@@ -147,8 +144,8 @@ def _places(equations: Equations) -> dict[Path, int]:
             found[path] = layout.nq + layout.u[name].start + int(path[2])
         elif kind == "drive":
             found[path] = layout.drives[name].start
-        elif kind == "pressure":
-            found[path] = slots[name].states[f"pressure_{'ab'[int(path[2])]}"]
+        elif kind == "state":
+            found[path] = slots[name].states[str(path[2])]
         else:
             commands = {str(channel): index for channel, index in slots[name].commands.items()}
             found[path] = len(equations.start_state) + commands[str(path[2])]

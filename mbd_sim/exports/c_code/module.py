@@ -11,14 +11,14 @@ from mbd_sim import __version__
 from mbd_sim.compiler.lists.instruction_list import Instructions
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.steps.adams_history import PARTS, finest_level
+from mbd_sim.compiler.steps.adams_history import finest_level
 from mbd_sim.exports.c_code.adams import HISTORY, adams_function
 from mbd_sim.exports.c_code.assembly import ASSEMBLY_DECLARATION, assembly_functions
 from mbd_sim.exports.c_code.functions import c_function, literal, sine_cosine_text
 from mbd_sim.exports.c_code.model import ExportedModel
 from mbd_sim.exports.c_code.steps import StepParts, moving_ranges, sample_functions, step_function
 from mbd_sim.exports.c_code.variables import Variable
-from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.adams import PARTS, Adams
 from mbd_sim.integrators.tableau import Tableau
 
 FLAGS = "-std=c99 -O3 -march=native -ffp-contract=off -fno-math-errno"

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
 
@@ -62,18 +62,24 @@ typedef {history} model_history;
 """
 
 
-def write_fmu(model: ExportedModel, path: Path, *, binary: bool = True) -> None:
+def write_fmu(
+    model: ExportedModel, path: Path, *, binary: bool = True, stage: Callable[[str], None] | None = None
+) -> None:
     """Write an FMU for co-simulation and, without sampled controllers and delays, for model exchange.
 
     :param binary: compile the sources for this platform; without it the FMU is for tools that compile it.
+    :param stage: called with the name of each stage when it begins.
     :raises InputError: there is no C compiler.
     :raises MbdSimError: it does not compile the sources.
     """
+    begin = stage or (lambda _: None)
+    begin("write the code")
     module = c_module(model, tangent=True, assembly=_assembles(model))
     token = hashlib.sha256("".join(module.values()).encode()).hexdigest()
     sources = {**module, **_interface_sources(model, token)}
     contents: dict[str, bytes] = {"modelDescription.xml": model_description(model, token).encode()}
     if binary:
+        begin("compile the code")
         contents[f"binaries/{platform_tuple()}/{model.name}.so"] = _compiled(model.name, sources)
     contents |= {f"sources/{name}": text.encode() for name, text in sources.items()}
     contents["sources/buildDescription.xml"] = build_description(model).encode()

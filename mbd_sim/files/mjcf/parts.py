@@ -5,6 +5,7 @@ Geoms become shapes and meshes that are drawn. The module also keeps where the n
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -16,9 +17,9 @@ from mbd_sim.base.geometry.rotation import to_quaternion
 from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
 from mbd_sim.files.mjcf.joints import SINGLE, joint_record
 from mbd_sim.files.xml.reading import rows
-from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.mass_properties import inertia_defect
-from mbd_sim.mechanism.values.names import accepted_names, reference, unique_name
+from mbd_sim.mechanism.values.names import accepted_names, is_name, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin
 
 GRAY = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
@@ -106,7 +107,7 @@ class ModelParts:
         self.origins: dict[Location, Origin] = {}
         m = model.m
         bodies = self._names("body", m.nbody, lambda index: f"body_{index}")
-        self.parts = {**accepted_names_of(bodies, "body", (GROUND,)), 0: GROUND}
+        self.parts = {**accepted_names_of(bodies, "body", is_frame_name), 0: GROUND}
         owners = {index: self.parts[int(m.jnt_bodyid[index])] for index in range(m.njnt)}
         self.joints = accepted_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
         self._used_parts = set(self.parts.values())
@@ -139,7 +140,8 @@ class ModelParts:
     def add(self, section: str, kind: str, index: int, wanted: str, record: dict[str, Any]) -> str:
         """Add an entry; the name that it has."""
         entries = self.sections.setdefault(section, {})
-        name = unique_name(accepted_names([wanted], section[:-1])[wanted], entries)
+        valid = is_frame_name if section == "sensors" else is_name
+        name = unique_name(accepted_names([wanted], section[:-1], valid)[wanted], entries)
         entries[name] = record
         self.origins[section, name] = self.model.origin(kind, index)
         return name
@@ -208,9 +210,11 @@ class ModelParts:
         return found
 
 
-def accepted_names_of(written: dict[int, str], otherwise: str, reserved: tuple[str, ...] = ()) -> dict[int, str]:
+def accepted_names_of(
+    written: dict[int, str], otherwise: str, valid: Callable[[str], bool] = is_name
+) -> dict[int, str]:
     """A unique name for each number."""
-    found = accepted_names(written.values(), otherwise, reserved)
+    found = accepted_names(written.values(), otherwise, valid)
     return {index: found[name] for index, name in written.items()}
 
 

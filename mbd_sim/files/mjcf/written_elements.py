@@ -240,7 +240,7 @@ def add_actuators(document: Document) -> None:
 
 def _add_armature(document: Document, actuator: Actuator) -> None:
     motor, port = actuator.motor, actuator.port
-    if isinstance(motor, Cylinder) or not isinstance(port, CoordinatePort) or not motor.rotor_inertia:
+    if not isinstance(port, CoordinatePort) or not motor.rotor_inertia:
         return
     for element in document.root.iter("joint"):
         if element.get("name") == port.coordinate and element.get("type") in ("hinge", "slide"):

@@ -21,7 +21,7 @@ from mbd_sim.base.geometry.rotation import about, to_quaternion
 from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.urdf.joint_motions import Mimic, mimics_of, motions_of
-from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -221,16 +221,16 @@ def to_sdf(mechanism: Mechanism) -> Written:
 
 
 def _rename(document: Document, root: Element) -> None:
-    """Replace the names that SDF reserves: `::` leads into models, and `__…__` are its own."""
-    elements, new = list(root.iter()), dict[str, str]()
+    """Replace the names that SDF reserves: `::` leads into models, `__…__` and `world` (ground) are its own."""
+    elements, new = list(root.iter()), {GROUND: WORLD}
     used = {element.attrib["name"]: None for element in elements if "name" in element.attrib}
-    for name in [name for name in used if "::" in name or re.fullmatch("__.*__", name)]:
+    for name in [name for name in used if "::" in name or re.fullmatch("__.*__|world", name)]:
         new[name] = unique_name(re.sub("::|^__|__$", "_", name), used)
         used[new[name]] = None
         document.leave_out("names that SDF reserves, as old → new", [f"{name} → {new[name]}"])
     for element in elements:
         for key in ("name", "attached_to", "joint"):
-            if element.get(key) in new:
+            if element.get(key) in new and element.get(key) != GROUND:  # which no part is named, but perhaps a joint
                 element.set(key, new[element.attrib[key]])
         if element.tag in ("parent", "child") and element.text in new:
             element.text = new[element.text]
@@ -346,7 +346,7 @@ def _add_joint(document: Document, joint: WrittenJoint) -> None:
     element = ElementTree.SubElement(document.model, "joint", name=document.joints[joint.name], type=joint.type)
     _add_pose(element, joint.frame)
     for tag, part in (("parent", joint.parent), ("child", joint.child)):
-        _add(element, tag, WORLD if part == GROUND else part)
+        _add(element, tag, part)  # ground is renamed with the others
     for tag, axis in zip(AXES, joint.axes, strict=False):
         _add_axis(document, ElementTree.SubElement(element, tag), axis, joint)
     if joint.type == "screw":
@@ -423,6 +423,8 @@ def _note_rest(document: Document) -> None:
         ("actuators", [actuator.name for actuator in mechanism.actuators]),
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
+        ("bases on wheels", [base.name for base in mechanism.bases]),
+        ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),
     ):
         document.leave_out(kind, names)
 

@@ -65,7 +65,8 @@ def _scalar(value: Any) -> yaml.ScalarNode:
         return yaml.ScalarNode("tag:yaml.org,2002:null", "null")
     if isinstance(value, str):
         plain = value.isprintable() and _tag(value) == _STRING and isinstance(plain_scalar(value), str)
-        return yaml.ScalarNode(_STRING, value, style=None if plain else '"')
+        lines = value.replace("\n", "").isprintable() and "\n" in value
+        return yaml.ScalarNode(_STRING, value, style=None if plain else "|" if lines else '"')
     text = str(value).lower() if isinstance(value, bool) else _number(value)
     return yaml.ScalarNode(_tag(text), text)
 

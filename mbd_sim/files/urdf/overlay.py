@@ -76,7 +76,6 @@ def overlaid(under: Source, over: Source) -> Source:
         notes=under.notes,
         remarks=(*over.remarks, *under.remarks),
         format=under.format,
-        ros2_control=under.ros2_control,
         repetitions=over.repetitions,
         shaping=over.shaping,
     )

@@ -11,12 +11,13 @@ attributes.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from xml.etree import ElementTree
 from xml.parsers import expat
 
-from mbd_sim.base.errors import quoted
+from mbd_sim.base.errors import InputError, MechanismError, quoted
 from mbd_sim.files.text.file_limits import MAX_BYTES, MAX_VALUES, file_error
 
 _TOKENS = re.compile(
@@ -173,6 +174,36 @@ def parse_xml(text: str, file: str) -> Element:
             return root
         message = f"not valid XML: {expat.ErrorString(error.code)}"
         raise file_error(file, error.lineno, message, "Check the tags and quotes near this line.") from error
+
+
+def parse_elements(text: str, tag: str) -> list[Element]:
+    """The elements in a text, all of which have this tag.
+
+    :raises InputError: it is not XML, or has something else.
+    """
+    try:
+        root = parse_xml(f"<all>{text}</all>", "")
+    except MechanismError as error:
+        raise InputError(error.problems[0].message, error.problems[0].remedy) from error
+    if root.text or len(root.all(tag)) < len(root.children) or not root.children:
+        raise InputError(f"must consist of <{tag}> elements", f"Write '<{tag} …>…</{tag}>'.")
+    return root.children
+
+
+def as_tree(element: Element) -> ElementTree.Element:
+    """An element that was read, to be written again."""
+    tree = ElementTree.Element(element.tag, element.attributes)
+    tree.text = element.text or None
+    tree.extend(map(as_tree, element.children))
+    return tree
+
+
+def text_of(elements: Iterable[Element]) -> str:
+    """The text of elements that were read, without comments."""
+    trees = list(map(as_tree, elements))
+    for tree in trees:
+        ElementTree.indent(tree)
+    return "".join(ElementTree.tostring(tree, encoding="unicode") + "\n" for tree in trees)
 
 
 def _parsed(text: str, file: str) -> Element:

@@ -71,7 +71,7 @@ class RowWriter:
 
     def __init__(self, model: Model, reactions: bool = False) -> None:
         joints = len(model.mechanism.all_joints) if reactions else 0
-        contacts = len(model.placed_contacts)
+        contacts = len(model.contact_readings.placed)
         self.layout = RowLayout(
             len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), contacts, joints
         )
@@ -92,7 +92,7 @@ class RowWriter:
         if self.layout.driven:
             row[self._drives] = model.drives(motion_time, y, inputs).ravel()
         if self.layout.contacts:
-            row[self._contacts] = model.contact_places(motion_time, y, inputs).ravel()
+            row[self._contacts] = model.contact_readings.places(motion_time, y, inputs).ravel()
         if self._reactions:
             found = model.reactions(motion_time, y, inputs).values()
             row[self._forces] = np.concatenate([part for reaction in found for part in reaction])
@@ -206,7 +206,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         q=model.layout.q,
         u=model.layout.u,
         quaternions=dict(model.quaternions),
-        contacts=model.placed_contacts,
+        contacts=model.contact_readings.placed,
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),

@@ -148,10 +148,10 @@ def contact_states(model: Model, frame_prefix: str = "") -> StateWriter:
     After each element that has friction comes an entry for each direction of that: its position is 1 while the contact
     slides, its velocity the slip and its effort the friction.
     """
-    message, columns = _joint_state(model.contact_entry_names())
+    message, columns = _joint_state(model.contact_readings.entry_names())
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        rows = model.contact_entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        rows = model.contact_readings.entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
         for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
             column[:] = values
 

@@ -16,8 +16,8 @@ from mbd_sim.recordings.messages.cdr import Message, RecordedFile
 from mbd_sim.recordings.messages.events import parse_new_state
 from mbd_sim.recordings.run.metadata import RecomputeError, read_run_start
 from mbd_sim.recordings.run.reader import TopicRole, topic_roles
+from mbd_sim.simulation.model.commands import parse_wrench
 from mbd_sim.simulation.model.live_values import LARGEST_GAP, LiveValues
-from mbd_sim.simulation.model.wrenches import parse_wrench
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, parse_event
 from mbd_sim.simulation.run.simulation import Simulation
 

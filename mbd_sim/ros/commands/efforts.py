@@ -17,7 +17,7 @@ from mbd_sim.mechanism.elements.actuators import Base, Velocity
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.actuators import ActuatorBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges, JointCommandRouter
-from mbd_sim.ros.commands.trajectory import JointCurve, JointMotion, Trajectory
+from mbd_sim.ros.commands.trajectory_player import JointCurve, JointMotion, Trajectory
 from mbd_sim.simulation.model.commands import CommandMap, EffortMap
 from mbd_sim.simulation.run.simulation import Simulation
 

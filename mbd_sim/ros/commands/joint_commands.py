@@ -20,7 +20,7 @@ from mbd_sim.mechanism.actuation import command_bounds
 from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.ros.commands.trajectory import JointCurve
+from mbd_sim.ros.commands.trajectory_player import JointCurve
 from mbd_sim.simulation.model.commands import EffortMap
 
 EFFORT: Channel = "effort"

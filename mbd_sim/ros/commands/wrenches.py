@@ -12,7 +12,7 @@ from mbd_sim.base.errors import CommandError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.model.wrenches import WrenchMap
+from mbd_sim.simulation.model.commands import WrenchMap
 from mbd_sim.simulation.run.simulation import Simulation
 
 WrenchTargets = Sequence[tuple[str, str | None]]  # a part, and one of its points or None for the mass center

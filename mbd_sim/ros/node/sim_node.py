@@ -21,8 +21,7 @@ from mbd_sim.recordings.messages.states import Due
 from mbd_sim.recordings.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.node.diagnostics import PERIOD, Diagnostics
-from mbd_sim.ros.node.help import program_help
-from mbd_sim.ros.node.parameters import NodeParameters
+from mbd_sim.ros.node.parameters import NodeParameters, program_help
 from mbd_sim.ros.node.program import run_node
 from mbd_sim.ros.node.services import SERVICES, RunServices, serve_simulation_interfaces
 from mbd_sim.ros.node.setup import (
@@ -134,11 +133,10 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._apply_initial(given)
         self._unknown_parameters = parameters.finish()
         self.commands = command_buffer(parameters, simulation)
-        names, timeout = simulation.model.part_names, self.commands.timeout
-        self.wrenches = WrenchBuffer(simulation.wrench_map, names, timeout, frame_prefix)
+        parts = simulation.model.part_names
+        self.wrenches = WrenchBuffer(simulation.wrench_map, parts, self.commands.timeout, frame_prefix)
         self.followed = followed_clock(self, parameters, leader.stepping_thread if leader else None)
         self.rates = initial_rates(parameters, leads=self.followed is None)
-        start = self._begin_at_start()
         self.stepping_thread: SteppingThread = SteppingThread(
             simulation,
             self.commands,
@@ -146,8 +144,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             wrenches=self.wrenches,
             paused=parameters["start_paused"],
             followed=self.followed,
+            start=self._begin_at_start(),
         )
-        self.stepping_thread.run.start_values = start
         self.publishing_thread = PublishingThread(
             self,
             simulation.model,

@@ -25,7 +25,7 @@ from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Ball, Box, Cylinder, Ring, Rod, circle
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
-from mbd_sim.ros.publishing.message_types import STAMP, MessageTemplate, slot
+from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
 
 CONTACT_COLOR: Color = palette.CONTACT
@@ -218,16 +218,16 @@ class Markers:
 
     def _update_contacts(self, snapshot: Snapshot) -> None:
         """Overwrite the pose and the scale of the ball and the arrow of each contact."""
-        model = self._model
         if not self._contacts:
             return
-        places = model.contact_places(snapshot.time, snapshot.point.state, snapshot.point.inputs)
-        closed = [None if index is None else snapshot.point.inputs[index] > 0.0 for _, index in model.placed_contacts]
+        point, readings = snapshot.point, self._model.contact_readings
+        places = readings.places(snapshot.time, point.state, point.inputs)
+        closed = [None if index is None else point.inputs[index] > 0.0 for _, index in readings.placed]
         rows = zip(self._contacts, places, closed, self._pushes, strict=True)
-        for (ball, arrow), (point, force), is_closed, pushes in rows:
+        for (ball, arrow), (place, force), is_closed, pushes in rows:
             touches = force.any() if is_closed is None else is_closed
-            ball[:] = ball_row(point, bool(touches), self._size)
-            arrow[:] = arrow_row(point, force, self._full_force, self._size, pushes)
+            ball[:] = ball_row(place, bool(touches), self._size)
+            arrow[:] = arrow_row(place, force, self._full_force, self._size, pushes)
 
     def _add_fixed_markers(self, extent: Extent) -> None:
         mechanism, source = self._model.mechanism, self._model.mechanism.source.file
@@ -260,7 +260,7 @@ class Markers:
         self._pushes: list[bool] = []
         self._contact_markers: list[tuple[int, int]] = []
         unit = (1.0, 1.0, 1.0)
-        for owner, _ in self._model.placed_contacts:
+        for owner, _ in self._model.contact_readings.placed:
             self._pushes.append(not pulls(self._model.mechanism, owner))
             number = len(self._messages)
             self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())

@@ -33,14 +33,20 @@ class SteppedRun:
     """
 
     def __init__(
-        self, simulation: Simulation, commands: CommandBuffer, wrenches: WrenchBuffer, *, silent: bool = False
+        self,
+        simulation: Simulation,
+        commands: CommandBuffer,
+        wrenches: WrenchBuffer,
+        start_values: StateValues | None = None,
+        *,
+        silent: bool = False,
     ) -> None:
         """A run at its start; `silent` is described in `SteppingOutput`."""
         self.simulation, self.commands, self.wrenches = simulation, commands, wrenches
         self.output = SteppingOutput(simulation, silent=silent)
         simulation.listen(self.output)
         self.clock = self.output.journal.clock
-        self.start_values: StateValues | None = None
+        self.start_values = start_values
         self._forget_problems()
         self._next_audit = 0  # the tick
 

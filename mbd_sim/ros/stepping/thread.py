@@ -6,13 +6,14 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from queue import Empty, SimpleQueue
+from typing import Generic, ParamSpec
 
 from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.commands.efforts import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping.clock import FollowedClock, Followers, Pacer, Rates
-from mbd_sim.ros.stepping.requests import RequestQueue
 from mbd_sim.ros.stepping.run import SteppedRun
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
@@ -36,10 +37,14 @@ class SteppingThread:
         wrenches: WrenchBuffer | None = None,
         paused: bool = False,
         followed: FollowedClock | None = None,
+        start: StateValues | None = None,
     ) -> None:
-        """Prepare the thread; with a `followed` clock, steps are taken up to its time, instead of in real time."""
+        """Prepare the thread; with a `followed` clock, steps are taken up to its time, instead of in real time.
+
+        :param start: to which resets return, if it is not that of the file.
+        """
         wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
-        self.run = SteppedRun(simulation, commands, wrenches, silent=followed is not None)
+        self.run = SteppedRun(simulation, commands, wrenches, start, silent=followed is not None)
         self.simulation, self.clock, self.rates = simulation, self.run.clock, rates
         self._output = self.run.output
         self.output, self.counters = self._output.queue, self._output.counters
@@ -313,3 +318,49 @@ class SteppingThread:
         if self._output.last_emitted != self.ticks:
             self._output.emit(Due.STATE | Due.CLOCK)  # markers and the Rerun scene follow with the next repeated state
         return ""
+
+
+P = ParamSpec("P")
+
+
+class RequestQueue(Generic[P]):
+    """Functions to call in the serving thread, in the order of their submission."""
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        """`wake` is called after each submission, to interrupt the serving thread's sleep."""
+        self._wake = wake
+        self._requests: SimpleQueue[tuple[Callable[P, None], threading.Event]] = SimpleQueue()
+
+    def submit(self, action: Callable[P, None]) -> threading.Event:
+        """Add a request and return at once; the event is set when it has been served."""
+        done = threading.Event()
+        self._requests.put((action, done))
+        self._wake()
+        return done
+
+    def call(self, action: Callable[P, None], server: threading.Thread, *, await_start: bool = False) -> None:
+        """Add a request and wait until the serving thread has served it, or has ended.
+
+        :param await_start: wait also for a thread that has not started yet; otherwise it serves the request later.
+        """
+        done = self.submit(action)
+        while not done.wait(0.1):
+            if not server.is_alive() and not (await_start and server.ident is None):
+                return
+
+    def serve_next(self, *args: P.args, **kwargs: P.kwargs) -> bool:
+        """Serve the oldest request; False if there is none."""
+        try:
+            action, done = self._requests.get_nowait()
+        except Empty:
+            return False
+        try:
+            action(*args, **kwargs)
+        finally:
+            done.set()
+        return True
+
+    def serve_all(self, *args: P.args, **kwargs: P.kwargs) -> None:
+        """Serve all requests that wait."""
+        while self.serve_next(*args, **kwargs):
+            pass

@@ -15,9 +15,8 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import CommandMap, EffortMap, Efforts
+from mbd_sim.simulation.model.commands import CommandMap, EffortMap, Efforts, WrenchMap
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.wrenches import WrenchMap
 from mbd_sim.simulation.run.arguments import ReadOnlyView
 from mbd_sim.simulation.run.events import AppliedCommands, AppliedEfforts, AppliedWrench, EventKind, Payload
 
@@ -83,7 +82,9 @@ EffortWriter = Callable[[Efforts], None]
 class RunInputs:
     """Writes the inputs of a kernel, and reports what changes them; `efforts`, `commands` and `values` are views."""
 
-    def __init__(self, model: Model, mechanism: Mechanism, memory: KernelMemory, reports: RunReports) -> None:
+    def __init__(
+        self, model: Model, mechanism: Mechanism, memory: KernelMemory, effort_map: EffortMap, reports: RunReports
+    ) -> None:
         layout = model.input_layout
         self.all = memory.inputs
         self.efforts, self.commands, self.values = (
@@ -91,8 +92,7 @@ class RunInputs:
         )
         self.wrench_map = WrenchMap(mechanism, layout)
         self.command_map = CommandMap(mechanism.commanded, layout)
-        self.effort_map = EffortMap(model.coordinate_names, mechanism.effort_limits(), model.driven_names)
-        self._reports = reports
+        self.effort_map, self._reports = effort_map, reports
 
     def effort_writer(self, fallback: EffortWriter, signature: str) -> EffortWriter:
         """Compiled code that does without a listener what `set_efforts` does, and calls `fallback` if it cannot."""

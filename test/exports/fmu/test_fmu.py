@@ -65,7 +65,7 @@ def sampled(tmp_path_factory):
     return Unit(tmp_path_factory.mktemp("sampled"), parse_mechanism(SAMPLED))
 
 
-@pytest.mark.parametrize("name", ["loop", "rods", "sampled"])
+@pytest.mark.parametrize("name", ["loop", "sampled"])
 def test_fmpy_finds_no_problem(name, request):
     from fmpy.validation import validate_fmu
 

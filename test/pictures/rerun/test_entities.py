@@ -238,7 +238,7 @@ def test_contacts_are_points_and_arrows_while_they_are_closed(tmp_path):
 
 def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
     sim, places = Simulation.from_text(SOFT_BALL), []
-    read = lambda: places.append(sim.model.contact_places(sim.time, sim.y, sim.inputs)[0])  # noqa: E731
+    read = lambda: places.append(sim.model.contact_readings.places(sim.time, sim.y, sim.inputs)[0])  # noqa: E731
     recorded, _, scene = show(sim, tmp_path, seconds=0.3, each=20, read=read)
     scale = LONG * scene.extent.size / weight(scene)
     points, arrows = (

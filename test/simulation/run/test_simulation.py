@@ -406,3 +406,15 @@ def test_drives_by_name():
     assert drive.position == pytest.approx(0.1 * np.sin(5 * 0.3), rel=1e-14)
     assert drive.velocity == pytest.approx(0.5 * np.cos(5 * 0.3), rel=1e-14)
     assert drive.force == pytest.approx(sim.reactions()["shaker"].force[0], rel=1e-12)
+
+
+def test_running_until_an_earlier_time_is_refused_with_a_remedy():
+    sim = Simulation.from_file("rod_pendulum")
+    sim.run(until=0.5)
+    sim.run(until=0.5)  # nothing to do
+    before = sim.state
+    with pytest.raises(
+        ValueError, match=r"cannot run until t = 0.2 s: the time is already 0.5 s\. .* or call reset\(\) first"
+    ):
+        sim.run(until=0.2)
+    assert sim.time == 0.5 and sim.state.tobytes() == before.tobytes()
