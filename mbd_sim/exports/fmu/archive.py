@@ -17,7 +17,6 @@ from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.exports.c_code.model import ExportedModel
 from mbd_sim.exports.c_code.module import c_module
 from mbd_sim.exports.fmu.description import build_description, model_description
-from mbd_sim.integrators.adams import Adams
 
 COMPILERS = ("gcc", "cc", "clang")
 FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
@@ -101,7 +100,7 @@ def platform_tuple() -> str:
 
 def _interface_sources(model: ExportedModel, token: str) -> Mapping[str, str]:
     """The sources of the interface by file name; the `token` identifies the module that they call."""
-    generic, keeps = files("mbd_sim.exports.fmu") / "sources", isinstance(model.methods[0], Adams)
+    generic, keeps = files("mbd_sim.exports.fmu") / "sources", model.methods[0].keeps_history
     return {
         "fmi3_model.h": _MODEL_HEADER.format(
             name=model.name,
