@@ -6,17 +6,16 @@ import time
 import numpy as np
 import pytest
 
-pytest.importorskip("viser")
-playwright = pytest.importorskip("playwright.sync_api")
-
-import viser.transforms
-
 from mbd_sim import load_mechanism
 from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.lab import Lab
+from mbd_sim.lab.session import Session
 from mbd_sim.recordings.run.verification import verify
 from test.docs.site_browser import browser
 from test.waiting import wait_until
+
+viser_transforms = pytest.importorskip("viser.transforms")
+playwright = pytest.importorskip("playwright.sync_api")
 
 FLAGS = (
     "--no-sandbox",
@@ -26,7 +25,7 @@ FLAGS = (
     "--enable-webgl",
     "--ignore-gpu-blocklist",
 )
-SIZE = {"width": 1280, "height": 720}
+SIZE = {"width": 1100, "height": 560}  # larger ones take a browser without a GPU longer
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +80,7 @@ class Opened:
     def pixel(self, point):
         """Where a point (3,) is on the screen."""
         camera = list(self.lab.page.server.get_clients().values())[-1].camera
-        rotation = viser.transforms.SO3(np.array(camera.wxyz)).as_matrix()
+        rotation = viser_transforms.SO3(np.array(camera.wxyz)).as_matrix()
         x, y, z = rotation.T @ (np.array(point) - camera.position)
         focal = 0.5 * self.size["height"] / np.tan(0.5 * camera.fov)
         return 0.5 * self.size["width"] + focal * x / z, 0.5 * self.size["height"] + focal * y / z
@@ -156,26 +155,30 @@ def test_a_typed_length_changes_the_linkage_and_goes_back(opened):
 
 
 def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
-    opened.page.keyboard.press("Home")
+    opened.lab.session.ask("speed", lambda session: session.set_speed(0.02))
     opened.button("Play")
+    wait_until(lambda: opened.frame.running, "the run")
     opened.drag("rocker", np.array([0.5, 0.0, 0.0]), 80, -20, release=False)
     wait_until(lambda: opened.frame.pull is not None, "the pull")
     opened.page.mouse.up()
     wait_until(lambda: opened.frame.pull is None, "the hand to let go")
+    opened.lab.session.ask("speed", lambda session: session.set_speed(1.0))
     assert opened.frame.energies[3] != 0.0
     assert abs(opened.frame.energies[6]) < 1e-6
 
 
 def test_two_pages_see_the_same(opened, chromium, lab):
+    lab.session.ask("run", Session.pause)
     second = Opened(chromium, lab)
     second.type("rocker (m)", "1.25")
     wait_until(lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
     field = opened.page.locator("input[value='1.25']").first
-    field.wait_for()
+    field.wait_for(state="attached")
     second.page.close()
 
 
 def test_winding_back_by_the_time_line(opened):
+    opened.button("Play")
     wait_until(lambda: opened.frame.time > 0.5, "the run")
     opened.button("Pause")
     wait_until(lambda: not opened.frame.running, "the pause")
@@ -237,7 +240,8 @@ def test_no_other_address_was_asked_for(opened):
     assert all(url.startswith((opened.lab.url, "blob:", "data:")) for url in opened.requests)
 
 
-def test_on_a_phone_everything_fits(chromium, lab):
+def test_on_a_phone_everything_fits(opened, chromium, lab):
+    opened.page.close()
     phone = Opened(chromium, lab, {"width": 390, "height": 844})
     assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
     phone.page.close()

@@ -4,12 +4,7 @@ import asyncio
 import time
 
 import pytest
-
-pytest.importorskip("viser")
-
-import viser
 import websockets
-from viser import _messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request
 
@@ -17,6 +12,8 @@ from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
 from mbd_sim.lab.safety import Gate, guarded
 from test.waiting import wait_until
+
+viser = pytest.importorskip("viser")
 
 
 def request(path="/", **headers):
@@ -87,7 +84,7 @@ def test_the_hook_stands_in_front_of_the_server(lab):
 
 
 def test_no_page_can_open_the_tunnel(lab):
-    assert _messages.ShareUrlRequest not in lab.page.server._websock_server._incoming_handlers
+    assert viser._messages.ShareUrlRequest not in lab.page.server._websock_server._incoming_handlers
 
 
 def test_a_flood_of_messages_does_not_change_the_pace(lab):
@@ -96,7 +93,7 @@ def test_a_flood_of_messages_does_not_change_the_pace(lab):
     async def flood():
         sent = 0
         async with connect(lab) as connection:
-            message = _messages.GuiUpdateMessage(uuid="nothing", updates={"value": 1.0})
+            message = viser._messages.GuiUpdateMessage(uuid="nothing", updates={"value": 1.0})
             data = message.serialize() if hasattr(message, "serialize") else b"\x80"
             end = time.monotonic() + 1.0
             while time.monotonic() < end:
