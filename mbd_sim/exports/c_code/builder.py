@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer
 from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Block, Function, Module, Type, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer
 from mbd_sim.exports.c_code.functions import literal
 
 _TYPES = {DOUBLE: "double", INT: "int64_t", BOOL: "int", POINTER: "double *"}
