@@ -1,4 +1,4 @@
-"""Compiled functions of a running simulation as Python callables without arguments."""
+"""Functions of a state, compiled apart from the kernel, which they therefore do not change, as Python callables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -21,9 +21,6 @@ from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.code.machine_code import load_code
 from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.python.callable import function_of_addresses
-
-if TYPE_CHECKING:
-    import casadi as ca
 
 Clock = tuple[NDArray[np.int64], NDArray[np.float64]]
 Call = Callable[[], NDArray[np.float64]]
