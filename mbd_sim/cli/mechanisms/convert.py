@@ -42,8 +42,8 @@ def execute(options: argparse.Namespace) -> int:
     :raises CommandError: `--expand` with another format.
     """
     from mbd_sim.files.load import load_mechanism
-    from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
-    from mbd_sim.files.text.yaml_writer import mechanism_text, yaml_text
+    from mbd_sim.files.text.mesh_files import with_meshes_seen_from
+    from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 
     if options.expand and options.to != "yaml":
         raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")

@@ -31,7 +31,7 @@ from mbd_sim.exports.c_code.variables import (
     point_outputs,
     state_variables,
 )
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.method import Method
 from mbd_sim.integrators.methods import METHODS

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn, Self, TypeVar, Unpack
 
 import numpy as np
 
-from mbd_sim.base.collection_pause import paused_collection
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
@@ -148,14 +147,12 @@ class Simulation(PresentState):
 
         :raises MechanismError: with all problems of the file.
         """
-        with paused_collection():
-            return cls(load_mechanism(mechanism), **options)
+        return cls(load_mechanism(mechanism), **options)
 
     @classmethod
     def from_text(cls, text: str, **options: Unpack[SimulationOptions]) -> Self:
         """Load and build a mechanism from YAML text."""
-        with paused_collection():
-            return cls(parse_mechanism(text), **options)
+        return cls(parse_mechanism(text), **options)
 
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
