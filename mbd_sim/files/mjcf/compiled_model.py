@@ -101,11 +101,11 @@ class CompiledModel:
         """Where an element stands in the file."""
         return Origin(self.file, self.line(kind, index), self.key(kind, index))
 
-    def leave_out(self, sentence: str, kind: str, index: int, detail: str = "") -> None:
+    def leave_out(self, sentence: str, kind: str, index: int) -> None:
         """Note that something of an element is not simulated, or is otherwise."""
         known, line = self._elements[kind][index].info, self.line(kind, index)
         where = f" (line {line})" if line else " (in an included file)" if known else ""
-        self.reading.leave_out(sentence, f"{self.key(kind, index)}{where}{detail}")
+        self.reading.leave_out(sentence, f"{self.key(kind, index)}{where}")
 
     def disabled(self, flag: str) -> bool:
         """Whether a `<flag>` turns something off."""
