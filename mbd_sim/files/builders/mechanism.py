@@ -108,7 +108,7 @@ def _named_joints(elements: MechanismElements) -> set[str]:
     sprung = {bushing.name for bushing in elements.joint_bushings if elements.joints[bushing.name].type == "free"}
     if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
         return sprung
-    from mbd_sim.mechanism.force_expressions import force_expressions
+    from mbd_sim.mechanism.contents import force_expressions
 
     of_all_kinds: chain[ForceElement] = chain.from_iterable(vars(forces).values())
     found = force_expressions(elements.joints.values(), of_all_kinds)

@@ -17,7 +17,7 @@ from mbd_sim.base.errors import MechanismError, quoted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.base.packages import require_packages
-from mbd_sim.files.text.file_limits import digest_of_file, file_error
+from mbd_sim.files.text.library import digest_of_file, file_error
 from mbd_sim.files.text.xml import Reading, slips_of
 from mbd_sim.mechanism.values.names import LONGEST_NAME, in_expression
 from mbd_sim.mechanism.values.source import Origin
@@ -101,11 +101,11 @@ class CompiledModel:
         """Where an element stands in the file."""
         return Origin(self.file, self.line(kind, index), self.key(kind, index))
 
-    def leave_out(self, sentence: str, kind: str, index: int) -> None:
+    def leave_out(self, sentence: str, kind: str, index: int, detail: str = "") -> None:
         """Note that something of an element is not simulated, or is otherwise."""
         known, line = self._elements[kind][index].info, self.line(kind, index)
         where = f" (line {line})" if line else " (in an included file)" if known else ""
-        self.reading.leave_out(sentence, f"{self.key(kind, index)}{where}")
+        self.reading.leave_out(sentence, f"{self.key(kind, index)}{where}{detail}")
 
     def disabled(self, flag: str) -> bool:
         """Whether a `<flag>` turns something off."""
