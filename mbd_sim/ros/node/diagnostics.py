@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from mbd_sim.base.errors import counted, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.recordings.messages.schedule import attained_rate
+from mbd_sim.recordings.messages.journal import attained_rate
 from mbd_sim.recordings.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.node.subscriptions import Subscriptions, printable
 from mbd_sim.ros.publishing.publishers import TopicPublisher
@@ -231,7 +231,7 @@ class Diagnostics:
         elif limited := now.limited - self._last.limited:
             problem = (
                 f"{limited} commands in the last second were beyond the limits of their joints, and have been reduced. "
-                "Command positions within 'limits', and velocities up to 'velocity_limit'"
+                "Command positions within 'limits', velocities up to 'velocity_limit', and efforts up to 'effort_limit'"
             )
         return self._status("commands", problem or "OK", bool(problem), {
             "accepted": str(subscriptions.accepted),

@@ -23,8 +23,7 @@ from mbd_sim.studies.kinematic_analysis.loads import couplers_and_followers, dri
 from mbd_sim.studies.kinematic_analysis.motion import driven_motion
 from mbd_sim.studies.kinematic_analysis.picture import draw_motion
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem, is_rotation
-from mbd_sim.studies.synthesis.goals import EffortGoal, FunctionGoal, Goal, PathGoal
-from mbd_sim.studies.synthesis.problem import DesignProblem, least_peak
+from mbd_sim.studies.synthesis.problem import DesignProblem, EffortGoal, FunctionGoal, Goal, PathGoal, least_peak
 
 Norm = Literal["rms", "peak"]
 MOST_STEPS = 200

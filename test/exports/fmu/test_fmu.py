@@ -14,8 +14,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.cli.main import main
 from mbd_sim.exports.c_code.model import export_model
 from mbd_sim.exports.fmu import archive
-from mbd_sim.exports.fmu.archive import write_fmu
-from mbd_sim.exports.fmu.description import entries
+from mbd_sim.exports.fmu.archive import entries, write_fmu
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.integrators.methods import METHODS
 from test.generators.sampled_arm import sampled_arm
