@@ -16,7 +16,7 @@ from mbd_sim.analysis.linear.inputs import LinearInput, driven_inputs, possible_
 from mbd_sim.analysis.linear.outputs import Output, StateSymbols, possible_outputs
 from mbd_sim.analysis.linear.small_motion import SmallMotion, small_motion
 from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
-from mbd_sim.base.errors import CommandError, listed, nearest, shortened
+from mbd_sim.base.errors import CommandError, InputError, listed, nearest, shortened
 from mbd_sim.base.geometry.arrays import finite_matrix
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
@@ -257,9 +257,10 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     values, vectors = np.linalg.eig(hamiltonian)
     stable = vectors[:, values.real < -1e-9 * np.max(np.abs(values), initial=1.0)]
     if stable.shape[1] != n or np.linalg.matrix_rank(stable[:n]) < n:
-        raise ValueError(
+        raise InputError(
             "no regulator stabilizes this system: these efforts cannot control an unstable mode, or a mode that does "
-            "not decay has no cost. Actuate another joint, or give every coordinate a cost."
+            "not decay has no cost",
+            "Actuate another joint, or give every coordinate a cost.",
         )
     solution = np.real(stable[n:] @ np.linalg.inv(stable[:n]))
     return np.asarray(weighted @ solution)
@@ -269,9 +270,9 @@ def _columns(given: Array, size: int) -> Array:
     """A matrix (size, m) with a column for each effort."""
     b = np.asarray(given, dtype=float)
     if b.ndim != 2:
-        raise ValueError(
-            f"b must be a matrix ({size}, m) with a column for each of m efforts, not an array of shape {b.shape}. "
-            "Give the column of a single effort as b[:, :1], or as [[0], [1]]."
+        raise InputError(
+            f"b must be a matrix ({size}, m) with a column for each of m efforts, not an array of shape {b.shape}",
+            "Give the column of a single effort as b[:, :1], or as [[0], [1]].",
         )
     return finite_matrix(b, (size, b.shape[1]), "b")
 

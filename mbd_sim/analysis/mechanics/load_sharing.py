@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations
@@ -115,9 +115,10 @@ class LoadSharing:
         """
         loads = self._loads(t, y, inputs)
         if self._added(loads) is not None:
-            raise MbdSimError(
+            raise InputError(
                 f"the reactions of '{self._mechanism.name}' are not linearized, because redundant joints share the "
-                "load in this state. Leave out redundant constraints, or choose other outputs."
+                "load in this state",
+                "Leave out redundant constraints, or choose other outputs.",
             )
         of_reactions, stresses = loads.of_reactions, self._self_stresses(loads)
         components = self._components(of_reactions, stresses, reactions, multipliers)[0]

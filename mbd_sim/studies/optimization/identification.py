@@ -82,7 +82,7 @@ def fit(
     """
     present = linearize(shared, None)
     if present is None:
-        raise MbdSimError("there is no trajectory with the first guesses. Use better ones.")
+        raise InputError("there is no trajectory with the first guesses", "Use better ones.")
     commit()
     damping = FIRST_DAMPING
     for _ in range(ITERATIONS):
