@@ -16,7 +16,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.load_functions import Loads
 from mbd_sim.mechanism.mechanism import Mechanism
 
-ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load
+LOAD_ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load
 DETERMINED = 1e-9  # influence of multipliers on drives that is round-off, relative to that of one multiplier
 
 
@@ -86,7 +86,9 @@ class LoadSharing:
         effects = np.abs(loads.of_reactions @ stresses).reshape(-1, 6, stresses.shape[1])
         forces = effects[:, :3].max(axis=(1, 2), initial=0.0)
         names = [*self._mechanism.joints, *self._mechanism.closing]
-        return [name for name, force in zip(names, forces, strict=True) if force > ROUND_OFF * effects.max(initial=0.0)]
+        return [
+            name for name, force in zip(names, forces, strict=True) if force > LOAD_ROUND_OFF * effects.max(initial=0.0)
+        ]
 
     def _values(self, t: float, y: Array, inputs: Array) -> Array:
         return (self._read or self._equations.load_paths.values)(t, y, inputs)
@@ -133,7 +135,7 @@ class LoadSharing:
         if len(own):
             effects, loads = np.vstack([effects, stresses[own]]), np.concatenate([loads, multipliers[own]])
         components: Array = np.asarray(np.linalg.lstsq(effects, -loads, rcond=None)[0], dtype=float)
-        return components, bool(np.abs(effects @ components).max() <= ROUND_OFF * np.abs(loads).max())
+        return components, bool(np.abs(effects @ components).max() <= LOAD_ROUND_OFF * np.abs(loads).max())
 
     def _self_stresses(self, loads: Loads) -> Array:
         """An orthonormal basis (m, k) of the multipliers that change neither the motion nor the forces of drives.

@@ -8,7 +8,7 @@ from typing import Any
 
 from mbd_sim.base.errors import counted, listed, printable
 
-ROUND_OFF = 1e-14  # relative to the size of the mechanism
+POSITION_ROUND_OFF = 1e-14  # relative to the size of the mechanism
 
 
 def report_text(found: dict[str, Any]) -> str:
@@ -315,4 +315,4 @@ def _all_rounded(values: list[float]) -> list[float]:
 
 def _rounded(value: float, scale: float = 1.0) -> float:
     """The value, or 0 where it is round-off in comparison with `scale`."""
-    return value if abs(value) > ROUND_OFF * scale else 0.0
+    return value if abs(value) > POSITION_ROUND_OFF * scale else 0.0
