@@ -71,7 +71,7 @@ def _frame(model: Model, time: float, point: RunPoint) -> Frame:
         running=False,
         rate=0.0,
         poses=model.pose_array(*now).copy(),
-        contacts=np.array(model.contact_places(*now)) if model.placed_contacts else np.empty((0, 6)),
+        contacts=np.array(model.contact_readings.places(*now)) if model.contact_readings.placed else np.empty((0, 6)),
         energies=np.zeros(7),
         positions=np.empty(0),
         speeds=np.empty(0),

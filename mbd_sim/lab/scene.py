@@ -74,7 +74,7 @@ class Scene:
         for number, primitive in enumerate(primitives_of(model.mechanism, extent.size)):
             self._add(f"/parts/{primitive.part}/{number}", primitive)
         self._lines = list(self._add_lines(model.mechanism))
-        self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.placed_contacts]
+        self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._contacts = self._arrows("contacts", palette.CONTACT if dark else (196, 138, 0))
         self._reactions = self._arrows("reactions", palette.REACTION if dark else (0, 120, 190))
         self._pull = self._arrows("pull", palette.APPLIED)

@@ -300,7 +300,9 @@ class Session:
             running=self.running,
             rate=self._rate if self.running else 0.0,
             poses=model.pose_array(*now).copy(),
-            contacts=np.array(model.contact_places(*now)) if model.placed_contacts else np.empty((0, 6)),
+            contacts=np.array(model.contact_readings.places(*now))
+            if model.contact_readings.placed
+            else np.empty((0, 6)),
             energies=np.array(tuple(simulation.energies)),
             positions=model.coordinates(simulation.y),
             speeds=simulation.u.copy(),

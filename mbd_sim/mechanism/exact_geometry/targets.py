@@ -17,7 +17,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.mechanism.elements.constraints import Constraint, Coupling
 from mbd_sim.mechanism.elements.parts import Joint, Move
-from mbd_sim.mechanism.exact_geometry.families import LINES, Axis, Family, Key, axes_of, meeting_point
+from mbd_sim.mechanism.exact_geometry.families import Axis, Family, Key, axes_of, meeting_point
 from mbd_sim.mechanism.exact_geometry.freedoms import advance, twists_of
 from mbd_sim.mechanism.exact_geometry.loop_positions import Placement
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -125,23 +125,23 @@ class Targets:
         """The origins of both frames, so that the joint is at a position that it allows."""
         gap = second.position - first.position
         axis = first.rotation @ joint.axis
-        match joint.type:
-            case "revolute" | "universal" | "spherical":
-                shared = self._on_common(joint, 0.5 * (first.position + second.position), axis)
-                return shared, shared
-            case "prismatic" | "cylindrical" | "screw":
-                along = axis * float(axis @ gap)
-                across = 0.5 * (gap - along)
-                places = [first.position + across, second.position - across]
-                if joint.type == "screw":
-                    half = 0.5 * axis * advance(joint, first, second)
-                    places = [places[0] + half, places[1] - half]
-                if joint.type in LINES:
-                    places = [self._on_common(joint, at, axis) for at in places]
-                return places[0], places[1]
-            case "planar":
-                half = 0.5 * axis * float(axis @ gap)
-                return first.position + half, second.position - half
+        conditions, kind = joint.kind.loop_conditions, joint.kind
+        if kind.keeps_point:
+            shared = self._on_common(joint, 0.5 * (first.position + second.position), axis)
+            return shared, shared
+        if "point on axis" in conditions:
+            along = axis * float(axis @ gap)
+            across = 0.5 * (gap - along)
+            places = [first.position + across, second.position - across]
+            if kind.advances:
+                half = 0.5 * axis * advance(joint, first, second)
+                places = [places[0] + half, places[1] - half]
+            if kind.keeps_line:
+                places = [self._on_common(joint, at, axis) for at in places]
+            return places[0], places[1]
+        if "point in plane" in conditions:
+            half = 0.5 * axis * float(axis @ gap)
+            return first.position + half, second.position - half
         return first.position, second.position
 
     def _on_common(self, joint: Joint, at: Array, axis: Array) -> Array:
