@@ -300,7 +300,7 @@ def _axes(joint: dict[str, Any]) -> str:
 
 
 def _size(found: dict[str, Any]) -> float:
-    """The size of the mechanism in m, with which its lengths are compared."""
+    """The size of the mechanism in m, to compare its lengths with."""
     return float(found.get("size", 1.0))
 
 
