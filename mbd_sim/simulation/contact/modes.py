@@ -5,6 +5,8 @@ Without a jump of speeds, forces are sought that keep the accelerations of all t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
@@ -26,7 +28,7 @@ class ModeFinder:
         return np.asarray(readings.gaps <= limit * self._model.gap_units, dtype=bool)
 
     def find(self, time: float, y: Array, inputs: Array, forced: Forced = NOTHING_FORCED) -> Array:
-        """The modes (see `OneSidedLayout.modes`) at a state without approaching contacts.
+        """The modes (see `OneSidedLayout`) at a state without approaching contacts.
 
         :raises NoSolutionError: no forces are admissible.
         """
@@ -43,15 +45,12 @@ class ModeFinder:
             overloaded = self._overloaded(guards, terms, modes)
             if not overloaded:
                 return modes
-            forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
+            forced = replace(forced, overloaded=forced.overloaded | overloaded)
         raise NoSolutionError("the contacts keep changing their states")
 
-    def _overloaded(self, found: OneSidedReadings, terms: OneSidedTerms, modes: Array) -> dict[int, tuple[float, ...]]:
-        """Sticking elements that carry more than they can, with the direction in which each is loaded.
-
-        That happens where several share a load that is indeterminate. Each then bears as much as it can.
-        """
-        model, overloaded = self._model, dict[int, tuple[float, ...]]()
+    def _overloaded(self, found: OneSidedReadings, terms: OneSidedTerms, modes: Array) -> frozenset[int]:
+        """Sticking elements that carry more than they can, as where several share a load that is indeterminate."""
+        model, overloaded = self._model, set[int]()
         sliding, active = model.sliding(modes), modes[model.layout.active]
         scale = model.loads * (1.0 + float(np.max(np.abs(found.forces) / model.loads, initial=0.0)))
         for index, (rows, gap) in enumerate(model.frictions):
@@ -61,6 +60,6 @@ class ModeFinder:
             load = (
                 terms.load(index, found.forces) if index in model.loaded else 1.0 if gap is None else found.forces[gap]
             )
-            if (size := euclidean_norm(force)) > terms.sizes[index, 1] * load + 1e-9 * scale[rows[0]]:
-                overloaded[index] = tuple((-force / size).tolist())
-        return overloaded
+            if euclidean_norm(force) > terms.sizes[index, 1] * load + 1e-9 * scale[rows[0]]:
+                overloaded.add(index)
+        return frozenset(overloaded)
