@@ -6,7 +6,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
-from mbd_sim.ros.node.help import argument_rows
+from mbd_sim.ros.node.parameters import argument_rows
 from mbd_sim.ros.replay.replay_node import PARAMETERS
 
 ARGUMENTS = [row for row in argument_rows(PARAMETERS) if row[0] != "bag"]  # name, default, meaning, type

@@ -9,7 +9,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
-from mbd_sim.ros.node.help import argument_rows
+from mbd_sim.ros.node.parameters import argument_rows
 from mbd_sim.ros.node.sim_parameters import PARAMETERS
 
 ARGUMENTS = argument_rows(PARAMETERS)  # all parameters of the node: name, default, meaning, type

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from mbd_sim.base import disk_cache
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.code.machine_code import LONG
 from mbd_sim.files.text.library import shipped
@@ -67,6 +68,7 @@ settings.register_profile(
 )
 settings.load_profile("mbd_sim")
 shared_builds.share_builds()
+disk_cache.LARGEST = math.inf  # to look at all entries takes as long as to compile one
 
 
 # Tests start some hundred processes, each of which would compile all modules of the package again.
@@ -107,6 +109,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
+    gc.freeze()  # nothing of the collection is searched for garbage again
     gc.set_threshold(2000, 10, 100)  # the shared builds are many objects, which stay as well
     gc.enable()
 

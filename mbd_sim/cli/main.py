@@ -12,7 +12,7 @@ from mbd_sim import __version__
 from mbd_sim.base.errors import MbdSimError, quoted
 from mbd_sim.base.packages import missing_package
 from mbd_sim.cli.mechanisms import c_code, check, convert, fmu, list_mechanisms, schema, urdf
-from mbd_sim.cli.runs import export, plot, recover, rerun_with, run, sweep, verify, view
+from mbd_sim.cli.runs import export, lab, plot, recover, rerun_with, run, sweep, verify, view
 from mbd_sim.cli.shared.common import Waiting, find_temporary_folder
 from mbd_sim.cli.shared.completion import complete
 from mbd_sim.cli.studies import bode, kinematics, linearize, modes, optimize
@@ -34,6 +34,7 @@ class Command(Protocol):
 COMMANDS: dict[str, Command] = {  # in the order of --help
     "check": check,
     "run": run,
+    "lab": lab,
     "sweep": sweep,
     "kinematics": kinematics,
     "optimize": optimize,

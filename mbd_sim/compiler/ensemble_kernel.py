@@ -6,7 +6,6 @@ import ctypes
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
 import casadi as ca
@@ -15,16 +14,13 @@ from numpy.typing import NDArray
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.code.machine_code import MachineCode
-from mbd_sim.compiler.kernel import PartialSystem, emit_system, step_of
+from mbd_sim.compiler.kernel import PartialSystem, StepNeeds, emit_system, step_of
 from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.compiler.steps.adams_history import history_size
 from mbd_sim.compiler.steps.loop import emit_advance_members
-from mbd_sim.compiler.steps.rosenbrock import emit_partial_system
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.methods import StepMethod
-from mbd_sim.integrators.tableau import Scales
+from mbd_sim.integrators.method import Method, Scales
 
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
@@ -50,7 +46,7 @@ class MemberKernel:
 def compile_members(
     rates: ca.Function,
     projection: ca.Function | None,
-    method: StepMethod,
+    method: Method,
     core: slice,
     partial_system: PartialSystem | None = None,
     between_steps: BetweenSteps | None = None,
@@ -61,12 +57,12 @@ def compile_members(
     module = new_module()
     program = arranged(rates)
     system = emit_system(module, rates, program, projection, method, core.stop, lanes, between_steps, scales=scales)
-    partial_functions = None
-    if partial_system is not None:
-        partial_functions = emit_partial_system(*partial_system, partial(lower, module, inline=False, lanes=lanes))
-    step = step_of(method, rates, core, partial_functions)
+    needs = StepNeeds(
+        rates, core, lambda: partial_system, lambda function, *_: lower(module, function, inline=False, lanes=lanes)
+    )
+    step = step_of(method, needs)
     size = rates.nnz_in(2)
-    emit_advance_members(module, system, step, lanes, size + history_size(method, system.size, size))
+    emit_advance_members(module, system, step, lanes, size + method.history_size(system.size, size))
     code = compile_module(module)
     signature = ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4, _INT, _DOUBLE, *[_INT] * 3)
     return MemberKernel(signature(code.address("advance_members")), lanes, code)

@@ -6,8 +6,8 @@ What a method keeps of earlier steps is in memory behind the inputs of the syste
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import casadi as ca
 
@@ -22,22 +22,19 @@ from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
 from mbd_sim.compiler.python.step_call import emit_call
 from mbd_sim.compiler.steps.adams import adams_step
-from mbd_sim.compiler.steps.adams_history import history_size as adams_size
-from mbd_sim.compiler.steps.emitter import Prepare, System, emit_samples
+from mbd_sim.compiler.steps.emitter import Emit, Prepare, System, emit_samples
 from mbd_sim.compiler.steps.loop import emit_advance
 from mbd_sim.compiler.steps.runge_kutta import explicit_step
-from mbd_sim.compiler.taylor.history import expansion_size
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.gauss import Gauss
-from mbd_sim.integrators.methods import Method, StepMethod
-from mbd_sim.integrators.rosenbrock import Rosenbrock
-from mbd_sim.integrators.tableau import Scales
-from mbd_sim.integrators.taylor import Taylor
+from mbd_sim.integrators.method import Method, Scales
+from mbd_sim.integrators.rosenbrock import Rosenbrock, RosenbrockW
+from mbd_sim.integrators.tableau import Tableau
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.steps.active_rows import OneSidedSystem
-    from mbd_sim.compiler.steps.rosenbrock import PartialFunctions
+    from mbd_sim.integrators.taylor import Taylor
 
 
 INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop
@@ -68,9 +65,9 @@ def compile_kernel(
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
     :param readers: further functions of the state, with one output each.
-    :param core: the components that `linearize_rates` solves for together, by default all. No rate depends on the
+    :param core: the components that `emit_linearized` solves for together, by default all. No rate depends on the
         components after them, which do not count in error estimates either.
-    :param trace_partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
+    :param trace_partial_system: for methods that use joints: see `emit_partial_system`.
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     :param between_steps: what changes in the state at the start of a step.
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
@@ -78,7 +75,6 @@ def compile_kernel(
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
-    partial_functions = _emit_partial_system(trace_partial_system(), partial(lower, module, inline=False))
     program = arranged(rates)
     system = emit_system(
         module,
@@ -91,7 +87,8 @@ def compile_kernel(
         packing=packed(program, like_branches) if module.fast else None,
         scales=scales,
     )
-    advance = _emit_advance(module, system, method, rates, program, core, partial_functions, one_sided)
+    needs = StepNeeds(rates, core, trace_partial_system, lambda function, *_: lower(module, function, inline=False))
+    advance = _emit_advance(module, system, method, program, needs, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
@@ -107,35 +104,23 @@ def _emit_advance(
     module: Module,
     system: System,
     method: Method,
-    rates: ca.Function,
     program: Instructions,
-    core: slice,
-    partial: PartialFunctions | None,
+    needs: StepNeeds,
     one_sided: OneSidedSystem | None,
 ) -> Function:
     """Emit the loop over steps."""
-    if isinstance(method, Taylor):
+    if method.uses_series:
         from mbd_sim.compiler.taylor.step import emit_taylor_advance
 
         if one_sided is not None or system.samples is not None:
             raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
-        return emit_taylor_advance(module, system, method, rates)
-    step = step_of(method, rates, core, partial)
+        return emit_taylor_advance(module, system, cast("Taylor", method), needs.rates)
+    step = step_of(method, needs)
     if one_sided is None:
         return emit_advance(module, system, step)
     from mbd_sim.compiler.steps.active_rows import emit_one_sided
 
     return emit_one_sided(module, system, program, step, one_sided)
-
-
-def _emit_partial_system(
-    system: PartialSystem | None, emit: Callable[[ca.Function], Function]
-) -> PartialFunctions | None:
-    if system is None:
-        return None
-    from mbd_sim.compiler.steps.rosenbrock import emit_partial_system
-
-    return emit_partial_system(*system, emit)
 
 
 def emit_system(
@@ -184,30 +169,46 @@ def emit_system(
     )
 
 
-def step_of(method: StepMethod, rates: ca.Function, core: slice, partial: PartialFunctions | None) -> Prepare:
-    """What emits the steps of a method: see `compile_kernel`."""
-    # What few mechanisms need is imported only for these.
-    if isinstance(method, Rosenbrock) and method.joints_only:
-        from mbd_sim.compiler.steps.rosenbrock import rosenbrock_w_step
+@dataclass(frozen=True, eq=False)
+class StepNeeds:
+    """What the emitters of steps may need beside the `System`: see `compile_kernel` for `core` and the partial one."""
 
-        if partial is None:
-            raise ValueError(f"method {method.name} needs a partial system")
-        return rosenbrock_w_step(method, partial)
-    if isinstance(method, Rosenbrock):
-        from mbd_sim.compiler.steps.rosenbrock import linearize_rates, rosenbrock_step
-
-        return rosenbrock_step(method, linearize_rates(rates, core))
-    if isinstance(method, Gauss):
-        from mbd_sim.compiler.steps.gauss import gauss_step
-
-        return gauss_step(method)
-    if isinstance(method, Adams):
-        return adams_step(method)
-    return explicit_step(method)
+    rates: ca.Function
+    core: slice
+    trace_partial_system: Callable[[], PartialSystem | None]
+    emit: Emit
 
 
-def history_size(method: Method, size: int, inputs_size: int) -> int:
-    """The numbers of the history of a method, for a state and inputs of these sizes; 0 for methods without one."""
-    if isinstance(method, Taylor):
-        return expansion_size(method, size, inputs_size)
-    return adams_size(method, size, inputs_size)
+def _rosenbrock(method: Rosenbrock, needs: StepNeeds) -> Prepare:
+    from mbd_sim.compiler.steps.rosenbrock import emit_linearized, rosenbrock_step
+
+    return rosenbrock_step(method, emit_linearized(needs.rates, needs.core, needs.emit))
+
+
+def _rosenbrock_w(method: RosenbrockW, needs: StepNeeds) -> Prepare:
+    from mbd_sim.compiler.steps.rosenbrock import emit_partial_system, rosenbrock_w_step
+
+    if (system := needs.trace_partial_system()) is None:
+        raise ValueError(f"method {method.name} needs a partial system")
+    return rosenbrock_w_step(method, emit_partial_system(*system, needs.emit))
+
+
+def _gauss(method: Gauss, _: StepNeeds) -> Prepare:
+    from mbd_sim.compiler.steps.gauss import gauss_step
+
+    return gauss_step(method)
+
+
+# What emits the steps of the methods of a class. Implicit ones, which few mechanisms need, are imported on demand.
+FAMILIES: Mapping[type[Method], Callable[[Any, StepNeeds], Prepare]] = {
+    Tableau: lambda method, _: explicit_step(method),
+    Adams: lambda method, _: adams_step(method),
+    Rosenbrock: _rosenbrock,
+    RosenbrockW: _rosenbrock_w,
+    Gauss: _gauss,
+}
+
+
+def step_of(method: Method, needs: StepNeeds) -> Prepare:
+    """What emits the steps of a method that uses no series."""
+    return FAMILIES[type(method)](method, needs)

@@ -33,7 +33,7 @@ from mbd_sim.dynamics.kinematics.state_variables import StateVariables
 from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant, is_absent, skew
-from mbd_sim.mechanism.elements.actuators import CoordinatePort, Cylinder
+from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.contacts import Contact, Cushion
 from mbd_sim.mechanism.elements.forces import Bushing
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Part
@@ -296,7 +296,7 @@ def _add_rotors(energies: _Energies, mechanism: Mechanism, links: Sequence[Link]
             speeds |= dict(zip(link.joint.coordinate_names[-3:], ca.vertsplit(kinematics.omega(turn)), strict=True))
     for actuator in mechanism.actuators:
         motor = actuator.motor
-        if isinstance(actuator.port, CoordinatePort) and not isinstance(motor, Cylinder):
+        if isinstance(actuator.port, CoordinatePort):
             speed = motor.gear * speeds[actuator.port.coordinate]
             energies.kinetic += 0.5 * motor.rotor_inertia * speed**2
 

@@ -15,8 +15,7 @@ from sensor_msgs.msg import JointState
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.ros.node.help import Rows, program_help
-from mbd_sim.ros.node.parameters import ParameterSpec
+from mbd_sim.ros.node.parameters import ParameterSpec, Rows, program_help
 from mbd_sim.ros.node.program import ProgramNode, run_node
 
 CONTROL_TOPICS = (

@@ -8,11 +8,12 @@ from math import comb, prod
 from typing import ClassVar
 
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.integrators.tableau import EXPLICIT, Coefficients, Tableau
+from mbd_sim.integrators.method import Coefficients, Method
+from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 
 
 @dataclass(frozen=True)
-class Adams:
+class Adams(Method):
     """A step y* = y + h Σ p_j f_j, y' = y + h (γ f(t + h, y*) + Σ c_j f_j), where f_j are the slopes j steps ago.
 
     p are the `predictor` and c the `corrector`, γ is the `newest` of its coefficients. A step is taken at once, or in
@@ -25,10 +26,8 @@ class Adams:
     `stability_limit` is that of `otherwise`, since y' − y* grows where a step of this method is not stable.
     """
 
-    evaluations: ClassVar[int] = 2  # of the accelerations in a step at once
+    keeps_history: ClassVar[bool] = True
 
-    name: str
-    order: int
     predictor: Coefficients
     corrector: Coefficients
     newest: float
@@ -50,11 +49,21 @@ class Adams:
         return self.otherwise.stages + 4
 
     @property
-    def stability_limit(self) -> float:
-        """As for a `Tableau`."""
-        return self.otherwise.stability_limit
+    def evaluations(self) -> int:
+        """Those of a step at once."""
+        return 2
+
+    @property
+    def one_step(self) -> Tableau:
+        """The other method."""
+        return self.otherwise
+
+    def history_size(self, size: int, inputs_size: int) -> int:
+        """The numbers of `mbd_sim.compiler.steps.adams_history`: six, then the state, inputs, round-off and slopes."""
+        return 6 + inputs_size + (2 + PARTS * self.length) * size
 
 
+PARTS = 4  # of a step at most
 LOWER = (3, 4, 5, 6, 7, 8)  # orders of differences with less round-off
 
 
@@ -69,7 +78,18 @@ def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams
     p, c = (tuple(float(value) for value in values) for values in (predictor, corrector))
     differences = tuple(tuple(float(-((-1) ** j) * comb(k, j)) for j in range(1, k + 1)) for k in LOWER)
     midpoints = tuple(_interpolation(length, -1 - 2 * back) for back in range(length // 2))
-    return Adams(name, length + 1, p, c, float(newest), differences, midpoints, tolerance, otherwise)
+    return Adams(
+        name,
+        length + 1,
+        p,
+        c,
+        float(newest),
+        differences,
+        midpoints,
+        tolerance,
+        otherwise,
+        stability_limit=otherwise.stability_limit,
+    )
 
 
 def _interpolation(length: int, twice: int) -> Coefficients:

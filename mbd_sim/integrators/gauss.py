@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.integrators.tableau import Coefficients, ErrorEstimate
+from mbd_sim.integrators.method import Coefficients, ErrorEstimate, Method
 
 
 @dataclass(frozen=True)
-class Gauss:
+class Gauss(Method):
     """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_j a_ij k_j); sweeps over the stages solve for the k_i.
 
     A step takes at most `sweeps` of them, and fewer once a sweep changes nothing. The slopes of the `estimate` are f at
@@ -18,14 +19,13 @@ class Gauss:
     `stability_limit` is the largest h |λ| at which the sweeps converge, for the eigenvalues λ of the system.
     """
 
-    name: str
-    order: int
+    explicit: ClassVar[bool] = False
+
     a: tuple[Coefficients, ...]
     b: Coefficients
     c: Coefficients
     estimate: ErrorEstimate
     sweeps: int = 16
-    stability_limit: float = 2.0
 
     __repr__ = short_repr
 
@@ -48,6 +48,7 @@ GAUSS: dict[str, Gauss] = {
             (0.5, 0.5),
             (0.5 - R3 / 6.0, 0.5 + R3 / 6.0),
             ErrorEstimate(tuple(0.6 * d for d in (1.0, -(1.0 + R3) / 2.0, -(1.0 - R3) / 2.0)), (1.0,)),
+            stability_limit=2.0,
         ),
         Gauss(
             "gauss6",
@@ -60,6 +61,7 @@ GAUSS: dict[str, Gauss] = {
             (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0),
             (0.5 - R15 / 10.0, 0.5, 0.5 + R15 / 10.0),
             ErrorEstimate(tuple(0.5 * d for d in (1.0, -(5.0 + R15) / 6.0, 2.0 / 3.0, -(5.0 - R15) / 6.0)), (1.0,)),
+            stability_limit=2.0,
         ),
     )
 }

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from mbd_sim.integrators.adams import ADAMS, Adams
-from mbd_sim.integrators.gauss import GAUSS, Gauss
-from mbd_sim.integrators.rosenbrock import ROSENBROCK, ROSENBROCK_W, Rosenbrock
-from mbd_sim.integrators.tableau import EXPLICIT, Tableau
-from mbd_sim.integrators.taylor import TAYLOR, Taylor
-
-StepMethod = Tableau | Rosenbrock | Gauss | Adams
-Method = StepMethod | Taylor
+from mbd_sim.integrators.adams import ADAMS
+from mbd_sim.integrators.gauss import GAUSS
+from mbd_sim.integrators.method import Method
+from mbd_sim.integrators.rosenbrock import ROSENBROCK, ROSENBROCK_W
+from mbd_sim.integrators.tableau import EXPLICIT
+from mbd_sim.integrators.taylor import TAYLOR
 
 METHODS: dict[str, Method] = {**EXPLICIT, **ADAMS, **TAYLOR, **ROSENBROCK, **ROSENBROCK_W, **GAUSS}

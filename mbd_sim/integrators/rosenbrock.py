@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.integrators.coefficients import rodas5p, ros34pw2
-from mbd_sim.integrators.tableau import Coefficients, ErrorEstimate
+from mbd_sim.integrators.method import Coefficients, ErrorEstimate, Method
 
 
 @dataclass(frozen=True)
-class Rosenbrock:
+class Rosenbrock(Method):
     """y + Σ m_i U_i, with increments U_i that are each a solution of a linear system with the same matrix.
 
     With J = ∂f/∂y and f_t = ∂f/∂t at the start of the step,
@@ -20,12 +21,12 @@ class Rosenbrock:
     (I − h γ J) U_i = γ (h f(t + c_i h, y + Σ_{j<i} a_ij U_j) + Σ_{j<i} g_ij U_j + d_i h² f_t),
 
     which is Hairer & Wanner II, eq. IV.7.25, multiplied by h γ, so that no stage needs a product with J. `a` and `g`
-    hold the rows below the diagonal. `stability_limit` is infinite for an L-stable method. With `joints_only` the
-    method keeps its order for any J, and J holds only the forces within joints; then f_t is taken as zero.
+    hold the rows below the diagonal. `stability_limit` is infinite for an L-stable method.
     """
 
-    name: str
-    order: int
+    for_stiff: ClassVar[bool] = True
+    explicit: ClassVar[bool] = False
+
     gamma: float
     a: tuple[Coefficients, ...]
     g: tuple[Coefficients, ...]
@@ -33,8 +34,6 @@ class Rosenbrock:
     d: Coefficients
     m: Coefficients
     estimate: ErrorEstimate
-    stability_limit: float = math.inf
-    joints_only: bool = False
 
     __repr__ = short_repr
 
@@ -42,6 +41,13 @@ class Rosenbrock:
     def stages(self) -> int:
         """Evaluations of the accelerations per step, besides one of their derivatives."""
         return len(self.m)
+
+
+@dataclass(frozen=True, repr=False)
+class RosenbrockW(Rosenbrock):
+    """Of a method that keeps its order for any J: J holds only the forces within joints, and f_t is taken as zero."""
+
+    uses_joints: ClassVar[bool] = True
 
 
 def _rosenbrock_w(
@@ -52,7 +58,7 @@ def _rosenbrock_w(
     off_diagonal: Sequence[Coefficients],
     weights: Coefficients,
     embedded: Coefficients,
-) -> Rosenbrock:
+) -> RosenbrockW:
     """A method given by α, the rows of Γ below its diagonal, b and the embedded b.
 
     With U = Γ k the coefficients are a = α Γ⁻¹, g = 1/γ - Γ⁻¹ and m = b Γ⁻¹ (Hairer & Wanner II, eq. IV.7.25).
@@ -70,7 +76,7 @@ def _rosenbrock_w(
         return tuple(sum(value * inverse[i][column] for i, value in enumerate(row)) for column in range(stages))
 
     m, low = transformed(weights), transformed(embedded)
-    return Rosenbrock(
+    return RosenbrockW(
         name,
         order,
         gamma,
@@ -80,7 +86,7 @@ def _rosenbrock_w(
         d=(0.0,) * stages,
         m=m,
         estimate=ErrorEstimate(tuple(one - other for one, other in zip(m, low, strict=True))),
-        joints_only=True,
+        stability_limit=math.inf,
     )
 
 
@@ -97,11 +103,12 @@ ROSENBROCK: dict[str, Rosenbrock] = {
             rodas5p.D,
             rodas5p.M,
             ErrorEstimate((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
+            stability_limit=math.inf,
         ),
     )
 }
 
-ROSENBROCK_W: dict[str, Rosenbrock] = {
+ROSENBROCK_W: dict[str, RosenbrockW] = {
     "rosenbrock_w": _rosenbrock_w(
         "rosenbrock_w",
         3,

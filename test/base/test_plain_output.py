@@ -58,7 +58,6 @@ def test_a_path_that_is_not_utf8_is_printed_with_its_bytes(monkeypatch):
     ("encoding", "command"),
     [
         ("", ("check", "four_bar")),
-        ("cp437", ("run", "four_bar", "--time", "0.1")),
         ("", ("modes", "cart_pendulum")),
         ("cp437", ("check", "four_bar")),
     ],

@@ -18,7 +18,6 @@ from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.ir import module
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.steps.adams_history import history_size
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.integrators.methods import METHODS
@@ -47,7 +46,7 @@ def advance(kernel, y, efforts, first, h, steps):
 def run(kernel, equations, steps, h=1e-3, first=0):
     y = equations.start_state.copy()
     efforts = np.linspace(-0.4, 0.5, equations.layout.nv)
-    history = np.zeros(history_size(METHODS["adams11"], y.size, efforts.size))  # which other methods leave alone
+    history = np.zeros(METHODS["adams11"].history_size(y.size, efforts.size))  # which other methods leave alone
     assert advance(kernel, y, np.concatenate([efforts, history]), first, h, steps) == 1
     return y
 

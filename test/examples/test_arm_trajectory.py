@@ -12,7 +12,7 @@ from mbd_sim.examples.arm_trajectory.arm_trajectory import HOME, POSES
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.verification import verify
-from mbd_sim.ros.commands.trajectory import CurvePoint, JointCurve
+from mbd_sim.ros.commands.trajectory_player import CurvePoint, JointCurve
 from test.examples.programs import beside
 
 OPTIONS = {

@@ -6,9 +6,11 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.sdf.writer import to_sdf
+from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 from mbd_sim.files.urdf.joint_motions import mimics_of
 from mbd_sim.files.urdf.writer import ControlTopics, left_out, to_urdf
 
@@ -48,7 +50,7 @@ def written_mimics(robot):
     return found
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(12))
 def test_mimics_are_exported_as_in_the_file(seed):
     rng = np.random.default_rng(seed)
     text, expected = hand(rng, int(rng.integers(2, 9)))
@@ -155,11 +157,37 @@ def test_blocks_of_ros2_control_stay_and_one_is_added_for_other_joints_only(tmp_
     (tmp_path / "hand.urdf").write_text(text.replace("</robot>", CONTROLLED + "</robot>"), encoding="utf-8")
     (tmp_path / "more.yaml").write_text("urdf: hand.urdf\ndescription: an extended robot\n", encoding="utf-8")
     expected = [plain(one) for one in ElementTree.fromstring(f"<r xmlns:x='u'>{CONTROLLED}</r>")]
-    for file in ("hand.urdf", "more.yaml"):
+    converted = mechanism_text(load_mechanism(tmp_path / "hand.urdf").source)
+    (tmp_path / "converted.yaml").write_text(converted, encoding="utf-8")
+    for write in (to_mjcf, to_sdf):
+        assert "<ros2_control> blocks: hand, tool" in write(load_mechanism(tmp_path / "hand.urdf")).left_out
+    assert '\n  <ros2_control name="hand" type="system">\n    <hardware>\n' in converted
+    for file in ("hand.urdf", "more.yaml", "converted.yaml"):
         written = to_urdf(load_mechanism(tmp_path / file), TOPICS).replace("<robot ", "<robot xmlns:x='u' ", 1)
         *kept, added = ElementTree.fromstring(written).findall("ros2_control")
         assert [plain(one) for one in kept] == expected
         assert (added.get("name"), [joint.get("name") for joint in added.findall("joint")]) == ("hand_2", ["j1"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<ros2_control name='a'>", "not valid XML: mismatched tag"),
+        ("<ros2_control/>\n<link/>", "must consist of <ros2_control> elements"),
+        ("text", "must consist of <ros2_control> elements"),
+        ("<ros2_control/></all><all>", "not valid XML"),
+    ],
+)
+def test_what_is_no_block_of_ros2_control_is_refused(text, message):
+    data = {
+        "mechanism": "m",
+        "parts": {"a": {"mass": 1}},
+        "joints": {"j": {"type": "free", "between": ["ground", "a"]}},
+    }
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(yaml_text(data | {"ros2_control": text}))
+    (problem,) = caught.value.problems
+    assert problem.key == "ros2_control" and problem.message.startswith(message)
 
 
 def test_no_block_is_added_where_those_of_the_urdf_have_all_joints():

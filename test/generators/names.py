@@ -9,7 +9,7 @@ def random_name(rng, used):
     """A name that is not used yet."""
     while True:
         name = "".join(rng.choice(LETTERS) for _ in range(rng.randint(1, 6)))
-        if is_name(name) and name not in used:
+        if is_name(name) and not name.startswith("/") and name not in used:
             used.add(name)
             return name
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.compiler.steps.adams_history import COUNT, VECTORS, history_size
+from mbd_sim.compiler.steps.adams_history import COUNT, VECTORS
 from mbd_sim.integrators.adams import ADAMS, LOWER, adams
 from mbd_sim.integrators.tableau import EXPLICIT
 
@@ -65,7 +65,7 @@ def test_the_order_of_steps_that_do_not_fall_back(length):
     kernel = compile_kernel(ca.Function("rates", [t, y, inputs], [ca.vertcat(y[1], -y[0])]), None, {}, method)
     errors = []
     for h in (0.1, 0.05):
-        state, memory = np.array([1.0, 0.0]), np.zeros(1 + history_size(method, 2, 1))
+        state, memory = np.array([1.0, 0.0]), np.zeros(1 + method.history_size(2, 1))
         kept_state, steps = memory[1 + VECTORS : 1 + VECTORS + 2], round(4.0 / h)
         for step in range(length):
             kept_state[:] = state[:] = math.cos(step * h), -math.sin(step * h)

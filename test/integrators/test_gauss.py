@@ -56,7 +56,6 @@ def energies(name, method, step):
     ("name", "method", "bound"),
     [
         ("simple_pendulum", "gauss4", 1e-8),  # a constant mass matrix: symplectic
-        ("spun_tube_particle", "gauss4", 1e-7),  # driven by a motor
         ("cart_pendulum_spring", "gauss6", 1e-10),  # the mass matrix changes: symmetric only
     ],
 )

@@ -27,6 +27,11 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 PR_SET_PDEATHSIG = 1
 PROGRAMS = ("mbd_sim.ros.node.sim_node", "mbd_sim.ros.replay.replay_node")
+LATER = (
+    "mbd_sim.simulation.model.builder",
+    "mbd_sim.simulation.run.remarks",
+    "rosidl_generator_py",
+)  # what they import
 
 
 class ForkedProcess:
@@ -144,8 +149,8 @@ def _become(program: str, arguments: Sequence[str], folder: str, environment: Ma
 
 def main() -> int:
     """Fork a program for each line on standard input; report its process id, and its exit code when it has ended."""
-    for program in PROGRAMS:
-        importlib.import_module(program)
+    for module in (*PROGRAMS, *LATER):
+        importlib.import_module(module)
     gc.collect()
     gc.freeze()
     signal.signal(signal.SIGCHLD, _reap)

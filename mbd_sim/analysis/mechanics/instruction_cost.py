@@ -10,8 +10,7 @@ import casadi as ca
 from mbd_sim.compiler.lists.instruction_list import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, InstructionList
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.integrators.adams import Adams
-from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.method import Method
 
 _KINDS = {
     "additions": (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE),
@@ -31,7 +30,7 @@ def cost(equations: Equations, method: Method) -> dict[str, Any]:
     A step takes `evaluations` of the accelerations and one projection; implicit methods take more instructions, and so
     do Adams methods where the motion is not smooth. Of a Taylor method, this is a step that has no expansion.
     """
-    evaluations = Adams.evaluations if isinstance(method, Adams) else method.stages
+    evaluations = method.evaluations
     accelerations = _counted(arranged(equations.rates))
     projection = _counted(arranged(equations.project, fused=False)) if equations.project is not None else {}
     return {

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.base.errors import counted
+from mbd_sim.cli.shared.common import Waiting
 from mbd_sim.cli.shared.setup_options import add_export, exported_model
 
 HELP = "write the equations of motion of a mechanism and steps of them as C code"
@@ -26,6 +27,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.exports.c_code.module import c_module
 
     model = exported_model(options)
+    Waiting.stage("write the code")
     files = c_module(model)
     options.out.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mbd_sim.base.errors import CommandError, listed
+from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.common import add_mechanism
 
 if TYPE_CHECKING:
+    from mbd_sim.files.mjcf.written_bodies import Written
     from mbd_sim.mechanism.mechanism import Mechanism
 
 HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF, MJCF or SDF"
@@ -25,9 +27,7 @@ DESCRIPTION = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_mechanism(parser)
-    parser.add_argument(
-        "--to", choices=["yaml", "urdf", "mjcf", "sdf"], default="yaml", help="format to write (default: yaml)"
-    )
+    parser.add_argument("--to", choices=["yaml", *WRITERS], default="yaml", help="format to write (default: yaml)")
     parser.add_argument(
         "--base",
         choices=["fixed", "free"],
@@ -42,8 +42,8 @@ def execute(options: argparse.Namespace) -> int:
     :raises CommandError: `--expand` with another format.
     """
     from mbd_sim.files.load import load_mechanism
-    from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
-    from mbd_sim.files.text.yaml_writer import mechanism_text, yaml_text
+    from mbd_sim.files.text.mesh_files import with_meshes_seen_from
+    from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 
     if options.expand and options.to != "yaml":
         raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")
@@ -55,31 +55,35 @@ def execute(options: argparse.Namespace) -> int:
         print_file(yaml_text(source.data))
         return 0
     print_file(mechanism_text(source))
-    if source.ros2_control and source.text is None:
-        blocks = listed([block.attributes.get("name", "") for block in source.ros2_control])
-        remedy = "To keep them, write a mechanism file with 'urdf: FILE' instead."
-        print(f"note: not in this file: <ros2_control>: {blocks}. {remedy}", file=sys.stderr)
     return 0
 
 
 def write_as(mechanism: Mechanism, to: str) -> int:
     """Print a mechanism in another format, and to standard error what is left out."""
-    if to == "urdf":
-        from mbd_sim.files.urdf.writer import left_out, to_urdf
-
-        print_file(to_urdf(mechanism))
-        missing = left_out(mechanism)
-    else:
-        if to == "mjcf":
-            from mbd_sim.files.mjcf.writer import to_mjcf
-
-            written = to_mjcf(mechanism)
-        else:
-            from mbd_sim.files.sdf.writer import to_sdf
-
-            written = to_sdf(mechanism)
-        print_file(written.text)
-        missing = written.left_out
-    for note in missing:
+    written = WRITERS[to](mechanism)
+    print_file(written.text)
+    for note in written.left_out:
         print(f"note: not in this file: {note}", file=sys.stderr)
     return 0
+
+
+def _urdf(mechanism: Mechanism) -> Written:
+    from mbd_sim.files.mjcf.written_bodies import Written
+    from mbd_sim.files.urdf.writer import left_out, to_urdf
+
+    return Written(to_urdf(mechanism), left_out(mechanism))
+
+
+def _mjcf(mechanism: Mechanism) -> Written:
+    from mbd_sim.files.mjcf.writer import to_mjcf
+
+    return to_mjcf(mechanism)
+
+
+def _sdf(mechanism: Mechanism) -> Written:
+    from mbd_sim.files.sdf.writer import to_sdf
+
+    return to_sdf(mechanism)
+
+
+WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": _mjcf, "sdf": _sdf}

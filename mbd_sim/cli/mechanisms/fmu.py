@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.base.errors import InputError, counted
+from mbd_sim.cli.shared.common import Waiting
 from mbd_sim.cli.shared.setup_options import add_export, exported_model
 
 HELP = "write a mechanism as an FMU, for use in other simulation tools"
@@ -36,7 +37,7 @@ def execute(options: argparse.Namespace) -> int:
     model = exported_model(options)
     if model.between_steps is not None:
         print("note: sampled controllers and delays act between fixed steps: the FMU is for co-simulation only")
-    write_fmu(model, options.out, binary=not options.sources_only)
+    write_fmu(model, options.out, binary=not options.sources_only, stage=Waiting.stage)
     platform = "sources only" if options.sources_only else f"{platform_tuple()} and sources"
     variables = {"input": model.inputs, "parameter": model.parameters, "output": model.output_variables}
     counts = ", ".join(counted(len(found), noun) for noun, found in variables.items())

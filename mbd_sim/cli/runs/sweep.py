@@ -102,10 +102,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     from mbd_sim.files.load import load_mechanism
-    from mbd_sim.files.text.yaml_writer import mechanism_text
+    from mbd_sim.files.text.yaml_text import mechanism_text
     from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation
-    from mbd_sim.many.sweep.results import SUFFIXES, draw, require_column, write
-    from mbd_sim.many.sweep.runs import Settings, chunks, result_names, sweep
+    from mbd_sim.many.sweep.runs import SUFFIXES, Settings, chunks, draw, require_column, result_names, sweep, write
     from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_suffix
 
     for path in (options.out, options.histories):

@@ -155,28 +155,34 @@ def text_table(columns: Mapping[str, Sequence[object]], most: int) -> Iterator[s
 
 
 class Waiting:
-    """A line with the time that has passed, shown on a terminal while a `with` block takes longer than two seconds.
+    """A line with the stage and the time that has passed, shown on a terminal while a `with` block takes over 2 s.
 
-    It makes room for a `ProgressBar`.
+    It makes room for a `ProgressBar`, and returns at the next `stage`.
     """
 
     _active: Waiting | None = None
 
     def __init__(self, title: str, quiet: bool) -> None:
-        self._title, self._lock = title, threading.Lock()
+        self._command = self._title = title
+        self._lock = threading.Lock()
         self._display: Progress | None = None
-        self._timer = None if quiet or not sys.stdout.isatty() else threading.Timer(PATIENCE, self._show)
+        self._timer: threading.Timer | None = None
+        self._hidden = quiet or not sys.stdout.isatty()
 
     def __enter__(self) -> Self:
         Waiting._active = self
-        if self._timer is not None:
-            self._timer.daemon = True
-            self._timer.start()
+        self._start()
         return self
 
     def __exit__(self, *_: object) -> None:
         Waiting._active = None
         self._end()
+
+    def _start(self) -> None:
+        if not self._hidden:
+            self._timer = threading.Timer(PATIENCE, self._show)
+            self._timer.daemon = True
+            self._timer.start()
 
     def _show(self) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -197,6 +203,17 @@ class Waiting:
             if self._display is not None:
                 self._display.stop()
             self._display = None
+
+    @classmethod
+    def stage(cls, name: str) -> None:
+        """Say what the command does from now on, such as "compile"."""
+        if (line := cls._active) is not None:
+            with line._lock:
+                line._title = f"{line._command}: {name}"
+                if line._display is not None:
+                    line._display.update(line._display.task_ids[0], description=line._title)
+                elif line._timer is None:
+                    line._start()
 
     @classmethod
     def make_room(cls) -> None:

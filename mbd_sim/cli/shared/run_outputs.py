@@ -152,7 +152,7 @@ class RunOutputs:
     @contextmanager
     def of(self, simulation: Simulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
-        from mbd_sim.pictures.drawing.animation import traced_points
+        from mbd_sim.pictures.shapes.joints import traced_points
 
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, nearest
-from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, print_notes
+from mbd_sim.cli.shared.common import Waiting, add_mechanism, add_method_and_step, print_notes
 from mbd_sim.mechanism.values.names import in_quotes, split_assignment
 
 if TYPE_CHECKING:
@@ -63,8 +63,10 @@ def exported_model(options: argparse.Namespace) -> ExportedModel:
     """
     from mbd_sim.exports.c_code.model import export_model
 
+    mechanism = changed_mechanism(options)
+    Waiting.stage("derive the equations")
     model = export_model(
-        changed_mechanism(options),
+        mechanism,
         method=options.method,
         step=options.step,
         parameters=options.parameter,
@@ -83,6 +85,7 @@ def changed_mechanism(options: argparse.Namespace) -> Mechanism:
     from mbd_sim.files.checks.override import with_values
     from mbd_sim.files.load import load_mechanism
 
+    Waiting.stage("read the mechanism")
     mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
     return with_values(mechanism, changes) if changes else mechanism
 
@@ -105,7 +108,9 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
     from mbd_sim.files.load import load_mechanism
     from mbd_sim.simulation.run.simulation import Simulation
 
+    Waiting.stage("read the mechanism")
     mechanism = load_mechanism(options.mechanism)
+    Waiting.stage("derive and compile the equations")
     changes = changes_of(options.changes) if with_changes else {}
     changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
     simulation = Simulation(
@@ -136,7 +141,7 @@ def _value(text: str, option: str) -> Any:
     except ValueError:
         if not text.lstrip().startswith(("[", "{")):
             return text
-    from mbd_sim.files.text.yaml_reader import parse_source
+    from mbd_sim.files.text.yaml_text import parse_source
 
     source = parse_source(text, option)
     if source.problems:

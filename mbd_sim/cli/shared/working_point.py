@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, rounded
+from mbd_sim.cli.shared.common import SECONDS, ProgressBar, Waiting, add_mechanism, add_method_and_step, rounded
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 
 if TYPE_CHECKING:
@@ -47,10 +48,13 @@ def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
     time = None if number or options.at == START else _time(options.at)
     simulation = build_simulation(options)
     if time is not None:
-        simulation.run(until=time)
+        quiet = getattr(options, "quiet", False) or not sys.stdout.isatty()
+        with ProgressBar(simulation.mechanism.name, quiet, total=time, amount=SECONDS) as progress:
+            simulation.run(until=time, progress=progress.show)
         return simulation, _state_text(simulation, f"at {simulation.time:g} s")
     if not number:
         return simulation, _state_text(simulation, "at the start")
+    Waiting.stage("search the equilibrium")
     try:
         found = set_to_equilibrium(simulation, number=number)
     except InputError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import positive_in
+from mbd_sim.cli.shared.common import Waiting, positive_in
 from mbd_sim.cli.shared.working_point import add_working_point, simulation_at
 from mbd_sim.cli.studies.linearize import add_signals
 
@@ -60,6 +60,7 @@ def execute(options: argparse.Namespace) -> int:
         require_suffix(options.out, SUFFIXES)
         require_packages_for(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     system = simulation.state_space(options.input, options.output)
     frequencies = np.geomspace(options.least, options.most, options.points)
     response = system.response(frequencies)
@@ -68,6 +69,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.out is not None:
         write_columns(options.out, _columns(system, frequencies, response), {"mechanism": simulation.mechanism.name})
     if options.plot is not None:
+        Waiting.stage("draw")
         draw_bode(options.plot, system, frequencies, simulation.mechanism.name)
     for path in (options.out, options.plot):
         if path is not None:

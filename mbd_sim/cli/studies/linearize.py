@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mbd_sim.cli.shared.common import Waiting
 from mbd_sim.cli.shared.working_point import add_working_point, simulation_at
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def execute(options: argparse.Namespace) -> int:
         require_suffix(options.out, SUFFIXES)
         require_packages_for(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     system = simulation.state_space(options.input, options.output)
     if options.out is not None:
         write_columns(options.out, _columns(system), {"mechanism": simulation.mechanism.name})

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import COUNT, ProgressBar, add_quiet, print_notes
+from mbd_sim.cli.shared.common import COUNT, ProgressBar, Waiting, add_quiet, print_notes
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.cli.shared.working_point import (
     EQUILIBRIUM,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbd_sim.base.geometry.pose import Array
     from mbd_sim.mechanism.mechanism import Mechanism
     from mbd_sim.studies.linear_analysis.loci import EigenvalueLocus
-    from mbd_sim.studies.linear_analysis.mode_animation import ModeShape
+    from mbd_sim.studies.linear_analysis.plots import ModeShape
 
 HELP = "natural modes: frequencies, damping, shapes; root locus and stability map over values of the file"
 DESCRIPTION = (
@@ -86,12 +86,13 @@ def _modes(options: argparse.Namespace) -> int:
     from mbd_sim.recordings.views.export import SUFFIXES as TABLES
     from mbd_sim.recordings.views.export import require_packages_for, write_columns
     from mbd_sim.recordings.views.plots import require_suffix
-    from mbd_sim.studies.linear_analysis.mode_animation import mode_shapes
+    from mbd_sim.studies.linear_analysis.plots import mode_shapes
 
     if options.out is not None:
         require_suffix(options.out, TABLES)
         require_packages_for(options.out)
     simulation, state = simulation_at(options)
+    Waiting.stage("linearize")
     linearization = simulation.linearize()
     shapes = mode_shapes(linearization)
     print(state)
@@ -106,7 +107,7 @@ def _modes(options: argparse.Namespace) -> int:
         print(f"wrote {options.out}")
     if options.animate is not None:
         from mbd_sim.pictures.drawing.animation import SUFFIXES
-        from mbd_sim.studies.linear_analysis.mode_animation import animate_mode
+        from mbd_sim.studies.linear_analysis.plots import animate_mode
 
         require_suffix(options.animate, SUFFIXES)
         if not 1 <= options.mode <= len(shapes):

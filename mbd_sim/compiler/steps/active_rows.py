@@ -183,9 +183,10 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
         loop(b, 0, basis, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
 
     loop(b, 0, size, gather_column)
-    loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
     b.call(active.solver.factorize, [small, order, basis])
     shared = b.icmp_signed(">", size, basis)
+    with b.if_then(shared):
+        loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
 
     def watch(i: Value, offset: Value) -> None:
         source = b.mul(i, integer(n))
@@ -204,7 +205,7 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
         loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         b.call(active.solver.solve, [small, order, small_right, x, basis])
-        with b.if_then(shared):
+        with b.if_then(shared, likely=False):
             b.call(share, [small, order, weights, x, basis, size])
             if watches:
                 loop(b, 0, n, lambda i: watch(i, offset))

@@ -13,11 +13,6 @@ from mbd_sim.integrators.taylor import Taylor
 SPAN, POSITION, NEXT, SIZE, VECTORS = range(5)  # the numbers at the start of a history
 
 
-def expansion_size(method: Taylor, size: int, inputs_size: int) -> int:
-    """The numbers of the history of a method, for a state and inputs of these sizes."""
-    return VECTORS + inputs_size + (2 + method.order) * size
-
-
 class TaylorHistory:
     """The coefficients of an expansion and what they belong to, in memory behind the inputs of the system.
 

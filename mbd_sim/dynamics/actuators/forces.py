@@ -17,9 +17,10 @@ from mbd_sim.dynamics.forces.joints import JointForces
 from mbd_sim.dynamics.kinematics.motors import MotorOutput, dc_motor, effort_motor, speed_rows, within
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
-from mbd_sim.dynamics.layouts.actuators import PRESSURES, ActuatorSlots
+from mbd_sim.dynamics.layouts.actuators import ActuatorSlots
 from mbd_sim.dynamics.math.spatial import constant, is_finite, is_symbolic
 from mbd_sim.mechanism.elements.actuators import (
+    PRESSURES,
     Actuator,
     CoordinatePort,
     Cylinder,

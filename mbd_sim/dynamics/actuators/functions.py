@@ -16,7 +16,7 @@ from mbd_sim.dynamics.actuators.forces import ActuatorForces, PortMotion, comman
 from mbd_sim.dynamics.actuators.servos import error_of, moved_reference, servo_output, with_reference
 from mbd_sim.dynamics.kinematics.motors import MotorOutput
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.actuators import PRESSURES, ActuatorLayout, ActuatorSlots
+from mbd_sim.dynamics.layouts.actuators import ActuatorLayout, ActuatorSlots
 from mbd_sim.dynamics.math.spatial import is_absent
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
 from mbd_sim.mechanism.elements.actuators import Actuator, Cylinder, DcMotor, EffortMotor, Machine, Servo
@@ -88,9 +88,8 @@ class ActuatorFunctions:
         for states in (self.layout.core, self.layout.energies, self.layout.held, self.layout.lines):
             y[states.start : states.stop] = 0.0
         for actuator, slots in zip(actuators, self.layout.slots, strict=True):
-            if isinstance(actuator.motor, Cylinder):
-                for name, pressure in zip(PRESSURES, actuator.motor.pressures, strict=True):
-                    y[slots.states[name]] = pressure
+            for name, value in actuator.motor.start_states.items():
+                y[slots.states[name]] = value
         readings = _read(self.readings, 0.0, y, inputs)
         for number, (actuator, slots) in enumerate(zip(actuators, self.layout.slots, strict=True)):
             x, v = readings[0, number], readings[1, number]

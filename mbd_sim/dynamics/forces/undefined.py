@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
@@ -42,9 +43,13 @@ def require_defined_forces(mechanism: Mechanism, start: StartOfForces) -> None:
     for element, length in zip(mechanism.two_point_elements, start.lengths, strict=True):
         if not element.needs_line or length > COINCIDENT:
             continue
-        kind, remedy = "spring", "a spring without length or damping needs no direction."
-        if isinstance(element, Damper):
-            kind, remedy = "damper", "a damper with 'along: velocity' needs no direction."
+        match element:
+            case Spring():
+                kind, remedy = "spring", "a spring without length or damping needs no direction."
+            case Damper():
+                kind, remedy = "damper", "a damper with 'along: velocity' needs no direction."
+            case _:
+                assert_never(element)
         message = f"the ends coincide at the start, where the {kind} has no direction"
         location = ("forces", element.name, "between")
         problems.append(mechanism.source.problem(location, message, f"Move one of the points; {remedy}"))

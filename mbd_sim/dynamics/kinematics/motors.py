@@ -19,7 +19,7 @@ import casadi as ca
 
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.math.spatial import is_absent, is_finite, is_symbolic
-from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, Cylinder
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor
@@ -151,9 +151,7 @@ def rotor_inertias(actuators: Sequence[Actuator], links: Sequence[Link], nv: int
     rows, added, present = speed_rows(links), ca.SX(nv, 1), False
     for actuator in actuators:
         motor = actuator.motor
-        if isinstance(motor, Cylinder) or not isinstance(actuator.port, CoordinatePort):
-            continue
-        if not is_absent(motor.rotor_inertia):
+        if isinstance(actuator.port, CoordinatePort) and not is_absent(motor.rotor_inertia):
             added[rows[actuator.port.coordinate]] += motor.gear**2 * motor.rotor_inertia
             present = True
     return added if present else None

@@ -25,7 +25,6 @@ MECHANICAL = ("mechanical_work",)  # J, of an effort motor
 # J, of a cylinder. `compression_work` is the integral of V p', from V (p - pₐ) at the start. The last one has the rate
 # zero: it changes only where a run starts, or its state is set.
 FLUID = ("fluid_work", "mechanical_work", "compression_work", "stored_at_start")
-PRESSURES = ("pressure_a", "pressure_b")  # Pa
 ROUNDING = 1e-9  # of a number of steps
 LONGEST_DELAY = 1000  # steps
 
@@ -127,7 +126,7 @@ def actuator_layout(mechanism: Mechanism, first_state: int, first_command: int, 
 
 
 def _core_states(actuator: Actuator) -> Iterator[str]:
-    from mbd_sim.mechanism.elements.actuators import Cylinder, DcMotor, EffortMotor
+    from mbd_sim.mechanism.elements.actuators import PRESSURES, Cylinder, DcMotor, EffortMotor
 
     match actuator.motor:
         case DcMotor(inductance=inductance):

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from mbd_sim.dynamics.layouts.actuators import PRESSURES, ActuatorLayout
+from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
 from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
 from mbd_sim.mechanism.elements.joint_types import STATES
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -106,12 +106,20 @@ def energy_size(mechanism: Mechanism, step: float) -> float:
 
 
 def _of_actuator(actuator: Actuator, state: str) -> float:
-    """The scale of a pressure, of the integral of a servo, or of a current, which is compared with 1 A."""
-    from mbd_sim.mechanism.elements.actuators import Cylinder
+    """The scale of a state with a rate: of the integral of a servo, or of a state of its machine."""
+    from mbd_sim.mechanism.elements.actuators import Cylinder, DcMotor, EffortMotor
 
-    if state in PRESSURES and isinstance(actuator.motor, Cylinder):
-        return _rounded(actuator.motor.supply)
-    return _rounded(actuator.output_limit) if state == "integral" else 1.0
+    if state == "integral":
+        return _rounded(actuator.output_limit)
+    match actuator.motor:
+        case Cylinder(supply=supply):
+            return _rounded(supply)
+        case DcMotor():  # a current is compared with 1 A
+            return 1.0
+        case EffortMotor():
+            raise AssertionError(f"an effort motor has no state '{state}'")
+        case _:
+            assert_never(actuator.motor)
 
 
 def _rounded(value: float) -> float:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.layouts.actuators import ENERGIES, FLUID, PRESSURES
+from mbd_sim.dynamics.layouts.actuators import ENERGIES, FLUID
 from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES
 from mbd_sim.mechanism.contents import commanded_drives
-from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor
-from mbd_sim.mechanism.elements.joint_types import CommandedDrive
+from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator, Cylinder, DcMotor, EffortMotor, Machine
+from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import reference
 
@@ -145,9 +146,18 @@ def input_variables(equations: Equations, inputs: Array) -> tuple[Variable, ...]
     return distinct(found)
 
 
-def _command_unit(mechanism: Mechanism, taker: Actuator | CommandedDrive, channel: str) -> str:
-    electric = {"voltage": "V", "current": "A", "opening": "1"}
-    return electric.get(channel) or _unit_of(mechanism, taker, channel)
+def _command_unit(mechanism: Mechanism, taker: Actuator | CommandedDrive, channel: Channel) -> str:
+    match channel:
+        case "voltage":
+            return "V"
+        case "current":
+            return "A"
+        case "opening":
+            return "1"
+        case "position" | "velocity" | "effort":
+            return _unit_of(mechanism, taker, channel)
+        case _:
+            assert_never(channel)
 
 
 def _unit_of(mechanism: Mechanism, taker: Actuator | CommandedDrive, quantity: str) -> str:
@@ -171,11 +181,21 @@ def drive_outputs(mechanism: Mechanism) -> list[Variable]:
     return found
 
 
+def _electric_units(machine: Machine) -> dict[str, str]:
+    match machine:
+        case DcMotor():
+            return {"voltage": "V", "current": "A"}
+        case EffortMotor() | Cylinder():
+            return {}
+        case _:
+            assert_never(machine)
+
+
 def actuator_outputs(mechanism: Mechanism, readings: Sequence[str]) -> list[tuple[int, int, Variable]]:
     """Effort, voltage and current of the actuators, with their row and column in the readings."""
     found = []
     for column, actuator in enumerate(mechanism.actuators):
-        electric = {"voltage": "V", "current": "A"} if isinstance(actuator.motor, DcMotor) else {}
+        electric = _electric_units(actuator.motor)
         for what, unit in {"effort": _unit_of(mechanism, actuator, "effort"), **electric}.items():
             about = f"{what} of {actuator.name}"
             found.append((readings.index(what), column, variable(what, actuator.name, f"motor_{what}", unit, about)))

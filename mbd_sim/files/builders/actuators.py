@@ -9,7 +9,7 @@ from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, listed, nearest
+from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.schema import actuators as schema
@@ -68,20 +68,15 @@ BANDWIDTH = 10.0  # times resistance/inductance, of a current loop
 _COMMAND_UNITS = {"voltage": "V", "current": "A", "opening": "1"}
 
 
-def build_actuators(
-    specs: Mapping[str, schema.AnyActuatorSpec], joints: Mapping[str, Joint | None], context: BuildContext
-) -> tuple[Actuator, ...]:
-    """The actuators of a file; invalid ones are left out and reported to `context`.
-
-    :param joints: by name, None for those that are invalid; with the name "" if there are further ones.
-    """
+def build_actuators(specs: Mapping[str, schema.AnyActuatorSpec], context: BuildContext) -> tuple[Actuator, ...]:
+    """The actuators of a file; invalid ones are left out and reported to `context`."""
     found = []
-    drives = {joint.name for joint in joints.values() if joint is not None and isinstance(joint.drive, CommandedDrive)}
+    drives = {name for name, joint in context.valid_joints.items() if isinstance(joint.drive, CommandedDrive)}
     for name, spec in specs.items():
         if name in drives:
             message = f"the drive of the joint '{name}' takes commands by this name too"
             context.report(("actuators", name), message, "Rename the actuator.")
-        port = _port(name, spec, joints, context)
+        port = _port(name, spec, context)
         if port is not None:
             found.append(_actuator(name, spec, port, context))
     return tuple(found)
@@ -104,19 +99,17 @@ def actuated_joints(actuators: tuple[Actuator, ...], joints: Mapping[str, Joint]
     return found
 
 
-def _port(
-    name: str, spec: schema.AnyActuatorSpec, joints: Mapping[str, Joint | None], context: BuildContext
-) -> Port | None:
+def _port(name: str, spec: schema.AnyActuatorSpec, context: BuildContext) -> Port | None:
     location: Location = ("actuators", name)
     if spec.between is not None:
         ends = context.attachments((*location, "between"), spec.between)
         return LinePort(ends[0], ends[1]) if ends else None
     if isinstance(spec, schema.EffortActuatorSpec):
         if spec.terms is not None:
-            return _sum_port(location, spec.terms, spec.servo, joints, context)
+            return _sum_port(location, spec.terms, spec.servo, context)
         if spec.at is not None and spec.wrench is not None:
             return _wrench_port((*location, "at"), spec.at, np.array(spec.wrench, dtype=float), context)
-    return _coordinate_port((*location, "joint"), spec.joint or "", spec.servo, joints, context)
+    return _coordinate_port((*location, "joint"), spec.joint or "", spec.servo, context)
 
 
 def _wrench_port(where: Location, at: str, wrench: Array, context: BuildContext) -> WrenchPort | None:
@@ -131,45 +124,19 @@ def _wrench_port(where: Location, at: str, wrench: Array, context: BuildContext)
 
 
 def _sum_port(
-    location: Location,
-    terms: Mapping[str, float],
-    servo: schema.ServoSpec | None,
-    joints: Mapping[str, Joint | None],
-    context: BuildContext,
+    location: Location, terms: Mapping[str, float], servo: schema.ServoSpec | None, context: BuildContext
 ) -> SumPort | None:
-    ports = [_coordinate_port((*location, "terms", name), name, servo, joints, context) for name in terms]
+    ports = [_coordinate_port((*location, "terms", name), name, servo, context) for name in terms]
     valid = [port for port in ports if port is not None]
     return SumPort(dict(terms), all(port.rotation for port in valid)) if len(valid) == len(ports) else None
 
 
 def _coordinate_port(
-    where: Location,
-    wanted: str,
-    servo: schema.ServoSpec | None,
-    joints: Mapping[str, Joint | None],
-    context: BuildContext,
+    where: Location, wanted: str, servo: schema.ServoSpec | None, context: BuildContext
 ) -> CoordinatePort | None:
-    valid = [joint for joint in joints.values() if joint is not None]
-    for joint in valid:
-        for coordinate, label in zip(joint.kind.coordinates, joint.motion_names, strict=True):
-            if label == wanted:
-                return _coordinate(where, joint, CoordinatePort(label, coordinate.rotation), servo, context)
-    if wanted in joints:
-        named = joints[wanted]
-        if named is None:
-            return None  # the joint itself is reported
-        names = named.motion_names
-        remedy = f"Name one of them: {listed(list(names))}." if names else "Name a joint that moves."
-        context.report(where, f"'{wanted}' has {len(names) or 'no'} coordinates", remedy)
-    elif "" not in joints:
-        every = [label for joint in valid for label in joint.motion_names]
-        context.report(where, f"there is no joint '{wanted}'", nearest(wanted, every))
-    return None
-
-
-def _coordinate(
-    where: Location, joint: Joint, port: CoordinatePort, servo: schema.ServoSpec | None, context: BuildContext
-) -> CoordinatePort | None:
+    if (found := context.coordinate(where, wanted)) is None:
+        return None
+    joint, coordinate = found
     if joint.drive:
         message = f"'{joint.name}' is driven: its drive alone prescribes the motion"
         context.report(where, message, "Remove 'drive' from the joint, or the actuator.")
@@ -178,7 +145,7 @@ def _coordinate(
         remedy = "Leave out the servo, act 'between' two points, or use several joints."
         context.report(where, message, remedy)
     else:
-        return port
+        return CoordinatePort(wanted, coordinate.rotation)
     return None
 
 
@@ -336,13 +303,10 @@ POSITION_REMEDY = "Give the joint an actuator with a position servo, or 'drive: 
 
 
 def build_bases(
-    specs: Mapping[str, schema.AnyBaseSpec],
-    joints: Mapping[str, Joint],
-    actuators: Sequence[Actuator],
-    context: BuildContext,
+    specs: Mapping[str, schema.AnyBaseSpec], actuators: Sequence[Actuator], context: BuildContext
 ) -> tuple[Base, ...]:
     """The bases of a file; mistakes are reported to `context`."""
-    builder = _BaseBuilder(joints, actuators, context)
+    builder = _BaseBuilder(actuators, context, context.complete and not context.problems)
     bases = tuple(builder.base(name, spec) for name, spec in specs.items())
     _require_own_joints(bases, context)
     return bases
@@ -359,9 +323,16 @@ def _require_own_joints(bases: Sequence[Base], context: BuildContext) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _BaseBuilder:
-    joints: Mapping[str, Joint]
+    """Builds bases one by one; whether something controls a wheel is judged if all joints and actuators are known."""
+
     actuators: Sequence[Actuator]
     context: BuildContext
+    judges_control: bool
+
+    @property
+    def joints(self) -> Mapping[str, Joint]:
+        """The valid joints by name."""
+        return self.context.valid_joints
 
     def base(self, name: str, spec: schema.AnyBaseSpec) -> Base:
         where: Location = ("bases", name)
@@ -397,6 +368,9 @@ class _BaseBuilder:
     def _taker(self, where: Location, joint: str, channel: str) -> str | None:
         """The actuator or drive that controls the velocity or position of a joint; None, with a problem, without it."""
         owner = self.joints.get(joint)
+        known = self.context.joints
+        if owner is None and (known is None or joint in known):
+            return None
         if owner is None or not owner.kind.coordinates:
             rotations = [name for name, one in self.joints.items() if one.type == "revolute"]
             self.context.report(where, f"there is no joint '{joint}'", nearest(joint, rotations))
@@ -408,7 +382,8 @@ class _BaseBuilder:
             if at_joint and actuator.servo is not None and actuator.servo.controls == channel:
                 return actuator.name
         remedy = VELOCITY_REMEDY if channel == "velocity" else POSITION_REMEDY
-        self.context.report(where, f"nothing controls the {channel} of '{joint}'", remedy)
+        if self.judges_control:
+            self.context.report(where, f"nothing controls the {channel} of '{joint}'", remedy)
         return None
 
     def _speed_limit(self, joint: str) -> float:

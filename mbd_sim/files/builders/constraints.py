@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import assert_never
 
-from mbd_sim.base.errors import nearest, quoted
+from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.builders.context import BuildContext
 from mbd_sim.files.schema import constraints as schema
+from mbd_sim.files.schema.fields import UNKNOWN
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import ContactLaw, Play
 from mbd_sim.mechanism.elements.parts import Attachment, Joint
@@ -20,14 +21,9 @@ from mbd_sim.mechanism.values.source import Location
 ZERO = TimeExpression("0", {})
 
 
-def build_constraints(
-    specs: Mapping[str, schema.AnyConstraintSpec], joints: Mapping[str, Joint | None], context: BuildContext
-) -> tuple[c.Constraint, ...]:
-    """The constraints of a file; invalid ones are left out and reported to `context`.
-
-    :param joints: by name; None for those that could not be built.
-    """
-    builder = _ConstraintBuilder(joints, context)
+def build_constraints(specs: Mapping[str, schema.AnyConstraintSpec], context: BuildContext) -> tuple[c.Constraint, ...]:
+    """The constraints of a file; invalid ones are left out and reported to `context`."""
+    builder = _ConstraintBuilder(context)
     built = (builder.build(name, spec) for name, spec in specs.items())
     return tuple(constraint for constraint in built if constraint is not None)
 
@@ -85,8 +81,8 @@ class _GuidedPoint:
 class _ConstraintBuilder:
     """Builds constraints one by one; problems are reported to the context."""
 
-    def __init__(self, joints: Mapping[str, Joint | None], context: BuildContext) -> None:
-        self._joints, self._context = joints, context
+    def __init__(self, context: BuildContext) -> None:
+        self._context = context
 
     def build(self, name: str, spec: schema.AnyConstraintSpec) -> c.Constraint | None:
         match spec:
@@ -132,7 +128,7 @@ class _ConstraintBuilder:
         """The points between which a length is given; empty, with a problem, if they or the length are invalid."""
         where: Location = ("constraints", name)
         points = self._context.attachments((*where, key), references)
-        if points and (value := length.at(0.0)) <= 0.0:
+        if points and length is not UNKNOWN and (value := length.at(0.0)) <= 0.0:
             message = f"must be greater than 0, but is {value:g} at the start"
             self._context.report((*where, "length"), message, "For points that coincide use a spherical joint.")
             return []
@@ -184,13 +180,8 @@ class _ConstraintBuilder:
 
     def _units(self, coordinates: Iterable[str]) -> list[str]:
         """The units that a sum of coordinates can have: factors may have dimensions where these differ."""
-        known = {
-            label: coordinate.unit
-            for joint in self._joints.values()
-            if joint
-            for label, coordinate in zip(joint.motion_names, joint.kind.coordinates, strict=True)
-        }
-        return list(dict.fromkeys(known[name] for name in coordinates))
+        known = self._context.coordinates
+        return list(dict.fromkeys(known[name][1].unit for name in coordinates))
 
     def _couples(self, name: str, factors: Mapping[str, float], written: tuple[str, tuple[str, ...]]) -> bool:
         """Whether coordinates can be coupled with these factors; if not, problems are reported.
@@ -199,24 +190,20 @@ class _ConstraintBuilder:
         """
         key, names = written
         where: Location = ("constraints", name, *([key] if key else []))
-        if None in self._joints.values():
-            return False  # the coordinates are not all known
-        known = {label: joint for joint in self._joints.values() if joint for label in joint.motion_names}
-        before = len(self._context.problems)
+        before, valid = len(self._context.problems), True
         if len(set(names)) < len(names):
             self._context.report(where, f"couples '{names[0]}' with itself", "Name two joints.")
         for coordinate in dict.fromkeys(names):
-            joint = known.get(coordinate)
-            if joint is None:
-                message = f"there is no joint coordinate {quoted(coordinate)}"
-                self._context.report(where, message, nearest(coordinate, known))
-            elif joint.kind.quaternion is not None and coordinate.rsplit(".", 1)[1].startswith("r"):
+            found = self._context.coordinate(where, coordinate)
+            if found is None:
+                valid = False
+            elif found[0].kind.quaternion is not None and coordinate.rsplit(".", 1)[1].startswith("r"):
                 message = f"{quoted(coordinate)} is a component of an angular velocity: it has no coordinate to couple"
                 remedy = "Couple joints that rotate about an axis: revolute, universal, cylindrical, planar or screw."
                 self._context.report(where, message, remedy)
             elif not factors[coordinate]:
                 self._context.report((*where, coordinate), "has the factor 0", "Leave it out.")
-        return len(self._context.problems) == before
+        return valid and len(self._context.problems) == before
 
 
 def contact_law(spec: schema.BoundedSpec | schema.CouplingSpec) -> ContactLaw | None:

@@ -6,17 +6,20 @@ everything in a file, before the spanning tree is found. Rotations as written in
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, Problem
+from mbd_sim.base.errors import InputError, Problem, counted, listed, nearest, quoted
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about, from_quaternion, from_rpy, unit
 from mbd_sim.files.schema.base import RotationSpec
 from mbd_sim.files.text.values import split_unit, unit_factor
+from mbd_sim.mechanism.elements.joint_types import JointCoordinate
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Part
 from mbd_sim.mechanism.spanning_tree import PointsByPart, resolve_reference
 from mbd_sim.mechanism.values.source import Location, Source, value_at
@@ -31,11 +34,17 @@ if TYPE_CHECKING:
 
 @dataclass
 class BuildContext:
-    """Resolves references and collects problems, each with its line in the file."""
+    """Resolves references and collects problems, each with its line in the file.
+
+    `joints` are None for those whose own problem is reported already, and for all if the file has no readable ones.
+    If not `complete`, the file has entries that were refused before.
+    """
 
     points_by_part: PointsByPart
     source: Source
     problems: list[Problem] = field(default_factory=list)
+    joints: Mapping[str, Joint | None] | None = None
+    complete: bool = True
 
     def report(self, location: Location, message: str, remedy: str = "") -> None:
         """Add a problem at a location of the file."""
@@ -57,6 +66,41 @@ class BuildContext:
                 errors.append(InputError(error.message, error.remedy, data))
         self.problems += [self.source.problem_of(location, error) for error in errors[:1]]
         return not errors
+
+    @cached_property
+    def coordinates(self) -> dict[str, tuple[Joint, JointCoordinate]]:
+        """The coordinates of the valid joints, with their joints, by name."""
+        return {
+            label: (joint, coordinate)
+            for joint in self.valid_joints.values()
+            for label, coordinate in zip(joint.motion_names, joint.kind.coordinates, strict=True)
+        }
+
+    @cached_property
+    def valid_joints(self) -> dict[str, Joint]:
+        """The joints that were built."""
+        return {name: joint for name, joint in (self.joints or {}).items() if joint is not None}
+
+    def coordinate(self, location: Location, reference: str) -> tuple[Joint, JointCoordinate] | None:
+        """The joint coordinate that a reference names; None, with a problem, if there is none."""
+        if reference in self.coordinates:
+            return self.coordinates[reference]
+        if reference in self.valid_joints:
+            names = self.valid_joints[reference].motion_names
+            remedy = f"Name one of them: {listed(list(names))}." if names else "Name a joint that moves."
+            number = counted(len(names), "coordinate") if names else "no coordinates"
+            self.report(location, f"{quoted(reference)} has {number}", remedy)
+        else:
+            self.require_joint(location, reference)
+        return None
+
+    def require_joint(self, location: Location, reference: str) -> None:
+        """Report a reference that names neither a joint nor a coordinate, unless it may be one of a refused joint."""
+        if self.joints is None or reference in self.joints or reference in self.coordinates:
+            return
+        if not any(joint is None and reference.startswith(f"{name}.") for name, joint in self.joints.items()):
+            remedy = nearest(reference, self.coordinates or self.joints)
+            self.report(location, f"there is no joint coordinate {quoted(reference)}", remedy)
 
     def frame(self, location: Location, reference: str) -> tuple[str, Pose] | None:
         """The part and the frame that a reference names; None, with a problem, if there are none."""

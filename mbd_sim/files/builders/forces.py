@@ -8,7 +8,6 @@ from typing import TypeVar, assert_never
 
 import numpy as np
 
-from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.builders.context import BuildContext, ForceElements, attachment
 from mbd_sim.files.builders.joints import LARGEST_ELONGATION, build_curve, build_power_law
@@ -22,7 +21,7 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ElasticLaw, GreenStrain, Linear, Varying
 from mbd_sim.mechanism.values.source import Location
@@ -30,14 +29,9 @@ from mbd_sim.mechanism.values.source import Location
 Element = TypeVar("Element")
 
 
-def build_force_elements(
-    specs: Mapping[str, schema.AnyForceSpec], joints: Mapping[str, Joint | None], context: BuildContext
-) -> ForceElements:
-    """The force elements of a file; invalid ones are left out and reported to `context`.
-
-    :param joints: by name; None for those that are invalid.
-    """
-    built = [element for name, spec in specs.items() if (element := _build(name, spec, joints, context))]
+def build_force_elements(specs: Mapping[str, schema.AnyForceSpec], context: BuildContext) -> ForceElements:
+    """The force elements of a file; invalid ones are left out and reported to `context`."""
+    built = [element for name, spec in specs.items() if (element := _build(name, spec, context))]
 
     def of(kind: type[Element]) -> tuple[Element, ...]:
         return tuple(element for element in built if isinstance(element, kind))
@@ -52,9 +46,7 @@ def build_force_elements(
     )
 
 
-def _build(
-    name: str, spec: schema.AnyForceSpec, joints: Mapping[str, Joint | None], context: BuildContext
-) -> ForceElement | None:
+def _build(name: str, spec: schema.AnyForceSpec, context: BuildContext) -> ForceElement | None:
     match spec:
         case schema.SpringSpec():
             ends = _ends(name, spec.between, context)
@@ -73,7 +65,8 @@ def _build(
         case schema.PotentialSpec(energy=energy):
             return AppliedPotential(name, energy)
         case schema.EffortSpec():
-            return _effort(name, spec, joints, context)
+            known = context.coordinate(("forces", name, "coordinate"), spec.coordinate)
+            return AppliedEffort(name, spec.coordinate, spec.effort) if known else None
         case schema.LineForceSpec():
             ends = _ends(name, spec.between, context)
             curve = build_curve(spec.force, None, -spec.length, LARGEST_ELONGATION * max(1.0, spec.length))
@@ -150,18 +143,3 @@ def _applied(
     axes_part, pose = frame
     rotation = np.eye(3) if in_part_axes else pose.rotation
     return AppliedForce(name, attachment(at), vector, key == "on", axes_part, rotation)
-
-
-def _effort(
-    name: str, spec: schema.EffortSpec, joints: Mapping[str, Joint | None], context: BuildContext
-) -> AppliedEffort | None:
-    location: Location = ("forces", name, "coordinate")
-    known = {label: joint for joint in joints.values() if joint for label in joint.motion_names}
-    joint = known.get(spec.coordinate)
-    if joint is None and None in joints.values():
-        return None  # the coordinates are not all known
-    if joint is None:
-        message = f"there is no joint coordinate {quoted(spec.coordinate)}"
-        context.report(location, message, nearest(spec.coordinate, known))
-        return None
-    return AppliedEffort(name, spec.coordinate, spec.effort)

@@ -1,138 +1,38 @@
 """Builds a `Mechanism` from the records of a file: resolves references, computes masses, finds the spanning tree.
 
-Many files do not have all sections: the builder of such a section is imported only if the section is not empty.
+The records of a file that the schema refuses in part are built as well, for the problems of their references.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from types import MappingProxyType
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import MechanismError, Problem
 from mbd_sim.base.geometry.batch import array
+from mbd_sim.files.builders.actuators import actuated_joints, build_actuators, build_bases
+from mbd_sim.files.builders.constraints import build_constraints, coupled_joints
+from mbd_sim.files.builders.contacts import build_contacts
 from mbd_sim.files.builders.context import BuildContext, ForceElements, MechanismElements
+from mbd_sim.files.builders.forces import build_force_elements
 from mbd_sim.files.builders.joints import build_joint, joint_bushing
 from mbd_sim.files.builders.parts import build_part, point_poses
-from mbd_sim.files.builders.tree import build_tree
+from mbd_sim.files.builders.sensors import build_sensors, measured_joints
+from mbd_sim.files.builders.tree import build_tree, unconnected
 from mbd_sim.files.text.parameters import POSITION, VELOCITY
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.exact_geometry.snapping import with_exact_loops
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.spanning_tree import PointsByPart, SpanningTree
-from mbd_sim.mechanism.values.source import Source
+from mbd_sim.mechanism.values.names import unique_name
+from mbd_sim.mechanism.values.source import Location, Source
 
 if TYPE_CHECKING:
-    from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
-    from mbd_sim.files.schema.constraints import AnyConstraintSpec
-    from mbd_sim.files.schema.contacts import ContactSpec
-    from mbd_sim.files.schema.file import GroundSpec, MechanismFile, PartSpec
-    from mbd_sim.files.schema.forces import AnyForceSpec
-    from mbd_sim.files.schema.joints import AnyJointSpec
-    from mbd_sim.files.schema.sensors import AnySensorSpec
-    from mbd_sim.mechanism.elements.actuators import Actuator, Base
-    from mbd_sim.mechanism.elements.constraints import Constraint
-    from mbd_sim.mechanism.elements.contacts import Contact
+    from mbd_sim.files.schema.file import MechanismFile
     from mbd_sim.mechanism.elements.forces import ForceElement
-    from mbd_sim.mechanism.elements.sensors import AnySensor
-
-
-def build_force_elements(
-    specs: Mapping[str, AnyForceSpec], joints: Mapping[str, Joint | None], context: BuildContext
-) -> ForceElements:
-    """As in `mbd_sim.files.builders.forces`, which is imported only where a file has them."""
-    if not specs:
-        return ForceElements()
-    from mbd_sim.files.builders import forces
-
-    return forces.build_force_elements(specs, joints, context)
-
-
-def build_constraints(
-    specs: Mapping[str, AnyConstraintSpec], joints: Mapping[str, Joint | None], context: BuildContext
-) -> tuple[Constraint, ...]:
-    """As in `mbd_sim.files.builders.constraints`, which is imported only where a file has them."""
-    if not specs:
-        return ()
-    from mbd_sim.files.builders import constraints as constraint_builder
-
-    return constraint_builder.build_constraints(specs, joints, context)
-
-
-def coupled_joints(constraints: Sequence[Constraint], joints: Mapping[str, Joint]) -> list[str]:
-    """As in `mbd_sim.files.builders.constraints`, which is imported only where a file has them."""
-    if not constraints:
-        return []
-    from mbd_sim.files.builders import constraints as constraint_builder
-
-    return constraint_builder.coupled_joints(constraints, joints)
-
-
-def build_contacts(
-    specs: Mapping[str, ContactSpec], parts: Mapping[str, PartSpec], context: BuildContext
-) -> tuple[Contact, ...]:
-    """As in `mbd_sim.files.builders.contacts`, which is imported only where a file has them."""
-    if not specs:
-        return ()
-    from mbd_sim.files.builders import contacts
-
-    return contacts.build_contacts(specs, parts, context)
-
-
-def build_actuators(
-    specs: Mapping[str, AnyActuatorSpec], joints: Mapping[str, Joint | None], context: BuildContext
-) -> tuple[Actuator, ...]:
-    """As in `mbd_sim.files.builders.actuators`, which is imported only where a file has them."""
-    if not specs:
-        return ()
-    from mbd_sim.files.builders import actuators as actuator_builder
-
-    return actuator_builder.build_actuators(specs, joints, context)
-
-
-def actuated_joints(actuators: tuple[Actuator, ...], joints: Mapping[str, Joint]) -> list[str]:
-    """As in `mbd_sim.files.builders.actuators`, which is imported only where a file has them."""
-    if not actuators:
-        return []
-    from mbd_sim.files.builders import actuators as actuator_builder
-
-    return actuator_builder.actuated_joints(actuators, joints)
-
-
-def build_sensors(
-    specs: Mapping[str, AnySensorSpec],
-    joints: Mapping[str, Joint | None],
-    actuators: Sequence[Actuator],
-    step: float | None,
-    context: BuildContext,
-) -> tuple[AnySensor, ...]:
-    """As in `mbd_sim.files.builders.sensors`, which is imported only where a file has them."""
-    if not specs:
-        return ()
-    from mbd_sim.files.builders import sensors as sensor_builder
-
-    return sensor_builder.build_sensors(specs, joints, actuators, step, context)
-
-
-def measured_joints(sensors: Sequence[AnySensor], joints: Mapping[str, Joint]) -> set[str]:
-    """As in `mbd_sim.files.builders.sensors`, which is imported only where a file has them."""
-    if not sensors:
-        return set()
-    from mbd_sim.files.builders import sensors as sensor_builder
-
-    return sensor_builder.measured_joints(sensors, joints)
-
-
-def build_bases(
-    specs: Mapping[str, AnyBaseSpec], joints: Mapping[str, Joint], actuators: Sequence[Actuator], context: BuildContext
-) -> tuple[Base, ...]:
-    """As in `mbd_sim.files.builders.actuators`, which is imported only where a file has them."""
-    if not specs:
-        return ()
-    from mbd_sim.files.builders import actuators as actuator_builder
-
-    return actuator_builder.build_bases(specs, joints, actuators, context)
 
 
 def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
@@ -140,19 +40,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
-    elements = build_elements(
-        file.parts,
-        file.joints,
-        file.forces,
-        file.constraints,
-        file.contacts,
-        file.actuators,
-        file.ground,
-        source,
-        sensors=file.sensors,
-        bases=file.bases,
-        step=file.integrator.step,
-    )
+    elements = build_elements(file, source)
     if elements.problems:
         raise MechanismError(in_order(elements.problems))
     joints = elements.joints
@@ -166,7 +54,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         name=file.mechanism,
         description=file.description.strip(),
         parts=elements.parts,
-        joints=_joints_of(tree, joints),
+        joints=_joints_of(tree, joints, elements.parts),
         closing={name: joints[name] for name in tree.closing if name not in tree.split},
         tree=(*tree.joints, *tree.split),
         ground_points=elements.ground_points,
@@ -203,14 +91,15 @@ def _require_different_coordinates(joints: Mapping[str, Joint], context: BuildCo
         found |= dict.fromkeys(names, joint.name)
 
 
-def _joints_of(tree: SpanningTree, joints: Mapping[str, Joint]) -> dict[str, Joint]:
+def _joints_of(tree: SpanningTree, joints: Mapping[str, Joint], parts: Collection[str]) -> dict[str, Joint]:
     """The joints with coordinates, with their direction in the tree."""
-    outboard = {**tree.outboard, **tree.split}
-    return {
-        name: dataclasses.replace(joint, reversed=outboard[name] == joint.parent, splits=name in tree.split)
-        for name, joint in joints.items()
-        if name in outboard
-    }
+    outboard, bodies = {**tree.outboard, **tree.split}, set(parts)
+    found = {}
+    for name in (name for name in joints if name in outboard):
+        piece = unique_name(f"{outboard[name]}/{name}", bodies) if name in tree.split else ""
+        bodies.add(piece)
+        found[name] = dataclasses.replace(joints[name], reversed=outboard[name] == joints[name].parent, piece=piece)
+    return found
 
 
 def _named_joints(elements: MechanismElements) -> set[str]:
@@ -221,8 +110,8 @@ def _named_joints(elements: MechanismElements) -> set[str]:
         return sprung
     from mbd_sim.mechanism.force_expressions import force_expressions
 
-    with_expressions: tuple[ForceElement, ...] = (*forces.springs, *forces.applied, *forces.efforts, *forces.potentials)
-    found = force_expressions(elements.joints.values(), with_expressions)
+    of_all_kinds: chain[ForceElement] = chain.from_iterable(vars(forces).values())
+    found = force_expressions(elements.joints.values(), of_all_kinds)
     names = {state.coordinate for one in found for state in one.expression.state}
     names |= {effort.coordinate for effort in forces.efforts}
     return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)} | sprung
@@ -244,61 +133,82 @@ def _merged(group: Sequence[Problem]) -> Problem:
     return dataclasses.replace(first, repetition=f"{first.repetition}, and {len(group) - 1} more")
 
 
-def build_elements(
-    parts: Mapping[str, PartSpec],
-    joints: Mapping[str, AnyJointSpec],
-    forces: Mapping[str, AnyForceSpec],
-    constraints: Mapping[str, AnyConstraintSpec],
-    contacts: Mapping[str, ContactSpec],
-    actuators: Mapping[str, AnyActuatorSpec],
-    ground: GroundSpec,
-    source: Source,
-    unreadable: Collection[str] = (),
-    refused_joints: Collection[str] = (),
-    sensors: Mapping[str, AnySensorSpec] = MappingProxyType({}),
-    bases: Mapping[str, AnyBaseSpec] = MappingProxyType({}),
-    step: float | None = None,
-) -> MechanismElements:
+@dataclass(frozen=True)
+class Refused:
+    """What the schema refuses of a file, of which references to parts and joints are checked all the same.
+
+    `parts`, which may be ground, have their points, or None if any are accepted. Any coordinates of the `joints` are
+    accepted, and those of any joint if these are None. `entries` are as written, by location.
+    """
+
+    parts: PointsByPart
+    joints: Collection[str] | None
+    entries: Mapping[tuple[str, str], Any]
+
+
+FRAME_KEYS = ("at", "on", "point", "plane", "line", "frame", "wheel", "cam", "through")
+COORDINATE_KEYS = ("joint", "joints", "coordinate", "pinion", "rack", "terms", "slip")
+
+
+def _check_references(entries: Mapping[tuple[str, str], Any], context: BuildContext) -> None:
+    """Report the references of refused entries to parts, points and coordinates that do not exist."""
+    for location, entry in entries.items():
+        for key, value in entry.items() if isinstance(entry, dict) else ():
+            where: Location = (*location, key)
+            names = [(where, value)] if isinstance(value, str) else []
+            if isinstance(value, list | dict):
+                names = [((*where, index), name) for index, name in enumerate(value) if isinstance(name, str)]
+            if key == "between" and len(names) == 2 and location[0] != "contacts":
+                context.attachments(where, [name for _, name in names])
+            for place, name in names:
+                if key in FRAME_KEYS:
+                    context.frame(place, name)
+                elif key in COORDINATE_KEYS:
+                    context.require_joint(where if isinstance(value, dict) else place, name)
+
+
+def build_elements(file: MechanismFile, source: Source, refused: Refused | None = None) -> MechanismElements:
     """Build everything that the records of a file describe; invalid elements are left out and reported.
 
-    :param unreadable: parts, or ground, that the schema refused; references to any point of them are accepted.
-    :param refused_joints: joints that the schema refused, and "" for those without a name; references to their
-        coordinates are accepted.
-    :param step: in s, of which the periods of sensors are multiples; None: it is unknown.
+    :param refused: what the schema does not accept of a file, for which others are built to find their problems.
     """
     problems: list[Problem] = []
-    if GROUND in parts:
+    if GROUND in file.parts:
         problems.append(source.problem(("parts", GROUND), "'ground' always exists", "Choose another name."))
-    built_parts = {name: build_part(name, spec, source, problems) for name, spec in parts.items()}
-    ground_points = point_poses(ground.points)
+    parts = {name: build_part(name, spec, source, problems) for name, spec in file.parts.items()}
+    ground_points = point_poses(file.ground.points)
     points: PointsByPart = {
-        **{name: part.points for name, part in built_parts.items()},
+        **{name: part.points for name, part in parts.items()},
         GROUND: ground_points,
-        **dict.fromkeys(unreadable),
+        **(refused.parts if refused else {}),
     }
-    context = BuildContext(points, source, problems)
-    built_joints = {name: build_joint(name, spec, context) for name, spec in joints.items()}
-    known_joints = {**built_joints, **dict.fromkeys(refused_joints)}
-    built_forces = build_force_elements(forces, known_joints, context)
-    built_constraints = build_constraints(constraints, known_joints, context)
-    built_contacts = build_contacts(contacts, parts, context)
-    built_actuators = build_actuators(actuators, known_joints, context)
-    built_sensors = build_sensors(sensors, known_joints, built_actuators, step, context)
-    valid_joints = {name: joint for name, joint in built_joints.items() if joint}
-    _require_different_coordinates(valid_joints, context)
-    found = (joint_bushing(joint, joints[name]) for name, joint in valid_joints.items())
-    bushings = tuple(bushing for bushing in found if bushing)
-    built_bases = () if problems else build_bases(bases, valid_joints, built_actuators, context)
+    context = BuildContext(points, source, problems, complete=refused is None)
+    built = {name: build_joint(name, spec, context) for name, spec in file.joints.items()}
+    if refused is None or refused.joints is not None:
+        context.joints = built | dict.fromkeys(refused.joints or () if refused else ())
+    joints = context.valid_joints
+    if refused is not None:
+        _check_references(refused.entries, context)
+    forces = build_force_elements(file.forces, context)
+    constraints = build_constraints(file.constraints, context)
+    contacts = build_contacts(file.contacts, file.parts, context)
+    actuators = build_actuators(file.actuators, context)
+    sensors = build_sensors(file.sensors, actuators, file.integrator.step, context)
+    _require_different_coordinates(joints, context)
+    all_known = refused is None or (refused.joints == [] and not refused.parts)
+    if all_known and len(joints) == len(file.joints) and (refused or problems):  # otherwise with the tree
+        problems += unconnected(parts, joints, source)
+    found = (joint_bushing(joint, file.joints[name]) for name, joint in joints.items())
     return MechanismElements(
-        parts=built_parts,
-        joints=valid_joints,
-        forces=built_forces,
-        constraints=built_constraints,
-        contacts=built_contacts,
-        actuators=built_actuators,
-        sensors=built_sensors,
-        bases=built_bases,
-        joint_bushings=bushings,
+        parts=parts,
+        joints=joints,
+        forces=forces,
+        constraints=constraints,
+        contacts=contacts,
+        actuators=actuators,
+        sensors=sensors,
+        bases=build_bases(file.bases, actuators, context),
+        joint_bushings=tuple(bushing for bushing in found if bushing),
         ground_points=ground_points,
         problems=context.problems,
     )

@@ -20,26 +20,21 @@ from mbd_sim.mechanism.elements.sensors import AnySensor, ErrorModel, Sampling, 
 from mbd_sim.mechanism.values.source import Location
 
 POINT = "."
-Joints = Mapping[str, Joint | None]  # None: refused already; with the name "" if the file has others
 
 
 def build_sensors(
-    specs: Mapping[str, schema.AnySensorSpec],
-    joints: Joints,
-    actuators: Sequence[Actuator],
-    step: float | None,
-    context: BuildContext,
+    specs: Mapping[str, schema.AnySensorSpec], actuators: Sequence[Actuator], step: float, context: BuildContext
 ) -> tuple[AnySensor, ...]:
     """The sensors of a file; invalid ones are left out and reported to `context`.
 
     :param actuators: those that are valid.
-    :param step: in s, of which periods and delays are multiples; None: it is unknown.
+    :param step: in s, of which periods and delays are multiples; nan: it is unknown.
     """
-    builder = _SensorBuilder(joints, actuators, context)
+    builder = _SensorBuilder(actuators, context)
     built = []
     for name, spec in specs.items():
         sampling = Sampling(spec.rate, spec.delay, spec.drop_out)
-        if step is not None:
+        if not math.isnan(step + (spec.rate or 0.0) + spec.delay):  # not reported already
             _check_sampling(("sensors", name), sampling, step, context)
         if (sensor := builder.build(name, spec, sampling)) is not None:
             _check_frame_name(sensor, context)
@@ -70,8 +65,8 @@ def _check_frame_name(sensor: AnySensor, context: BuildContext) -> None:
 class _SensorBuilder:
     """Builds sensors one by one; problems are reported to the context."""
 
-    def __init__(self, joints: Joints, actuators: Sequence[Actuator], context: BuildContext) -> None:
-        self._joints, self._context = joints, context
+    def __init__(self, actuators: Sequence[Actuator], context: BuildContext) -> None:
+        self._joints, self._context = context.joints or {}, context
         self._actuators = {actuator.name: actuator for actuator in actuators}
 
     def build(self, name: str, spec: schema.AnySensorSpec, sampling: Sampling) -> AnySensor | None:
@@ -110,8 +105,8 @@ class _SensorBuilder:
         return None if frame is None else SensorFrame(*frame)
 
     def _joint(self, where: Location, name: str) -> Joint | None:
-        """A joint of the file; None, with a problem unless the file has joints that could not be read."""
-        if name not in self._joints and "" not in self._joints:
+        """A joint of the file; None, with a problem unless the joints of the file could not be read."""
+        if name not in self._joints and self._context.joints is not None:
             known = [joint for joint in self._joints if joint]
             self._context.report(where, f"there is no joint {quoted(name)}", nearest(name, known))
         return self._joints.get(name)

@@ -212,6 +212,11 @@ def _cannot_be_cut(source: Source, joint: Joint) -> Problem:
     return source.problem(("joints", joint.name, "cut"), message, "Remove 'cut', or cut one joint of each loop.")
 
 
+def unconnected(parts: Mapping[str, Part], joints: Mapping[str, Joint], source: Source) -> list[Problem]:
+    """The problems of parts that no joints connect to ground."""
+    return [*_unconnected(source, spanning_tree(parts, joints.values(), (), ()).unreached, joints.values())]
+
+
 def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) -> Iterator[Problem]:
     joints_of: dict[str, list[str]] = {}
     for joint in joints:

@@ -161,7 +161,7 @@ def _found(tables: Mapping[str, Mapping[Words, str]], section: str, word: str) -
 
 
 # Other words that users may write for a type: the first of the types that is valid at this place.
-_SYNONYMS = {
+TYPE_SYNONYMS = {
     "hinge": ("revolute",), "pin": ("revolute",), "rotation": ("revolute",), "continuous": ("revolute",),
     "rotary": ("revolute",), "rotational": ("revolute",), "slider": ("prismatic",), "translation": ("prismatic",),
     "slide": ("prismatic",), "linear": ("prismatic", "spring"), "translational": ("prismatic",), "weld": ("fixed",),
@@ -177,7 +177,7 @@ _SYNONYMS = {
 def problem_of(source: Source, details: ErrorDetails) -> Problem:
     """The problem that one of pydantic's errors describes."""
     loc, kind, context = details["loc"], details["type"], details.get("ctx", {})
-    location, value = _in_file(source, loc)
+    location, value = in_file(source, loc)
     if isinstance(error := context.get("error"), InputError):
         return source.problem_of(location, error)
     leaf = str(loc[-1]) if loc else ""
@@ -222,7 +222,7 @@ def _unknown_type(source: Source, location: Location, loc: PydanticLocation, val
     if tag is None:
         return source.problem(where, "has no value", nearest("", types))
     remedy = remedy_for_type(location, str(tag)) or nearest(str(tag), types)
-    if meant := [word for word in _SYNONYMS.get(str(tag), ()) if word in types]:
+    if meant := [word for word in TYPE_SYNONYMS.get(str(tag), ()) if word in types]:
         remedy = f"Did you mean '{meant[0]}'? Valid: {listed(types)}."
     return source.problem(where, f"unknown type {quoted(tag)}", remedy)
 
@@ -240,6 +240,8 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
                 valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
                 example = f", for example {valid}" if len(valid) <= 60 and re.match(PLAIN_PATTERN, valid) else ""
                 return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."
+            if text.startswith("/") and loc[:1] in (("parts",), ("sensors",)):
+                return "begins with '/'", "Remove it: names of frames in TF, which this is as well, do not begin so."
             form = f"Use at most {LONGEST_NAME} characters without line ends, and none of {{ }}."
             return "not a valid name", form
         case "string_type":
@@ -281,7 +283,7 @@ def _list_form(loc: PydanticLocation) -> str:
     return f"Write it as [{letters}]." if letters else "Begin each entry with '- '."
 
 
-def _in_file(source: Source, loc: PydanticLocation) -> tuple[Location, Any]:
+def in_file(source: Source, loc: PydanticLocation) -> tuple[Location, Any]:
     """A pydantic location without the tags of unions, and the value there."""
     location: Location = ()
     value, entered = source.data, False

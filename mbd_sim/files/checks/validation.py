@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
-from mbd_sim.files.builders.mechanism import build_elements, in_order
+from mbd_sim.base.geometry.pose import Pose, identity_pose
+from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order
+from mbd_sim.files.checks.meant import ENTRIES, as_meant, problems_of_any_type
 from mbd_sim.files.checks.problems import problem_of
-from mbd_sim.files.schema.actuators import AnyActuatorSpec
 from mbd_sim.files.schema.base import validator_of
-from mbd_sim.files.schema.constraints import AnyConstraintSpec
-from mbd_sim.files.schema.contacts import ContactSpec
-from mbd_sim.files.schema.file import GroundSpec, MechanismFile, PartSpec
-from mbd_sim.files.schema.forces import AnyForceSpec
-from mbd_sim.files.schema.joints import AnyJointSpec
+from mbd_sim.files.schema.file import GroundSpec, IntegrationSpec, MechanismFile
 from mbd_sim.files.schema.laws import TableSpec
-from mbd_sim.files.schema.sensors import AnySensorSpec
 from mbd_sim.files.text.library import SUFFIXES
 from mbd_sim.files.text.parameters import Parameters, coordinate_names, resolve_parameters
 from mbd_sim.files.text.spelling import synonym
 from mbd_sim.mechanism.values.source import Source
 
+ROUNDS = 4  # of mending misspelled words, each of which may hide others
 REQUIRED = ("mechanism", "parts", "joints", "urdf")
 MANY = 1000  # problems beyond which no further ones are searched for
 
@@ -30,23 +30,72 @@ MANY = 1000  # problems beyond which no further ones are searched for
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters in SI units.
 
-    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces, constraints,
-        contacts and actuators that it accepts are then checked too, so that one run reports all problems (of a file
-        with fewer than a thousand).
+    :raises MechanismError: with everything that the schema refuses, and, so that one run reports all problems (of a
+        file with fewer than a thousand), with what else is wrong if the misspelled words are those that were meant.
     """
     _require_mechanism(source)
     parameters = _all_names(source)
     problems = source.problems + parameters.problems
-    file = None
+    file, errors = _read(source, parameters)
+    if file is not None and not problems:
+        return file, parameters.values
+    problems += [problem_of(source, details) for details in errors]
+    if len(problems) <= MANY:
+        problems += _hidden_problems(source, errors)
+    raise MechanismError(in_order(problems))
+
+
+def _read(source: Source, parameters: Parameters) -> tuple[MechanismFile | None, list[ErrorDetails]]:
+    """The records of the whole file, None if the schema refuses some, and its errors."""
     try:
-        file = validator_of(MechanismFile).validate_python(source.data, context=parameters)
+        return validator_of(MechanismFile).validate_python(source.data, context=parameters), []
     except ValidationError as error:
-        problems += [problem_of(source, details) for details in error.errors(include_url=False)]
-    if len(problems) > MANY:
-        raise MechanismError(in_order(problems))
-    if problems or file is None:
-        raise MechanismError(in_order(problems + _reference_problems(source, parameters)))
-    return file, parameters.values
+        return None, error.errors(include_url=False)
+
+
+def _hidden_problems(source: Source, errors: list[ErrorDetails]) -> list[Problem]:
+    """The problems that those of the schema hide: in misspelled entries, and of what the builders check."""
+    problems: list[Problem] = []
+    for _ in range(ROUNDS):
+        meant = as_meant(source, errors)
+        if meant is source:
+            break
+        source, parameters = meant, _all_names(meant)
+        errors = _read(source, parameters)[1]
+        problems += parameters.problems + [problem_of(source, details) for details in errors]
+    if not isinstance(source.data.get("parts"), dict):
+        return problems  # without any parts, no reference is right
+    parameters = _all_names(source)
+    for details in errors:
+        if details["type"] == "union_tag_invalid":
+            problems += problems_of_any_type(source, details, parameters)
+    return problems + _reference_problems(source, dataclasses.replace(parameters, lenient=True))
+
+
+def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]:
+    """What the builders find in the entries that the schema accepts, and the wrong references of the others."""
+    accepted: dict[str, Any] = {}
+    refused: dict[tuple[str, str], Any] = {}
+    for section, kind in ENTRIES.items():
+        written = source.data.get(section)
+        entries = written if isinstance(written, dict) else {}
+        accepted[section] = _accepted(entries, kind, parameters)
+        refused |= {(section, name): entry for name, entry in entries.items() if name not in accepted[section]}
+    ground, integrator = (source.data.get(key) or {} for key in ("ground", "integrator"))
+    accepted |= _accepted({"ground": ground}, GroundSpec, parameters)
+    accepted |= _accepted({"integrator": integrator}, IntegrationSpec, parameters)
+    accepted.setdefault("integrator", IntegrationSpec.model_construct(step=math.nan))
+    parts = {name: _points(part) for (section, name), part in refused.items() if section == "parts"}
+    parts |= {} if "ground" in accepted else {"ground": _points(ground)}
+    joints = [name for section, name in refused if section == "joints"]
+    known = joints if isinstance(source.data.get("joints"), dict) else None
+    return build_elements(MechanismFile.model_construct(**accepted), source, Refused(parts, known, refused)).problems
+
+
+def _points(written: object) -> dict[str, Pose] | None:
+    """The points of a refused part, of which only the names are known; None if not even these are."""
+    points = written.get("points") if isinstance(written, dict) else None
+    return dict.fromkeys(points, identity_pose()) if isinstance(points, dict) else None
 
 
 def _require_mechanism(source: Source) -> None:
@@ -78,53 +127,6 @@ def _all_names(source: Source) -> Parameters:
     parameters.tables = {name: spec.table for name, spec in valid.items()}
     parameters.unreadable_tables = set(written or ()) - valid.keys() if isinstance(written, dict) else set()
     return parameters
-
-
-def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]:
-    """The problems with the parts, joints, forces and constraints that the schema accepts, in a file that it refuses.
-
-    Of joints and forces that it refuses, the ends are checked.
-    """
-    keys = ("parts", "joints", "forces", "ground")
-    written_parts, written_joints, written_forces, ground = map(source.data.get, keys)
-    grounds = _accepted({"ground": {} if ground is None else ground}, GroundSpec, parameters)
-    parts = _accepted(written_parts, PartSpec, parameters)
-    joints: dict[str, Any] = {}
-    forces: dict[str, Any] = {}
-    unreadable, refused = [] if grounds else ["ground"], [""]
-    if isinstance(written_parts, dict) and isinstance(written_joints, dict):
-        unreadable += [name for name in written_parts if name not in parts]
-        ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
-        welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
-        as_written = _accepted(written_joints, AnyJointSpec, parameters)
-        joints = _accepted(welds, AnyJointSpec, parameters) | as_written
-        refused = [name for name in written_joints if name not in as_written]
-        refused += [""] if refused else []
-    if isinstance(written_forces, dict):
-        ends_only = {name: _ends_only(force) for name, force in written_forces.items() if isinstance(force, dict)}
-        for records in (ends_only, written_forces):
-            forces |= _accepted(records, AnyForceSpec, parameters)
-    constraints = _accepted(source.data.get("constraints"), AnyConstraintSpec, parameters)
-    contacts = _accepted(source.data.get("contacts"), ContactSpec, parameters)
-    actuators = _accepted(source.data.get("actuators"), AnyActuatorSpec, parameters)
-    sensors = _accepted(source.data.get("sensors"), AnySensorSpec, parameters)
-    frame = grounds.get("ground") or GroundSpec()
-    built = build_elements(
-        parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, refused, sensors=sensors
-    )
-    return built.problems
-
-
-def _ends_only(written: dict[str, Any]) -> dict[str, Any]:
-    """A valid force element with only the ends of the one in the file."""
-    if "between" in written:
-        return {"type": "spring", "between": written["between"], "stiffness": 1}
-    if "energy" in written:
-        return {"type": "potential", "energy": 0}
-    if "coordinate" in written:
-        return {"type": "effort", "coordinate": written["coordinate"], "effort": 0}
-    kind, key = ("couple", "on") if "on" in written else ("force", "at")
-    return {"type": kind, key: written.get(key), "vector": [0, 0, 0]}
 
 
 def _accepted(records: object, kind: Any, parameters: Parameters) -> dict[str, Any]:

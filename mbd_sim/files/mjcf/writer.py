@@ -21,7 +21,6 @@ from mbd_sim.files.mjcf.written_bodies import (
     WrittenBody,
     WrittenJoint,
     add_element,
-    lead_per_radian,
     number,
     placed,
     text,
@@ -29,9 +28,10 @@ from mbd_sim.files.mjcf.written_bodies import (
     written_bodies,
 )
 from mbd_sim.files.mjcf.written_elements import add_actuators, add_constraints, add_elements, add_loops, attached_parts
-from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.parts import GROUND, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.names import unique_name
 
 
 def add_start(document: Document) -> None:
@@ -77,7 +77,7 @@ def _values(body: WrittenBody, each: WrittenJoint, q: Array, u: Array) -> tuple[
     """qpos and qvel of a joint of MuJoCo, from the coordinates and speeds of ours."""
     joint = each.joint
     if each.single:
-        factor = lead_per_radian(joint) if each.name == f"{joint.name}.travel" else 1.0
+        factor = joint.travel if each.name == f"{joint.name}.travel" else 1.0
         index = each.index
         return factor * q[index : index + 1], factor * u[index : index + 1]
     turn, spin = from_quaternion(q[-4:]), u[-3:]
@@ -93,6 +93,7 @@ def _values(body: WrittenBody, each: WrittenJoint, q: Array, u: Array) -> tuple[
     return np.concatenate([pose.position, to_quaternion(pose.rotation)]), np.concatenate([velocity, axes @ spin])
 
 
+WORLD = "world"  # the name of the body that is ground
 LEAST_INERTIA = 1e-14  # kg·m²; MuJoCo refuses moments of 0
 LEAST_MASS = 1e-9  # kg, of bodies that move and have no mass here
 
@@ -124,7 +125,10 @@ def _add_bodies(document: Document) -> None:
     for point, pose in document.mechanism.ground_points.items():
         document.site(GROUND, pose, f"{GROUND}.{point}")
     for name, body in document.bodies.items():
-        frame = add_element(document.frames[body.parent], "body", {"name": name, **placed(body.pose)})
+        written_name = unique_name(name, {WORLD, *document.bodies}) if name == WORLD else name
+        if written_name != name:
+            document.leave_out("names that MJCF reserves, as old → new", f"{name} → {written_name}")
+        frame = add_element(document.frames[body.parent], "body", {"name": written_name, **placed(body.pose)})
         document.frames[name] = frame
         for joint in body.joints:
             _add_joint(document, frame, joint)
@@ -239,6 +243,7 @@ def _note_rest(document: Document) -> None:
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
         ("bases on wheels", [base.name for base in mechanism.bases]),
+        ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),
     ):
         for name in names:
             document.leave_out(kind, name)

@@ -28,10 +28,11 @@ from mbd_sim.files.schema.fields import (
     TorsionStiffness,
 )
 from mbd_sim.files.text.spelling import FORMER_KEYS
-from mbd_sim.mechanism.values.names import LONGEST_NAME, NAME_PATTERN, PLAIN_PATTERN
+from mbd_sim.mechanism.values.names import FRAME_PATTERN, LONGEST_NAME, NAME_PATTERN, PLAIN_PATTERN
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
+FrameName = Annotated[str, StringConstraints(pattern=FRAME_PATTERN, max_length=LONGEST_NAME)]
 PlainName = Annotated[str, StringConstraints(pattern=PLAIN_PATTERN, max_length=60)]
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 

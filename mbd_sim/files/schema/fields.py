@@ -24,6 +24,7 @@ from mbd_sim.mechanism.values.expression import TIME, StateName, TimeExpression,
 
 # Beyond these, products such as density · r³ · r² would overflow or vanish. A smaller value that may be 0 becomes 0.
 LARGEST, SMALLEST = 1e40, 1e-60
+UNKNOWN = TimeExpression("0", {})  # in place of an expression whose problem is reported already
 
 
 @dataclass(frozen=True)
@@ -55,9 +56,12 @@ class Quantity:
         }
 
     def _validate(self, value: Any, info: ValidationInfo) -> float:
+        parameters = info.context or Parameters()
         try:
-            return self._parsed(value, info.context or Parameters())
+            return self._parsed(value, parameters)
         except InputError as error:
+            if parameters.lenient:
+                return math.nan
             raise InputError(error.message, error.remedy, value) from error
 
     def _parsed(self, value: Any, parameters: Parameters) -> float:
@@ -143,6 +147,8 @@ class ExpressionField:
         try:
             return self._in_unit_of(info, parameters)._parsed(value, parameters)
         except InputError as error:
+            if parameters.lenient:
+                return UNKNOWN
             raise InputError(error.message, error.remedy, value) from error
 
     def _in_unit_of(self, info: ValidationInfo, parameters: Parameters) -> ExpressionField:
@@ -156,7 +162,7 @@ class ExpressionField:
             message = f"must be an expression of {self._variables_in_words()}"
             raise InputError(message, f"Write for example {example}.")
         if isinstance(value, str) and parameters.unknown_in(value):
-            return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
+            return UNKNOWN  # the problem is reported at the parameter, not at each use of it
         expression, unit = split_unit(str(value))
         parameters.require_unit(expression, None if unit else self.unit)
         expression = parameters.functions.expanded(expression)
@@ -167,7 +173,7 @@ class ExpressionField:
             raise InputError(f"the parameter '{hidden[0]}' hides the {what}", "Rename the parameter.")
         tables = tables_in(expression)
         if tables & parameters.unreadable_tables:
-            return TimeExpression("0", {})
+            return UNKNOWN
         state = self._state_names(expression, sorted(used), parameters)
         if unit:
             expression = f"({expression})*{unit_factor(unit, self.unit)!r}"

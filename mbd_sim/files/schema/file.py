@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
 from mbd_sim.files.schema.base import (
     Color,
+    FrameName,
     Name,
     PlainName,
     PointOrVector,
@@ -22,14 +23,14 @@ from mbd_sim.files.schema.base import (
     Vector,
     written_as,
 )
-from mbd_sim.files.schema.constraints import AnyConstraintSpec
-from mbd_sim.files.schema.contacts import ContactSpec
+from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
 from mbd_sim.files.schema.fields import Acceleration, Mass, MomentOfInertia, Number, PositiveTime, Quantity
 from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.schema.laws import TableSpec
 from mbd_sim.files.schema.sensors import AnySensorSpec, Seed
 from mbd_sim.files.schema.shapes import AnyShapeSpec
+from mbd_sim.files.text.xml import parse_elements
 
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 
@@ -116,6 +117,14 @@ class IntegrationSpec(Spec):
     rest_speed: RestSpeed = 1e-5
 
 
+def _control_blocks(text: str) -> str:
+    parse_elements(text, "ros2_control")
+    return text
+
+
+ControlBlocks = Annotated[str, AfterValidator(_control_blocks)]
+
+
 class MechanismFile(Spec):
     """A mechanism file."""
 
@@ -139,7 +148,7 @@ class MechanismFile(Spec):
     # Made without validation, which would build both records at every start.
     integrator: IntegrationSpec = IntegrationSpec.model_construct()
     ground: GroundSpec = GroundSpec.model_construct()
-    parts: dict[Name, PartSpec] = Field(min_length=1)
+    parts: dict[FrameName, PartSpec] = Field(min_length=1)
     joints: dict[Name, AnyJointSpec] = Field(min_length=1)
     constraints: dict[Name, AnyConstraintSpec] = Field(
         default={}, description="restrictions of the motion in addition to joints"
@@ -148,5 +157,8 @@ class MechanismFile(Spec):
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")
     actuators: dict[Name, AnyActuatorSpec] = Field(default={}, description="motors and servos, which take commands")
     bases: dict[Name, AnyBaseSpec] = Field(default={}, description="bases on wheels, whose velocity is commanded")
-    sensors: dict[Name, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
+    sensors: dict[FrameName, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
+    ros2_control: ControlBlocks = Field(
+        "", description="<ros2_control> elements, which exported URDF and ~/robot_description repeat"
+    )
     sensor_seed: Seed = Field(0, description="of the noise of all sensors: a whole number")

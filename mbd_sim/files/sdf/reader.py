@@ -13,15 +13,13 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.sdf.joints import GEARBOX, gearbox_of, joint_of, mimics_of
-from mbd_sim.files.sdf.links import PRODUCTS, part_of, rotated
+from mbd_sim.files.sdf.links import PRODUCTS, Values, part_of, rotated
 from mbd_sim.files.sdf.scopes import FRAMES, Node, Scope, ScopeReader, key_of, link_of, world_pose
-from mbd_sim.files.sdf.values import Values
 from mbd_sim.files.text.file_limits import file_error
+from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, rows
 from mbd_sim.files.urdf.reader import note_unread, read
-from mbd_sim.files.xml.elements import Element, parse_xml
-from mbd_sim.files.xml.reading import Base, Reading, rows
-from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.mechanism.values.names import accepted_names, reference, unique_name
+from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
+from mbd_sim.mechanism.values.names import accepted_names, is_name, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin, Source
 
 _OWN_POSE = read("rotation_format degrees")
@@ -170,7 +168,7 @@ class _Reader:
                 path.insert(0, owner.name)
                 owner = owner.scope.owner
             written.append("::".join(path[1:] if alone and len(path) > 1 else path))
-        names = accepted_names(written, kind, (GROUND,) if kind == "link" else ())
+        names = accepted_names(written, kind, is_frame_name if kind == "link" else is_name)
         for old, new in names.items():
             if old != new:
                 self.reading.leave_out("names that are not valid here, as old → new", f"{old} → {new}")

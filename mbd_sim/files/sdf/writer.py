@@ -21,13 +21,13 @@ from mbd_sim.base.geometry.rotation import about, to_quaternion
 from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.urdf.joint_motions import Mimic, mimics_of, motions_of
-from mbd_sim.files.urdf.writer import THICKNESS
+from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import unique_name
 
-NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal", "screw": "screw"}
+NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +80,15 @@ class Placement:
         return self.poses[part] @ pose if part in self.poses else pose
 
 
+def native_type(joint: Joint) -> str:
+    """The type of SDF for a joint with all its coordinates; "" if it has none."""
+    return "screw" if joint.kind.advances else NATIVE.get(joint.type, "")
+
+
 def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic]) -> Chain:
     """The joints for a joint of the tree. One of several coordinates that SDF does not know becomes several."""
     inner, outer = (joint.child_pose, joint.parent_pose) if joint.reversed else (joint.parent_pose, joint.child_pose)
-    if joint.type in NATIVE:
+    if native_type(joint):
         return Chain([_native(joint, placement, inner, outer, joint.reversed, mimics)])
     chain, parent = Chain(), joint.inboard
     frame, motions = placement.frame(joint.inboard, inner), motions_of(joint)
@@ -118,7 +123,7 @@ def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic
 
 def written_closing(joint: Joint, placement: Placement) -> WrittenJoint | None:
     """A joint that closes a loop; None if SDF does not know its type."""
-    if joint.type in NATIVE:
+    if native_type(joint):
         return _native(joint, placement, joint.parent_pose, joint.child_pose, False, {})
     if joint.type in ("revolute", "prismatic"):
         axis = WrittenAxis(joint.axis)
@@ -142,10 +147,10 @@ def _native(
             directions[1],
         )  # the first axis is fixed in the parent, the second in the child
         axes = [_axis(joint, name, sign * one, placement, mimics) for name, one in zip(names, turned, strict=True)]
-    elif joint.type == "screw":
+    elif joint.kind.advances:
         axes = [_axis(joint, joint.name, sign * joint.axis, placement, mimics)]
     return WrittenJoint(
-        joint.name, NATIVE[joint.type], parent, child, outer, tuple(axes), joint.lead, joint.effort_limit
+        joint.name, native_type(joint), parent, child, outer, tuple(axes), joint.lead, joint.effort_limit
     )
 
 
@@ -221,16 +226,16 @@ def to_sdf(mechanism: Mechanism) -> Written:
 
 
 def _rename(document: Document, root: Element) -> None:
-    """Replace the names that SDF reserves: `::` leads into models, and `__…__` are its own."""
-    elements, new = list(root.iter()), dict[str, str]()
+    """Replace the names that SDF reserves: `::` leads into models, `__…__` and `world` (ground) are its own."""
+    elements, new = list(root.iter()), {GROUND: WORLD}
     used = {element.attrib["name"]: None for element in elements if "name" in element.attrib}
-    for name in [name for name in used if "::" in name or re.fullmatch("__.*__", name)]:
+    for name in [name for name in used if "::" in name or re.fullmatch("__.*__|world", name)]:
         new[name] = unique_name(re.sub("::|^__|__$", "_", name), used)
         used[new[name]] = None
         document.leave_out("names that SDF reserves, as old → new", [f"{name} → {new[name]}"])
     for element in elements:
         for key in ("name", "attached_to", "joint"):
-            if element.get(key) in new:
+            if element.get(key) in new and element.get(key) != GROUND:  # which no part is named, but perhaps a joint
                 element.set(key, new[element.attrib[key]])
         if element.tag in ("parent", "child") and element.text in new:
             element.text = new[element.text]
@@ -346,7 +351,7 @@ def _add_joint(document: Document, joint: WrittenJoint) -> None:
     element = ElementTree.SubElement(document.model, "joint", name=document.joints[joint.name], type=joint.type)
     _add_pose(element, joint.frame)
     for tag, part in (("parent", joint.parent), ("child", joint.child)):
-        _add(element, tag, WORLD if part == GROUND else part)
+        _add(element, tag, part)  # ground is renamed with the others
     for tag, axis in zip(AXES, joint.axes, strict=False):
         _add_axis(document, ElementTree.SubElement(element, tag), axis, joint)
     if joint.type == "screw":
@@ -423,6 +428,8 @@ def _note_rest(document: Document) -> None:
         ("actuators", [actuator.name for actuator in mechanism.actuators]),
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
+        ("bases on wheels", [base.name for base in mechanism.bases]),
+        ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),
     ):
         document.leave_out(kind, names)
 

@@ -91,7 +91,7 @@ class Parameters:
 
     `units` are those with which parameters are written. `functions` are those of the same file, and so are
     `coordinates` and `tables`, of which `unreadable_tables` are invalid. `ambiguous` are the names of joints that mean
-    something else in expressions.
+    something else in expressions. If `lenient`, invalid numbers, which are reported already, count as unknown ones.
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -103,6 +103,7 @@ class Parameters:
     coordinates: CoordinateNames = field(default_factory=CoordinateNames)
     tables: dict[str, Table] = field(default_factory=dict)
     unreadable_tables: set[str] = field(default_factory=set)
+    lenient: bool = False
 
     def unknown_in(self, value: str) -> bool:
         """Whether a value depends on a parameter or a function whose own problem is reported already."""

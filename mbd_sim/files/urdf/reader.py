@@ -15,11 +15,10 @@ from typing import Any
 
 from mbd_sim.base.errors import listed, nearest, quoted
 from mbd_sim.files.text.file_limits import file_error
+from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, text_of
 from mbd_sim.files.urdf.joints import joint_of, mimic_of
 from mbd_sim.files.urdf.links import MOMENTS, Origins, color_of, part_of
-from mbd_sim.files.xml.elements import Element, parse_xml
-from mbd_sim.files.xml.reading import Base, Reading
-from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.values.names import LONGEST_NAME, accepted_names, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin, Source
 
@@ -150,7 +149,7 @@ class _Robot:
         named = self._named("joint")
         self.kinds = {name: joint.attributes.get("type", "") for name, joint in named.items()}
         self.joints = self._connected(named)
-        self.part_names = accepted_names(self.links, "link", (GROUND,))
+        self.part_names = accepted_names(self.links, "link", is_frame_name)
         self.joint_names = accepted_names(self.joints, "joint")
         self.root = self._root()
         self.grounded = self._is_ground()
@@ -184,6 +183,8 @@ class _Robot:
         data |= {"parts": parts, "joints": joints}
         if couplings := self._couplings():
             data["constraints"] = couplings
+        if blocks := self.robot.all("ros2_control"):
+            data["ros2_control"] = text_of(blocks)
         for element in self.robot.children:
             if element.tag not in ("link", "joint", "material"):
                 name = element.attributes.get("name") or element.attributes.get("reference") or "without a name"
@@ -198,7 +199,6 @@ class _Robot:
             origins=self.origins,
             notes=self.reading.notes,
             format="URDF",
-            ros2_control=tuple(self.robot.all("ros2_control")),
         )
 
     def _named(self, tag: str) -> dict[str, Element]:

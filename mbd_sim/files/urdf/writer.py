@@ -21,8 +21,8 @@ import numpy as np
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import to_rpy
+from mbd_sim.files.text import xml as xml_elements
 from mbd_sim.files.urdf.joint_motions import Motion, mimics_of, motions_of
-from mbd_sim.files.xml import elements as xml_elements
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.forces import Bushing
@@ -31,6 +31,7 @@ from mbd_sim.mechanism.elements.sensors import FramelessSensor, FrameSensor, fra
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import unique_name
 
+ROS2_CONTROL = "ros2_control"  # a key of mechanism files, and a tag in URDF
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
 INTERFACES = ("position", "velocity", "effort")
 ALWAYS = "-1"  # the threshold with which commands are sent in each cycle, so that they do not expire
@@ -57,9 +58,9 @@ def ros2_control_block(
 
     :param robot: the URDF of the mechanism.
     """
-    blocks = robot.findall("ros2_control")
+    blocks = robot.findall(ROS2_CONTROL)
     name = unique_name(mechanism.name, [block.get("name", "") for block in blocks])
-    block = ElementTree.Element("ros2_control", name=name, type="system")
+    block = ElementTree.Element(ROS2_CONTROL, name=name, type="system")
     hardware = ElementTree.SubElement(block, "hardware")
     ElementTree.SubElement(hardware, "plugin").text = PLUGIN
     parameters = {
@@ -114,19 +115,17 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     robot = _robot(mechanism)
     if missing := left_out(mechanism):
         robot.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(missing)} ".replace("--", "- -")))
-    robot.extend(map(_copied, mechanism.source.ros2_control))
+    robot.extend(map(xml_elements.as_tree, control_blocks(mechanism)))
     if control is not None and (block := ros2_control_block(mechanism, robot, control)) is not None:
         robot.append(block)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
-def _copied(element: xml_elements.Element) -> Element:
-    """An element that was read."""
-    copy = Element(element.tag, element.attributes)
-    copy.text = element.text or None
-    copy.extend(map(_copied, element.children))
-    return copy
+def control_blocks(mechanism: Mechanism) -> list[xml_elements.Element]:
+    """The `<ros2_control>` elements of the URDF or the file of a mechanism."""
+    written = mechanism.source.data.get(ROS2_CONTROL)
+    return xml_elements.parse_elements(written, ROS2_CONTROL) if written else []
 
 
 def _robot(mechanism: Mechanism) -> Element:

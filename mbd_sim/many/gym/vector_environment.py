@@ -17,7 +17,8 @@ from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.many.gym.agent_interface import AgentInterface, Limit, require_episodes, require_starts, with_limits
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.ensemble.ensemble import Ensemble, sampling_steps, time_dependence
+from mbd_sim.simulation.ensemble.ensemble import Ensemble
+from mbd_sim.simulation.ensemble.members import sampling_steps, time_dependence
 from mbd_sim.simulation.ensemble.variants import Change
 from mbd_sim.simulation.run.arguments import rows_of
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, assert_never
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal, NamedTuple, Self, assert_never
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
@@ -49,6 +49,9 @@ class Gas:
     leakage: float = 0.0
 
 
+PRESSURES = ("pressure_a", "pressure_b")  # Pa, the states of a cylinder
+
+
 @dataclass(frozen=True)
 class Cylinder:
     """A piston between two chambers, and a valve that connects one of them to the supply and the other to the tank.
@@ -73,6 +76,18 @@ class Cylinder:
     pressures: tuple[float, float]
     control: ClassVar[Literal["opening"]] = "opening"
     has_states: ClassVar[bool] = True
+    gear: ClassVar[float] = 1.0
+    rotor_inertia: ClassVar[float] = 0.0  # no rotor
+
+    @property
+    def start_states(self) -> Mapping[str, float]:
+        """Its states before the first command that are not zero, by name."""
+        return dict(zip(PRESSURES, self.pressures, strict=True))
+
+    def with_start_states(self, values: Mapping[str, float]) -> Cylinder:
+        """The same cylinder with other start states."""
+        first, second = (values[name] for name in PRESSURES)
+        return replace(self, pressures=(first, second))
 
 
 Control = Literal["effort", "voltage", "current", "opening"]
@@ -122,8 +137,18 @@ class WrenchPort:
 Port = CoordinatePort | LinePort | SumPort | WrenchPort
 
 
+class _StartsAtRest:
+    """A machine whose own states are zero before the first command."""
+
+    start_states: ClassVar[Mapping[str, float]] = {}
+
+    def with_start_states(self, values: Mapping[str, float]) -> Self:
+        """The same machine: there are no such states."""
+        return self
+
+
 @dataclass(frozen=True)
-class EffortMotor:
+class EffortMotor(_StartsAtRest):
     """A motor that exerts the commanded effort, up to `effort_limit`, and up to its curve where it drives.
 
     `curve` are pairs of a speed |v| and the largest effort at it, linear between them and constant beyond. Where the
@@ -146,7 +171,7 @@ class EffortMotor:
 
 
 @dataclass(frozen=True)
-class DcMotor:
+class DcMotor(_StartsAtRest):
     """A motor with L i' = u - R i - k ω at the speed ω = `gear` v of its rotor, and the torque k i.
 
     `control` is what is commanded: the voltage u in V, the current i in A, or the effort that i has without losses.

@@ -18,8 +18,14 @@ from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive, JointCoordinate, JointKind, JointType
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ElasticLaw, Friction, PowerLaw, Varying
+from mbd_sim.mechanism.values.names import is_name
 
 GROUND = "ground"
+
+
+def is_frame_name(text: str) -> bool:
+    """Whether a text can be the name of a part or a sensor, which is that of a frame too: without a slash in front."""
+    return is_name(text) and not text.startswith("/") and text != GROUND
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +99,8 @@ class Joint:
     takes the elongation q - rest, the laws `damper` and `friction` the speed; only revolute and prismatic joints have
     them. A `reversed` joint leads from child to parent in the spanning tree. `velocity_limit` is not simulated, only
     passed on to URDF.
-    A joint that `splits` its outboard part closes a loop, but has coordinates: it carries a piece of that part, which
-    is welded to the rest, see `Mechanism.bodies`.
+    A joint with a `piece` splits its outboard part: it closes a loop, but has coordinates, and carries this piece of
+    that part, which is welded to the rest, see `Mechanism.bodies`.
     `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
     with `cut` closes a loop. Redundant joints share the load in inverse proportion to their relative `compliance`.
     """
@@ -124,7 +130,7 @@ class Joint:
     fixed_speeds: tuple[bool, ...] = ()
     cut: bool = False
     reversed: bool = False
-    splits: bool = False
+    piece: str = ""
     compliance: float = 1.0
 
     def __repr__(self) -> str:
@@ -136,6 +142,16 @@ class Joint:
         return JOINT_KINDS[self.type]
 
     @property
+    def travel(self) -> float:
+        """The displacement along its axis for a rotation of 1 rad about it, m: 0, but for a screw."""
+        return self.lead / (2.0 * np.pi) if self.kind.advances else 0.0
+
+    @property
+    def splits(self) -> bool:
+        """Whether the joint carries a piece of a part."""
+        return bool(self.piece)
+
+    @property
     def outboard_part(self) -> str:
         """The part on the far side of this joint, seen from ground through the spanning tree."""
         return self.parent if self.reversed else self.child
@@ -143,7 +159,7 @@ class Joint:
     @property
     def outboard(self) -> str:
         """The body that this joint adds to the spanning tree: the part on its far side, or a piece of that."""
-        return f"{self.outboard_part}/{self.name}" if self.splits else self.outboard_part
+        return self.piece or self.outboard_part
 
     @property
     def inboard(self) -> str:

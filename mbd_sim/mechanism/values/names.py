@@ -9,13 +9,15 @@ from __future__ import annotations
 import ast
 import keyword
 import re
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Iterable
 
 from mbd_sim.base.errors import InputError
 
 # No control characters and line ends, no braces, which stand for indices, and no blanks at the ends.
 _FORBIDDEN = r"\x00-\x1f\x7f-\x9f\u2028\u2029{}"
 NAME_PATTERN = rf"^[^\s{_FORBIDDEN}](?:[^{_FORBIDDEN}]*[^\s{_FORBIDDEN}])?$"
+# Those of parts and sensors are names of frames in TF as well, which must not begin with a slash.
+FRAME_PATTERN = NAME_PATTERN.replace(r"^[^\s", r"^[^/\s")
 PLAIN_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 LONGEST_NAME = 200
 
@@ -29,15 +31,15 @@ def is_name(text: str) -> bool:
     return bool(re.fullmatch(NAME_PATTERN, text)) and len(text) <= LONGEST_NAME
 
 
-def accepted_names(written: Iterable[str], otherwise: str, reserved: Container[str] = ()) -> dict[str, str]:
-    """A unique name for each name of a file: its own wherever that can be one."""
+def accepted_names(written: Iterable[str], otherwise: str, valid: Callable[[str], bool] = is_name) -> dict[str, str]:
+    """A unique name for each name of a file: its own wherever that is valid."""
     written = list(dict.fromkeys(written))
-    found = {name: name for name in written if is_name(name) and name not in reserved}
+    found = {name: name for name in written if valid(name)}
     used = set(found)
     for name in written:
         if name not in found:
-            plain = re.sub(f"[{_FORBIDDEN}]+", "_", name)[: LONGEST_NAME - len(otherwise) - 1].strip()
-            plain = plain if plain and plain not in reserved else f"{otherwise}_{plain}".rstrip("_")
+            plain = re.sub(f"[{_FORBIDDEN}]+", "_", name)[: LONGEST_NAME - len(otherwise) - 1].strip().lstrip("/ ")
+            plain = plain if valid(plain) else f"{otherwise}_{plain}".rstrip("_")
             found[name] = unique_name(plain, used)
             used.add(found[name])
     return {name: found[name] for name in written}

@@ -28,10 +28,9 @@ class Origin:
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `text` is the YAML that was read, and None after a conversion from another `format`. `yaml_writer.mechanism_text`
+    `text` is the YAML that was read, and None after a conversion from another `format`. `yaml_text.mechanism_text`
     writes YAML from which alone the mechanism can be built again, after a conversion with `comments` at the top.
     `data` may have been `changed` since they were read.
-    `ros2_control` has the elements of this name in a URDF, which its exports repeat.
     `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such
     as a duplicate key; `notes` list what was not imported from another `format`; `remarks` are sentences on what a file
     means that its author may not have meant.
@@ -54,7 +53,6 @@ class Source:
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     format: str = ""
-    ros2_control: tuple[Any, ...] = ()
     changed: bool = False
     template: Any = None
     template_lines: dict[Location, int] = field(default_factory=dict)

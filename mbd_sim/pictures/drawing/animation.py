@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.pictures.drawing.constraints import constraint_curves
 from mbd_sim.pictures.drawing.outlines import bounding_points, pointer_paths
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, DrawingError, mechanism_sheet, pixels
 from mbd_sim.pictures.drawing.sheet import FRONT, GRAY, MARKS, Page, Sheet, SheetPath, SheetText, view_of
-from mbd_sim.pictures.shapes.joints import tip_of
+from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.palette import part_colors
 from mbd_sim.pictures.shapes.solids import circle
 from mbd_sim.simulation.model.model import Model
@@ -160,18 +159,6 @@ def traced_point_paths(
         if name in mechanism.parts
         for path in pointer_paths(page, mechanism.parts[name], point, poses[name], colors[name])
     ]
-
-
-def traced_points(mechanism: Mechanism, names: Sequence[str]) -> list[tuple[str, Array]]:
-    """The part and the point (3,) in its frame in m for each of some names: `part.point`, or a part for its end.
-
-    :raises InputError: there is no such part or point.
-    """
-    points, found = {name: part.points for name, part in mechanism.parts.items()}, []
-    for name in names:
-        part, point = split_reference(name, points)
-        found.append((part, points[part][point].position if point else np.array(tip_of(mechanism.parts[part]))))
-    return found
 
 
 def _extreme(projected: Sequence[Array]) -> list[int]:

@@ -14,10 +14,10 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
-from mbd_sim.mechanism.actuation import line_ports
+from mbd_sim.mechanism.contents import line_ports
 from mbd_sim.mechanism.elements.actuators import LinePort
 from mbd_sim.mechanism.elements.constraints import Distance
-from mbd_sim.mechanism.elements.forces import AppliedForce, Damper, Spring
+from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.mass_properties import value_at
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -38,7 +38,7 @@ from mbd_sim.pictures.drawing.sheet import (
     outline_color,
 )
 from mbd_sim.pictures.drawing.symbols import link, middle, rope_paths, spring_and_damper, wall
-from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder, shown_bushings
+from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder
 from mbd_sim.pictures.shapes.palette import DISSIPATED
 
 LENGTH = 46.0  # pt, of the arrow of any force
@@ -87,29 +87,46 @@ def _elastic_and_damped(element: Connector) -> tuple[bool, bool]:
 
 
 def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
-    """Arrows of the applied forces and couples, in the direction they have at the start."""
+    """Arrows of the applied forces and couples, in the direction they have at the start, and rings of bushings."""
     paths: list[SheetPath] = []
-    for element in mechanism.applied:
-        pose = poses[element.at.part]
-        axes = poses[element.axes_of].rotation @ element.axes if element.following else element.axes
-        vector = axes @ _first_vector(mechanism, element)
-        if not vector.any():
-            continue
-        center = pose.position + pose.rotation @ middle(mechanism.parts[element.at.part])
-        if element.couple:
-            paths += turning_arrow(page, center, vector, 24.0, FORCE)
-            continue
-        along = unit_or_zero(page.direction(unit_or_zero(vector)))
-        start = page.project(point_of(poses, element.at))
-        if along @ (page.project(center) - start) > 1e-9:  # the force pushes: the tip is at the point
-            start = start - (LENGTH + 6.0) * along
-        start = start + 3.0 * along
-        tip = start + LENGTH * along
-        paths += [
-            SheetPath(np.array([start, tip - 5.0 * along]), edge=FORCE, width=1.9, layer=MARKS),
-            arrow_head(tip, along, FORCE, 9.0),
-        ]
+    for element in mechanism.force_elements:
+        match element:
+            case AppliedForce():
+                paths += _applied(page, mechanism, poses, element)
+            case Bushing(in_joint=False):
+                paths += _bushing(page.project(point_of(poses, element.first)))
+            case Bushing():
+                pass  # the spring of a joint, which is drawn
+            case Spring() | Damper():
+                pass  # drawn by `two_point_paths`
+            case AppliedEffort():
+                pass  # drawn by `drive_paths`
+            case AppliedPotential():
+                pass  # has no place
+            case _:
+                assert_never(element)
     return paths
+
+
+def _applied(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], element: AppliedForce) -> list[SheetPath]:
+    pose = poses[element.at.part]
+    axes = poses[element.axes_of].rotation @ element.axes if element.following else element.axes
+    vector = axes @ _first_vector(mechanism, element)
+    if not vector.any():
+        return []
+    center = pose.position + pose.rotation @ middle(mechanism.parts[element.at.part])
+    if element.couple:
+        return turning_arrow(page, center, vector, 24.0, FORCE)
+    along = unit_or_zero(page.direction(unit_or_zero(vector)))
+    start = page.project(point_of(poses, element.at))
+    if along @ (page.project(center) - start) > 1e-9:  # the force pushes: the tip is at the point
+        start = start - (LENGTH + 6.0) * along
+    start = start + 3.0 * along
+    tip = start + LENGTH * along
+    return [
+        SheetPath(np.array([start, tip - 5.0 * along]), edge=FORCE, width=1.9, layer=MARKS),
+        arrow_head(tip, along, FORCE, 9.0),
+    ]
 
 
 def point_of(poses: Mapping[str, Pose], at: Attachment) -> Array:
@@ -139,7 +156,7 @@ ARROW = 26.0  # pt, of an effort along a line
 
 
 def drive_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
-    """A circle with an M beside each joint with a motor, an arrow at each other effort, a ring for each bushing."""
+    """A circle with an M beside each joint with a motor, an arrow at each other effort."""
     motors, paths = {actuator.name for actuator in mechanism.actuators}, list[SheetPath]()
     drawn: Counter[tuple[str, bool]] = Counter()  # motors and efforts at each joint
     for name, joint, coordinate in driven_coordinates(mechanism):
@@ -151,8 +168,6 @@ def drive_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> 
         others = drawn[joint.name, is_motor]
         drawn[joint.name, is_motor] += 1
         paths += _motor(at, others) if is_motor else _effort(page, at, axis, coordinate.rotation, others)
-    for bushing in shown_bushings(mechanism):
-        paths += _bushing(page.project(point_of(poses, bushing.first)))
     return paths
 
 

@@ -5,12 +5,13 @@ Importing this package does not import Rerun; creating a `Viewer` does. Rerun ru
 | module | contents |
 |---|---|
 | `viewer` | `Viewer`: the simulation's side, with the queue before the viewer's process |
-| `worker` | the viewer's process |
-| `rows`, `scene` | the data sent: messages, rows of numbers; the mechanism with the paths of its entities |
+| `worker` | the viewer's process, and the messages that it takes |
+| `scene` | the data sent: the mechanism, and rows of numbers; what an entity is |
+| `paths` | the paths of the entities |
 | `stream`, `sinks` | the recording with its events; where it goes |
-| `parts`, `joints`, `forces`, `constraints` | the mechanism, its forces, contacts and traces |
+| `parts` | the primitives, which move with the parts |
+| `forces`, `constraints` | connectors and arrows; contacts, constrained points and traces |
 | `plots` | plots, and the layout of the window |
-| `shapes` | solids for many samples at once |
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Constraints, contacts and traces of points in the scene.
+"""Contacts, constrained points and traces in the scene.
 
-Constraints are rods and cables, curves and surfaces, and the contact points of wheels. Contacts are shown while they
-are closed, by the points where they touch and their forces.
+Contacts are shown while they are closed, by the points where they touch and their forces.
 """
 
 from __future__ import annotations
@@ -26,14 +25,11 @@ from mbd_sim.mechanism.elements.constraints import (
 )
 from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
-from mbd_sim.mechanism.values.source import Location
-from mbd_sim.pictures.rerun import scene as entity_paths
-from mbd_sim.pictures.rerun.forces import ArrowStyle, weight
-from mbd_sim.pictures.rerun.rows import Rows
-from mbd_sim.pictures.rerun.scene import ConstraintLines, Entity, LoggedItems, PartPoses, SceneDescription
+from mbd_sim.pictures.rerun import paths
+from mbd_sim.pictures.rerun.forces import ArrowStyle, is_closed, weight
+from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.joints import pulls
-from mbd_sim.pictures.shapes.palette import Color
 
 POINT_RADIUS = 0.014  # relative to the mechanism's size
 
@@ -44,14 +40,6 @@ def contact_entities(scene: SceneDescription) -> Iterator[Entity]:
         yield _Contacts(scene)
 
 
-def is_closed(scene: SceneDescription, owner: Location, rows: Rows) -> Array:
-    """In which of the n samples (n,) the contact of an element is closed; always if it is not one-sided."""
-    own = [index for other, index in scene.contacts if other == owner and index is not None]
-    if not own:
-        return np.ones(len(rows), dtype=bool)
-    return np.asarray((rows.of("inputs")[:, own] > 0.0).any(axis=1))
-
-
 class _Contacts:
     """The closed contacts, as points and arrows. All share two entities, so that many contacts cost little."""
 
@@ -60,11 +48,11 @@ class _Contacts:
         self._inputs = [-1 if index is None else index for _, index in scene.contacts]
         self._compliant = np.array([index is None for _, index in scene.contacts], dtype=bool)
         self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
-        self._style = ArrowStyle(entity_paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
+        self._style = ArrowStyle(paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
 
     def static(self) -> LoggedItems:
         points = rr.Points3D.from_fields(radii=[POINT_RADIUS * self._size], colors=[palette.CONTACT])
-        yield f"{entity_paths.CONTACTS}/points", points
+        yield f"{paths.CONTACTS}/points", points
         yield from self._style.static(couple=False)
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
@@ -72,7 +60,7 @@ class _Contacts:
         points, forces = places[:, :, 0], places[:, :, 1]
         closed = np.where(self._compliant, forces.any(axis=2), rows.of("inputs")[:, self._inputs] > 0.0)
         columns = rr.Points3D.columns(positions=points[closed].reshape(-1, 3))
-        yield f"{entity_paths.CONTACTS}/points", columns.partition(closed.sum(axis=1))
+        yield f"{paths.CONTACTS}/points", columns.partition(closed.sum(axis=1))
         yield from self._style.force(points, forces, self._pushes)
 
 
@@ -113,108 +101,34 @@ class _PointTrace(Trace):
     """The trace of a point of a part."""
 
     def __init__(self, name: str, at: Attachment, color: palette.Color, radius: float) -> None:
-        super().__init__(entity_paths.trace(name), color, radius)
+        super().__init__(paths.trace(name), color, radius)
         self._at = at
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         yield from self.columns_through(rows, poses.point(self._at), np.ones(len(rows), dtype=bool))
 
 
-HALF_LENGTH = 0.7  # of the line on which a point is constrained to lie, relative to the mechanism's size
-FAINT = 0.6  # share of the background in the color of a rope that is slack
 MIN_SINE = 0.05  # of the angle between a wheel and its plane: a wheel that lies flat touches with all its rim
 
 
 def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """All constraints that have a picture."""
+    """The points of constraints; their rods and ropes are connectors, their curves and lines wires."""
     size = scene.extent.size
-    for constraint_lines in scene.constraint_lines:
-        yield _ConstraintLines(constraint_lines, size)
     for constraint in scene.mechanism.constraints:
-        path = entity_paths.in_world("constraints", constraint.name)
+        path = paths.in_world("constraints", constraint.name)
         match constraint:
-            case Distance(first=first, second=second):
-                yield _line(scene, constraint, (first, second), 0.007 * size)
-            case Cable(points=points):
-                yield _line(scene, constraint, points, 0.005 * size)
             case Rolling():
                 yield _RollingContact(scene, constraint)
-            case Flat():
-                yield _PointOnLine(path, constraint, size)
             case Surface(law=ContactLaw()):
                 pass  # its point is drawn while it touches, as that of all contacts
-            case KnifeEdge(point=point) | Surface(point=point):
+            case Flat(point=point) | KnifeEdge(point=point) | Surface(point=point):
                 yield _Point(path, point, size)
+            case Distance() | Cable():
+                pass  # a connector
             case Coupling() | Clutch():
                 pass  # visible in the motion of its joints only
             case _:
                 assert_never(constraint)
-
-
-class _ConstraintLines:
-    """A curve, or lines on a surface, in the frame of the part that carries it."""
-
-    def __init__(self, constraint_lines: ConstraintLines, size: float) -> None:
-        self._lines, self._size = constraint_lines, size
-
-    def static(self) -> LoggedItems:
-        width, color = (-0.7, palette.CURVE) if self._lines.surface else (0.006 * self._size, palette.CLOSING)
-        lines = rr.LineStrips3D(list(self._lines.lines), radii=[width], colors=[color])
-        if self._lines.lines:
-            yield f"{entity_paths.part(self._lines.part)}/wires/{entity_paths.word(self._lines.name)}", lines
-
-    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        yield from ()
-
-
-class _StraightLine:
-    """Straight lines from point to point."""
-
-    def __init__(self, path: str, points: tuple[Attachment, ...], radius: float, color: Color) -> None:
-        self._path, self._points, self._radius, self._color = path, points, radius, color
-
-    def static(self) -> LoggedItems:
-        yield self._path, rr.LineStrips3D.from_fields(radii=[self._radius], colors=[self._color])
-        yield f"{self._path}/ends", rr.Points3D.from_fields(radii=[1.8 * self._radius], colors=[self._color])
-
-    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        slices = np.stack([poses.point(at) for at in self._points], axis=1)
-        yield self._path, rr.LineStrips3D.columns(strips=list(slices), colors=self._colors(rows))
-        ends = rr.Points3D.columns(positions=slices.reshape(-1, 3)).partition([len(self._points)] * len(rows))
-        yield f"{self._path}/ends", ends
-
-    def _colors(self, rows: Rows) -> Array | None:
-        """The colors (n, 3) of the samples, where these differ."""
-        return None
-
-
-class _OneSidedLine(_StraightLine):
-    """A rope or strut, faint while it is slack or lifted off."""
-
-    def __init__(
-        self, scene: SceneDescription, owner: Location, points: tuple[Attachment, ...], radius: float, color: Color
-    ) -> None:
-        super().__init__(f"{entity_paths.WORLD}/constraints/{owner[1]}", points, radius, color)
-        self._scene, self._owner = scene, owner
-
-    def static(self) -> LoggedItems:
-        yield self._path, rr.LineStrips3D.from_fields(radii=[self._radius])
-        yield f"{self._path}/ends", rr.Points3D.from_fields(radii=[1.8 * self._radius], colors=[self._color])
-
-    def _colors(self, rows: Rows) -> Array | None:
-        closed = is_closed(self._scene, self._owner, rows)[:, None]
-        faint = palette.mixed(self._color, palette.BACKGROUND, FAINT)
-        return np.where(closed, self._color, faint).astype(np.uint8)
-
-
-def _line(
-    scene: SceneDescription, constraint: Distance | Cable, points: tuple[Attachment, ...], radius: float
-) -> Entity:
-    rope = isinstance(constraint, Cable) or constraint.bound == "at_most"
-    color = palette.ROPE if rope else palette.CLOSING
-    if constraint.law is not None:
-        return _OneSidedLine(scene, ("constraints", constraint.name), points, radius, color)
-    return _StraightLine(entity_paths.in_world("constraints", constraint.name), points, radius, color)
 
 
 class _Point:
@@ -230,21 +144,6 @@ class _Point:
         yield self._path, rr.Points3D.columns(positions=poses.point(self._point))
 
 
-class _PointOnLine(_Point):
-    """A point on a plane, or on a line, which is drawn in the frame of the part that carries it."""
-
-    def __init__(self, path: str, constraint: Flat, size: float) -> None:
-        super().__init__(path, constraint.point, size)
-        self._constraint = constraint
-
-    def static(self) -> LoggedItems:
-        yield from super().static()
-        if len(self._constraint.normals) == 2:
-            base, half = self._constraint.base, HALF_LENGTH * self._size * np.cross(*self._constraint.normals)
-            line = rr.LineStrips3D([[base.point - half, base.point + half]], radii=[-1.0], colors=[palette.CURVE])
-            yield f"{entity_paths.part(base.part)}/lines/{entity_paths.word(self._constraint.name)}", line
-
-
 class _RollingContact:
     """The point at which a wheel or a ball touches its plane, and the track that it leaves there while it touches.
 
@@ -253,8 +152,8 @@ class _RollingContact:
 
     def __init__(self, scene: SceneDescription, constraint: Rolling) -> None:
         self._scene, self._constraint, self._size = scene, constraint, scene.extent.size
-        self._path = entity_paths.in_world("contacts", constraint.name)
-        self._track = Trace(entity_paths.trace(constraint.name), palette.CONTACT, 0.003 * self._size)
+        self._path = paths.in_world("contacts", constraint.name)
+        self._track = Trace(paths.trace(constraint.name), palette.CONTACT, 0.003 * self._size)
 
     def static(self) -> LoggedItems:
         if self._constraint.law is None:

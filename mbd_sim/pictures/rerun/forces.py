@@ -1,4 +1,4 @@
-"""Springs and dampers between two points, forces as arrows, and couples as arcs.
+"""Springs, dampers, rods and ropes between points, forces as arrows, and couples as arcs.
 
 A coil is logged once, one meter long; after that only the transform that stretches it is sent.
 
@@ -18,75 +18,56 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.base.geometry.pose import Array, identity_pose
-from mbd_sim.mechanism.actuation import line_ports
-from mbd_sim.mechanism.elements.forces import AppliedForce, Damper, Spring
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.elements.forces import AppliedForce
 from mbd_sim.mechanism.elements.parts import Attachment, Joint
 from mbd_sim.mechanism.mass_properties import value_at
-from mbd_sim.mechanism.values.laws import Linear
-from mbd_sim.pictures.rerun import scene as entity_paths
-from mbd_sim.pictures.rerun import shapes
-from mbd_sim.pictures.rerun.rows import Rows
+from mbd_sim.mechanism.values.source import Location
+from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.scene import (
     MIN_LENGTH,
     Entity,
     LoggedItems,
     PartPoses,
+    Rows,
     SceneDescription,
     line_transforms,
     transverse_direction,
 )
 from mbd_sim.pictures.shapes import joints, palette, solids
-from mbd_sim.pictures.shapes.joints import LONG, LONGEST, has_cylinder, joint_radius
+from mbd_sim.pictures.shapes.joints import LONG, LONGEST, joint_radius
 from mbd_sim.pictures.shapes.palette import Color
+from mbd_sim.pictures.shapes.primitives import Connector, connectors
 from mbd_sim.pictures.shapes.solids import arc_arrow
 
 LINE_RADIUS = -1.6  # negative: in points on the screen, which no transform stretches
-ANCHOR_DISTANCE = 0.35  # from the range of a slide to the far end of its spring, relative to the mechanism's size
+ASPECT = 6.0  # length of a cylinder by its radius
+FAINT = 0.6  # share of the background in the color of a rope that is slack
 
 
-def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """All springs, dampers and actuators between points, and the springs of prismatic joints."""
-    mechanism = scene.mechanism
-    for element in mechanism.two_point_elements:
-        spring_path = entity_paths.in_world("springs", element.name)
-        damper_path = entity_paths.in_world("dampers", element.name)
-        match element:
-            case Spring(first=first, second=second, elastic=elastic):
-                if elastic:
-                    yield _SpringEntity(scene, spring_path, first, second)
-                if has_cylinder(element):
-                    yield _DamperEntity(scene, damper_path, first, second)
-            case Damper(first=first, second=second):
-                if has_cylinder(element):
-                    yield _DamperEntity(scene, damper_path, first, second)
+def connector_entities(scene: SceneDescription) -> Iterator[Entity]:
+    """All springs, dampers and actuators between points, rods and ropes."""
+    poses = scene.start_poses
+    for connector in connectors(scene.mechanism, scene.extent, poses):
+        match connector.form:
+            case "coil":
+                yield _Coil(scene, connector)
+            case "cylinder":
+                yield _Cylinder(scene, connector)
+            case "line":
+                yield _StraightLine(scene, connector)
             case _:
-                assert_never(element)
-    for name, port in line_ports(mechanism).items():
-        yield _DamperEntity(scene, entity_paths.in_world("actuators", name), port.first, port.second)
-    for joint in mechanism.joints.values():
-        if joint.type == "prismatic" and (np.any(joint.stiffness) or joint.spring not in (None, Linear(0.0))):
-            anchor, end = _joint_spring_ends(scene, joint)
-            yield _SpringEntity(scene, entity_paths.in_world("springs", joint.name), anchor, end)
+                assert_never(connector.form)
 
 
-def _joint_spring_ends(scene: SceneDescription, joint: Joint) -> tuple[Attachment, Attachment]:
-    """The ends of a prismatic joint's spring: a point beyond the lower end of its travel, and the joint's child."""
-    lowest = scene.extent.travel.get(joint.name, (0.0, 0.0))[0]
-    axis = joint.parent_pose.rotation @ joint.axis
-    anchor = joint.parent_pose.position + (lowest - ANCHOR_DISTANCE * scene.extent.size) * axis
-    return Attachment(joint.parent, anchor), Attachment(joint.child, joint.child_pose.position)
+class _Stretched:
+    """A connector of two points, drawn along z and stretched by a transform."""
 
-
-class _TwoPointEntity:
-    """An element between two points, drawn along z and stretched by a transform."""
-
-    def __init__(self, scene: SceneDescription, path: str, first: Attachment, second: Attachment) -> None:
-        self.path, self._first, self._second = path, first, second
-        line = scene.at_start(second) - scene.at_start(first)
+    def __init__(self, scene: SceneDescription, connector: Connector) -> None:
+        self.path, self._connector = paths.in_world(connector.kind, connector.name), connector
+        self._first, self._second = connector.points
+        line = scene.at_start(self._second) - scene.at_start(self._first)
         self._transverse = transverse_direction(scene, line)
-        self._size = scene.extent.size
-        self._start_length = float(np.linalg.norm(line))
 
     def _line(self, poses: PartPoses) -> tuple[Array, Array, Array]:
         """The starts (n, 3), and the lengths (n,) and quaternions (n, 4) of `line_transforms`."""
@@ -98,31 +79,24 @@ class _TwoPointEntity:
         scale = np.column_stack([np.ones_like(lengths), np.ones_like(lengths), np.maximum(lengths, MIN_LENGTH)])
         yield path, rr.Transform3D.columns(translation=starts, quaternion=quaternions, scale=scale)
 
-    def _radius(self, factor: float) -> float:
-        """`factor` times the mechanism's size, and at most 0.16 of the element's length at the start, m."""
-        limit = factor * self._size
-        return min(limit, 0.16 * self._start_length) if self._start_length > MIN_LENGTH else limit
 
-
-class _SpringEntity(_TwoPointEntity):
-    """A coil."""
-
+class _Coil(_Stretched):
     def static(self) -> LoggedItems:
-        coil = solids.coil(self._radius(0.032))
-        yield f"{self.path}/coil", rr.LineStrips3D([coil], radii=[LINE_RADIUS], colors=[palette.SPRING])
+        coil = solids.coil(self._connector.radius)
+        yield f"{self.path}/coil", rr.LineStrips3D([coil], radii=[LINE_RADIUS], colors=[self._connector.color])
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         yield from self._stretched(self.path, *self._line(poses))
 
 
-class _DamperEntity(_TwoPointEntity):
+class _Cylinder(_Stretched):
     """A rod through a cylinder of constant length."""
 
     def static(self) -> LoggedItems:
         rod = rr.LineStrips3D([[(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]], radii=[LINE_RADIUS], colors=[palette.SPRING])
         yield f"{self.path}/rod/line", rod
-        radius, half = self._radius(0.02), 0.5 * min(0.3 * (self._start_length or self._size), 0.12 * self._size)
-        cylinder = shapes.cylinder(identity_pose(), 2.0 * half, radius, palette.DAMPER)
+        radius, color = self._connector.radius, self._connector.color
+        cylinder = rr.Cylinders3D(lengths=[ASPECT * radius], radii=[radius], colors=[color], fill_mode="solid")
         yield f"{self.path}/cylinder/body", cylinder
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
@@ -130,6 +104,40 @@ class _DamperEntity(_TwoPointEntity):
         yield from self._stretched(f"{self.path}/rod", starts, lengths, quaternions)
         middle = 0.5 * (starts + poses.point(self._second))
         yield f"{self.path}/cylinder", rr.Transform3D.columns(translation=middle, quaternion=quaternions)
+
+
+class _StraightLine:
+    """Straight lines from point to point, faint while they are slack."""
+
+    def __init__(self, scene: SceneDescription, connector: Connector) -> None:
+        self._path, self._connector, self._scene = paths.in_world(connector.kind, connector.name), connector, scene
+
+    def static(self) -> LoggedItems:
+        connector = self._connector
+        fixed = None if connector.slackens else [connector.color]
+        yield self._path, rr.LineStrips3D.from_fields(radii=[connector.radius], colors=fixed)
+        ends = rr.Points3D.from_fields(radii=[1.8 * connector.radius], colors=[connector.color])
+        yield f"{self._path}/ends", ends
+
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
+        connector = self._connector
+        slices = np.stack([poses.point(at) for at in connector.points], axis=1)
+        colors = None
+        if connector.slackens:
+            closed = is_closed(self._scene, (connector.kind, connector.name), rows)[:, None]
+            faint = palette.mixed(connector.color, palette.BACKGROUND, FAINT)
+            colors = np.where(closed, connector.color, faint).astype(np.uint8)
+        yield self._path, rr.LineStrips3D.columns(strips=list(slices), colors=colors)
+        ends = rr.Points3D.columns(positions=slices.reshape(-1, 3)).partition([len(connector.points)] * len(rows))
+        yield f"{self._path}/ends", ends
+
+
+def is_closed(scene: SceneDescription, owner: Location, rows: Rows) -> Array:
+    """In which of the n samples (n,) the contact of an element is closed; always if it is not one-sided."""
+    own = [index for other, index in scene.contacts if other == owner and index is not None]
+    if not own:
+        return np.ones(len(rows), dtype=bool)
+    return np.asarray((rows.of("inputs")[:, own] > 0.0).any(axis=1))
 
 
 SWEEP, MAX_SWEEP = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
@@ -213,7 +221,7 @@ class _Applied:
         if not any(component.state for component in force.vector):
             vectors = [self._vector(time, np.zeros(0)) for time in np.linspace(0.0, PREVIEW_TIME, 101)]
             largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
-        path = entity_paths.in_world("forces", force.name)
+        path = paths.in_world("forces", force.name)
         self._style = ArrowStyle(path, palette.APPLIED, scene.extent.size, largest)
 
     def static(self) -> LoggedItems:
@@ -240,7 +248,7 @@ class _Wrench:
         self._part, self._slice, rows = part, scene.wrenches[part], scene.rows
         self._start = rows.slices["inputs"].start
         path, full_scale, size = (
-            entity_paths.in_world("wrenches", part),
+            paths.in_world("wrenches", part),
             weight(scene),
             scene.extent.size,
         )
@@ -267,7 +275,7 @@ class _Effort:
         self._joint, self._slice = joint, scene.u[joint.name]
         self._couples = {coordinate.rotation for coordinate in joint.kind.coordinates}
         path, size, limit = (
-            entity_paths.in_world("efforts", joint.name),
+            paths.in_world("efforts", joint.name),
             scene.extent.size,
             joint.effort_limit,
         )
@@ -302,7 +310,7 @@ class _Reaction:
 
     def __init__(self, scene: SceneDescription, index: int, joint: Joint) -> None:
         self._index, self._joint = index, joint
-        path = entity_paths.in_world("reactions", joint.name)
+        path = paths.in_world("reactions", joint.name)
         self._style = ArrowStyle(path, palette.REACTION, scene.extent.size, weight(scene))
 
     def static(self) -> LoggedItems:

@@ -17,10 +17,10 @@ from rerun.blueprint.components import LinkAxis
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.constraints import Rolling
-from mbd_sim.pictures.rerun import scene as entity_paths
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.constraints import floor_of
-from mbd_sim.pictures.rerun.rows import Rows
-from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, SceneDescription, coordinates
+from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription, coordinates
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.palette import Color, residual_magnitude
@@ -71,18 +71,18 @@ class _JointPlots:
     def __init__(self, scene: SceneDescription) -> None:
         self._scene = scene
         mechanism = scene.mechanism
-        kinds = [*entity_paths.free_kinds(mechanism), *entity_paths.driven_kinds(mechanism)]
         names = [*mechanism.coordinate_names, *mechanism.driven_names]
+        kinds = [_kind(mechanism, name) for name in names]
         colors = [*palette.series_colors(mechanism), *[palette.DRIVEN] * len(mechanism.driven_names)]
         self._series: list[tuple[int, list[int], Series]] = []
-        for kind in (entity_paths.ANGULAR, entity_paths.LINEAR):
+        for kind in (paths.ANGULAR, paths.LINEAR):
             own = [index for index, other in enumerate(kinds) if other == kind]
-            for row, path in enumerate((entity_paths.POSITION, entity_paths.VELOCITY, entity_paths.EFFORT)):
+            for row, path in enumerate((paths.POSITION, paths.VELOCITY, paths.EFFORT)):
                 series = Series(
                     f"{path}/{kind}",
                     tuple(names[index] for index in own),
                     tuple(colors[index] for index in own),
-                    stepped=path == entity_paths.EFFORT and not mechanism.driven_names,
+                    stepped=path == paths.EFFORT and not mechanism.driven_names,
                 )
                 if own:
                     self._series.append((row, own, series))
@@ -102,14 +102,12 @@ class _JointPlots:
 
 
 STACK = Series(
-    entity_paths.STACK,
+    paths.STACK,
     ("potential", "+ kinetic", "+ dissipated", "\N{MINUS SIGN} work: stays at the initial energy"),
     (palette.POTENTIAL, palette.KINETIC, palette.DISSIPATED, palette.TOTAL),
 )
-RESIDUAL = Series(
-    entity_paths.RESIDUAL, ("log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} |residual / J|",), (palette.RESIDUAL,)
-)
-RESIDUAL_PJ = Series(entity_paths.RESIDUAL_PJ, ("residual",), (palette.RESIDUAL,))
+RESIDUAL = Series(paths.RESIDUAL, ("log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} |residual / J|",), (palette.RESIDUAL,))
+RESIDUAL_PJ = Series(paths.RESIDUAL_PJ, ("residual",), (palette.RESIDUAL,))
 
 
 class _EnergyPlots:
@@ -120,7 +118,7 @@ class _EnergyPlots:
         lines += [("dissipated", palette.DISSIPATED), ("work of forces", palette.WORK_APPLIED)]
         lines += [("work of drives", palette.WORK_DRIVES)] if driven else []
         names, colors = zip(*lines, strict=True)
-        self._account = Series(entity_paths.ACCOUNT, names, colors)
+        self._account = Series(paths.ACCOUNT, names, colors)
 
     def static(self) -> LoggedItems:
         for series in (self._account, STACK, RESIDUAL, RESIDUAL_PJ):
@@ -133,7 +131,7 @@ class _EnergyPlots:
         spent = total + dissipated
         yield from STACK.values(np.column_stack([potential, total, spent, spent - applied - drives]))
         yield from RESIDUAL.values(np.log10(residual_magnitude(rows.of("energies")))[:, None])
-        yield from RESIDUAL_PJ.values(residual[:, None] / entity_paths.PICO)
+        yield from RESIDUAL_PJ.values(residual[:, None] / paths.PICO)
 
 
 class _ReactionPlots:
@@ -142,7 +140,7 @@ class _ReactionPlots:
     def __init__(self, scene: SceneDescription) -> None:
         names = tuple(scene.mechanism.all_joints)
         colors = [palette.PARTS[index % len(palette.PARTS)] for index in range(len(names))]
-        self._series = Series(entity_paths.REACTION, names, tuple(colors))
+        self._series = Series(paths.REACTION, names, tuple(colors))
 
     def static(self) -> LoggedItems:
         yield from self._series.style()
@@ -152,16 +150,20 @@ class _ReactionPlots:
         yield from self._series.values(np.linalg.norm(forces, axis=2))
 
 
+def _kind(mechanism: Mechanism, coordinate: str) -> str:
+    return paths.ANGULAR if mechanism.coordinate(coordinate).rotation else paths.LINEAR
+
+
 def sensor_series(sensor: str, quantity: str, components: int) -> Series:
     """The components of a quantity that a sensor measures; a quaternion is in the order of ROS."""
     names = {1: (sensor,), 3: ("x", "y", "z"), 4: ("qx", "qy", "qz", "qw")}[components]
     colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(components))
-    return Series(entity_paths.sensor(sensor, quantity), names, colors, stepped=True)
+    return Series(paths.sensor(sensor, quantity), names, colors, stepped=True)
 
 
 def units(entities: Sequence[str]) -> str:
     """Of entities of joints, as a list."""
-    return ", ".join(entity_paths.UNITS[path] for path in entities)
+    return ", ".join(paths.UNITS[path] for path in entities)
 
 
 LIVE_TIME = 30.0  # s that plots show of a live run, rather than all of it
@@ -173,12 +175,12 @@ def make_blueprint(scene: SceneDescription, *, live: bool) -> rrb.Blueprint:
     """The layout for a mechanism; with `live` it follows the incoming data, otherwise it plays them in a loop."""
     upper = rrb.Horizontal(_scene_view(scene), _plots(scene, live), column_shares=[3, 2])
     log = rrb.TextLogView(
-        origin=entity_paths.EVENTS,
+        origin=paths.EVENTS,
         name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=[entity_paths.TIMELINE], text_log_columns=["LogLevel", "Body"]),
+        columns=rrb.TextLogColumns(timeline_columns=[paths.TIMELINE], text_log_columns=["LogLevel", "Body"]),
     )
-    lanes = rrb.StateTimelineView(origin=entity_paths.STATES, name="States")
-    about = rrb.TextDocumentView(origin=entity_paths.ABOUT, name="About")
+    lanes = rrb.StateTimelineView(origin=paths.STATES, name="States")
+    about = rrb.TextDocumentView(origin=paths.ABOUT, name="About")
     lower = rrb.Horizontal(rrb.Tabs(log, about), lanes, column_shares=[3, 2])
     return rrb.Blueprint(
         rrb.Vertical(upper, lower, row_shares=[10, 2]),
@@ -186,7 +188,7 @@ def make_blueprint(scene: SceneDescription, *, live: bool) -> rrb.Blueprint:
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
             state="collapsed",
-            timeline=entity_paths.TIMELINE,
+            timeline=paths.TIMELINE,
             play_state="following" if live else "playing",
             loop_mode=None if live else "all",  # a loop would end following
         ),
@@ -222,19 +224,17 @@ def _scene_view(scene: SceneDescription) -> rrb.Spatial3DView:
     extent = scene.extent
     position, target, up = eye(extent)
     start = rr.TimeRangeBoundary.cursor_relative(seconds=-scene.options.trace_time)
-    recent = rrb.VisibleTimeRanges(
-        timeline=entity_paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative()
-    )
+    recent = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative())
     rolling = [record.name for record in scene.mechanism.constraints if isinstance(record, Rolling)]
     return rrb.Spatial3DView(
-        origin=entity_paths.WORLD,
+        origin=paths.WORLD,
         name=scene.mechanism.name,
         background=rrb.Background(color=palette.BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
         line_grid=_floor(scene),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up, speed=extent.size
         ),
-        overrides={entity_paths.trace(name): recent for name in (*scene.traces, *rolling)},
+        overrides={paths.trace(name): recent for name in (*scene.traces, *rolling)},
     )
 
 
@@ -262,33 +262,31 @@ def _floor(scene: SceneDescription) -> rrb.LineGrid3D:
 
 def _plots(scene: SceneDescription, live: bool) -> Any:
     mechanism = scene.mechanism
-    kinds = {*entity_paths.free_kinds(mechanism), *entity_paths.driven_kinds(mechanism)}
+    kinds = {_kind(mechanism, name) for name in (*mechanism.coordinate_names, *mechanism.driven_names)}
     joints = [
         [
-            _plot(live, f"{path}/{kind}", f"{title} ({entity_paths.UNITS[f'{path}/{kind}']})")
-            for kind in (entity_paths.ANGULAR, entity_paths.LINEAR)
+            _plot(live, f"{path}/{kind}", f"{title} ({paths.UNITS[f'{path}/{kind}']})")
+            for kind in (paths.ANGULAR, paths.LINEAR)
             if kind in kinds
         ]
         for path, title in (
-            (entity_paths.POSITION, "Position"),
-            (entity_paths.VELOCITY, "Velocity"),
-            (entity_paths.EFFORT, "Effort"),
+            (paths.POSITION, "Position"),
+            (paths.VELOCITY, "Velocity"),
+            (paths.EFFORT, "Effort"),
         )
     ]
     positions, velocities, efforts = joints
-    forces = [_plot(live, entity_paths.REACTION, "Forces through joints (N)")] if scene.options.reactions else []
-    account = rrb.Tabs(
-        _plot(live, entity_paths.ACCOUNT, "Energy account (J)"), _plot(live, entity_paths.STACK, "Energy stack (J)")
-    )
+    forces = [_plot(live, paths.REACTION, "Forces through joints (N)")] if scene.options.reactions else []
+    account = rrb.Tabs(_plot(live, paths.ACCOUNT, "Energy account (J)"), _plot(live, paths.STACK, "Energy stack (J)"))
     left_over = rrb.Tabs(
-        _plot(live, entity_paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
-        _plot(live, entity_paths.RESIDUAL_PJ, "Energy residual (pJ)"),
+        _plot(live, paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
+        _plot(live, paths.RESIDUAL_PJ, "Energy residual (pJ)"),
     )
     upper = [rrb.Tabs(*positions), rrb.Tabs(*velocities, *efforts, *forces)] if kinds else []
     measured = [
         _plot(
             live,
-            entity_paths.sensor(sensor.name, one.name),
+            paths.sensor(sensor.name, one.name),
             f"{sensor.name}: {one.name.replace('_', ' ')} ({one.unit})",
         )
         for sensor in (mechanism.sensors if scene.options.measurements else ())
@@ -299,9 +297,7 @@ def _plots(scene: SceneDescription, live: bool) -> Any:
 
 def _plot(live: bool, path: str, name: str) -> rrb.TimeSeriesView:
     start = rr.TimeRangeBoundary.cursor_relative(seconds=-LIVE_TIME)
-    latest = rrb.VisibleTimeRanges(
-        timeline=entity_paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative()
-    )
+    latest = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative())
     return rrb.TimeSeriesView(
         origin=path,
         name=name,

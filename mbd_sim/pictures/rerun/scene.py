@@ -1,37 +1,139 @@
-"""The scene that the viewer's process draws: its description, its entities, and their states for many samples at once.
+"""The scene that the viewer's process draws: its description, the samples of its motion, and its entities.
 
-The process receives the description of a mechanism before the samples, as plain records. Everything that is drawn has
-the same interface: each entity is logged once, at its path in the recording, and changes by columns. Points and
-directions of parts are computed in ground's frame, and the coordinates of joints with them. Plotted values have units.
+The process receives the description of a mechanism first, as plain records, and then rows of numbers, one for each
+sample of the motion. Everything that is drawn has the same interface: each entity is logged once, at its path in the
+recording, and changes by columns. Points and directions of parts are computed in ground's frame, and the coordinates of
+joints with them.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.base.geometry.rotation import quaternions
-from mbd_sim.mechanism.elements.constraints import Surface, is_one_sided
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.source import Location
-from mbd_sim.pictures.rerun.rows import RowLayout, Rows
 from mbd_sim.pictures.shapes.extent import Extent, extent_of
-from mbd_sim.pictures.shapes.joints import default_traces, tip_of
+from mbd_sim.pictures.shapes.joints import default_traces, traced_points
+from mbd_sim.pictures.shapes.primitives import Primitive, wires
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.model.model import Model
+    from mbd_sim.simulation.model.state_records import Energies
+
+
+ENERGY_NUMBERS = 7  # numbers of `Energies`
+FIELDS = ("times", "energies", "y", "inputs", "poses", "drives", "contacts", "reactions")
+
+
+@dataclass(frozen=True)
+class RowLayout:
+    """The layout of a row; SI units throughout.
+
+    `times` are the time on the timeline and the mechanism's own; `energies` the fields of `Energies`; `poses` the
+    position and the rotation matrix, column by column, of each of `parts`; `drives` the positions, speeds and forces of
+    the driven coordinates; `contacts` the point and the force of each contact that has a place; `reactions` the force
+    and moment through each joint, those of the tree first.
+    """
+
+    state: int
+    inputs: int
+    parts: int
+    driven: int
+    contacts: int
+    joints: int
+
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """The slice of a row that each of `FIELDS` occupies."""
+        sizes = (
+            *(2, ENERGY_NUMBERS, self.state, self.inputs, 12 * self.parts),
+            *(3 * self.driven, 6 * self.contacts, 6 * self.joints),
+        )
+        stops = np.cumsum(sizes).tolist()
+        return {name: slice(stop - size, stop) for name, size, stop in zip(FIELDS, sizes, stops, strict=True)}
+
+    @cached_property
+    def width(self) -> int:
+        """The number of columns."""
+        return int(self.slices[FIELDS[-1]].stop)
+
+
+class RowWriter:
+    """Makes rows from the states of a model with as little work as possible: the simulation may be waiting."""
+
+    def __init__(self, model: Model, reactions: bool = False) -> None:
+        joints = len(model.mechanism.all_joints) if reactions else 0
+        contacts = len(model.contact_readings.placed)
+        self.layout = RowLayout(
+            len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), contacts, joints
+        )
+        self._model, self._reactions = model, reactions
+        self._energies, self._y, self._inputs, self._poses, self._drives, self._contacts, self._forces = (
+            self.layout.slices[name] for name in FIELDS[1:]
+        )
+
+    def row(self, time: float, motion_time: float, y: Array, inputs: Array, energies: Energies) -> Array:
+        """A row (width,); `inputs` may end after the efforts where nothing else is commanded."""
+        model, row = self._model, np.empty(self.layout.width)
+        if len(inputs) < len(model.inputs):
+            inputs = np.concatenate([inputs, model.inputs[len(inputs) :]])
+        row[0], row[1] = time, motion_time
+        row[self._energies] = energies
+        row[self._y], row[self._inputs] = y, inputs
+        row[self._poses] = model.pose_array(motion_time, y, inputs).ravel()
+        if self.layout.driven:
+            row[self._drives] = model.drives(motion_time, y, inputs).ravel()
+        if self.layout.contacts:
+            row[self._contacts] = model.contact_readings.places(motion_time, y, inputs).ravel()
+        if self._reactions:
+            found = model.reactions(motion_time, y, inputs).values()
+            row[self._forces] = np.concatenate([part for reaction in found for part in reaction])
+        return row
+
+
+class Rows:
+    """Samples (n, width), accessed by field."""
+
+    def __init__(self, layout: RowLayout, values: Array) -> None:
+        self._layout, self.values = layout, values
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def of(self, field: str) -> Array:
+        """A field, (n, its size)."""
+        return self.values[:, self._layout.slices[field]]
+
+    @property
+    def times(self) -> Array:
+        """The times on the timeline, (n,), s."""
+        return self.values[:, 0]
+
+    @property
+    def motion_times(self) -> Array:
+        """The mechanism's own times, (n,), s."""
+        return self.values[:, 1]
+
+    @cached_property
+    def positions(self) -> Array:
+        """The positions of the parts in ground's frame, (n, parts, 3), m."""
+        return unpack_poses(self.of("poses").reshape(len(self), -1, 12))[0]
+
+    @cached_property
+    def rotations(self) -> Array:
+        """The rotation matrices of the parts in ground's frame, (n, parts, 3, 3)."""
+        return unpack_poses(self.of("poses").reshape(len(self), -1, 12))[1]
 
 
 TRACE_TIME = 1.0  # s
-TOWARD_EYE = np.array([0.55, -1.0, 0.5])  # the direction from which the outline of a surface is found
 
 
 @dataclass(frozen=True)
@@ -47,16 +149,6 @@ class DisplayOptions:
     trace_time: float = TRACE_TIME
     reactions: bool = False
     measurements: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class ConstraintLines:
-    """Lines (n, 3) in a part's frame by which a curve or a surface is drawn."""
-
-    name: str
-    part: str
-    lines: tuple[Array, ...]
-    surface: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +174,7 @@ class SceneDescription:
     part_names: tuple[str, ...]
     start: Array
     traces: Mapping[str, Attachment]
-    constraint_lines: tuple[ConstraintLines, ...]
+    wires: tuple[Primitive, ...]
     method: str
     options: DisplayOptions
 
@@ -101,7 +193,7 @@ class SceneDescription:
 def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> SceneDescription:
     """Describe a model to the viewer.
 
-    :raises ValueError: a trace names a part or point that does not exist.
+    :raises InputError: a trace names a part or point that does not exist.
     """
     mechanism, extent = model.mechanism, extent_of(model)
     return SceneDescription(
@@ -114,11 +206,11 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         q=model.layout.q,
         u=model.layout.u,
         quaternions=dict(model.quaternions),
-        contacts=model.placed_contacts,
+        contacts=model.contact_readings.placed,
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),
-        constraint_lines=tuple(_constraint_lines(model, extent.normal)),
+        wires=tuple(wires(model, extent)),
         method=model.method_name,
         options=options,
     )
@@ -127,42 +219,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
 def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, Attachment]:
     if chosen is None:
         return default_traces(mechanism)
-    points = {name: part.points for name, part in mechanism.parts.items()}
-    traces: dict[str, Attachment] = {}
-    for text in chosen:
-        try:
-            part, name = split_reference(text, points)
-        except InputError as error:
-            raise ValueError(f"traces: {error.message}. {error.remedy or nearest(text, points)}") from error
-        point = points[part][name].position if name else tip_of(mechanism.parts[part])
-        traces[text] = Attachment(part, np.array(point))
-    return traces
-
-
-def _constraint_lines(model: Model, plane: Array | None) -> list[ConstraintLines]:
-    """The curves and surfaces on which points are constrained to lie, as they are at the start.
-
-    In a plane mechanism, surfaces that are touched from one side are outlines in its `plane` with this normal (3,).
-    """
-    found: list[ConstraintLines] = []
-    for constraint in model.mechanism.constraints:
-        if isinstance(constraint, Surface):
-            from mbd_sim.pictures.shapes.curves import curve_lines, section_lines, surface_lines
-
-            poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
-            point = poses[constraint.point.part] @ Pose(constraint.point.point, np.eye(3))
-            start = (poses[constraint.base.part].inverse() @ point).position
-            base = Pose(constraint.base.point, constraint.axes)
-            is_surface = len(constraint.equations) == 1
-            if is_one_sided(constraint) and plane is not None:
-                drawn = section_lines(constraint, start, base, poses[constraint.base.part].rotation.T @ plane)
-            elif is_surface:
-                drawn = surface_lines(constraint, start, base, TOWARD_EYE)
-            else:
-                drawn = curve_lines(constraint, start, base)
-            lines = tuple(line.points for line in drawn if line.kind != "outline" and len(line.points) > 1)
-            found.append(ConstraintLines(constraint.name, constraint.base.part, lines, surface=is_surface))
-    return found
+    return {name: Attachment(*at) for name, at in zip(chosen, traced_points(mechanism, chosen), strict=True)}
 
 
 MIN_LENGTH = 1e-9  # m, below which two points count as one
@@ -234,76 +291,6 @@ class Entity(Protocol):
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         """The columns that change, one row for each sample."""
-
-
-TIMELINE = "sim_time"
-WORLD = "world"
-ABOUT = "about"
-CONTACTS = f"{WORLD}/contact_forces"
-EVENTS = "events/log"
-STATES = "events/states"
-JOINTS = "joints"
-POSITION, VELOCITY, EFFORT = (f"{JOINTS}/{kind}" for kind in ("position", "velocity", "effort"))
-REACTION = f"{JOINTS}/reaction"
-ACCOUNT = "energy/account"
-STACK = "energy/stack"
-RESIDUAL = "energy/residual"
-RESIDUAL_PJ = "energy/residual_pJ"  # Rerun's plots label axes without exponents: in J they would show zeros
-PICO = 1e-12
-
-ANGULAR, LINEAR = "angular", "linear"
-UNITS = {  # of the plots, by the paths of their entities
-    f"{POSITION}/{ANGULAR}": "rad",
-    f"{POSITION}/{LINEAR}": "m",
-    f"{VELOCITY}/{ANGULAR}": "rad/s",
-    f"{VELOCITY}/{LINEAR}": "m/s",
-    f"{EFFORT}/{ANGULAR}": "N·m",
-    f"{EFFORT}/{LINEAR}": "N",
-}
-
-
-def word(name: str) -> str:
-    """A name as one step of a path, as Rerun escapes it."""
-    return re.sub(r"[^\w.-]", lambda found: _escaped(found[0]), name)
-
-
-def _escaped(letter: str) -> str:
-    return f"\\{letter}" if letter.isascii() else f"\\u{{{ord(letter):04X}}}"
-
-
-def in_world(kind: str, name: str) -> str:
-    """An entity of a kind in ground's frame."""
-    return f"{WORLD}/{kind}/{word(name)}"
-
-
-def part(name: str) -> str:
-    """The entity that moves with a part; ground's does not move."""
-    return f"{WORLD}/ground" if name == GROUND else in_world("parts", name)
-
-
-def trace(name: str) -> str:
-    """The trace that a point leaves, in ground's frame."""
-    return in_world("traces", name)
-
-
-def sensor(name: str, quantity: str) -> str:
-    """The measurements of a quantity by a sensor."""
-    return f"sensors/{word(name)}/{quantity}"
-
-
-def kinds(joint: Joint) -> list[str]:
-    """Whether each of a joint's coordinates is an angle or a displacement, in the order of `Joint.motion_names`."""
-    return [ANGULAR if coordinate.rotation else LINEAR for coordinate in joint.kind.coordinates]
-
-
-def free_kinds(mechanism: Mechanism) -> list[str]:
-    """The kind of each generalized speed u."""
-    return [kind for joint in mechanism.joints.values() if not joint.drive for kind in kinds(joint)]
-
-
-def driven_kinds(mechanism: Mechanism) -> list[str]:
-    """The kind of each driven coordinate."""
-    return [kind for joint in mechanism.joints.values() if joint.drive for kind in kinds(joint)]
 
 
 def coordinates(scene: SceneDescription, rows: Rows) -> Array:

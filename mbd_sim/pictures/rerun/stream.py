@@ -13,19 +13,16 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.pictures.rerun import scene
-from mbd_sim.pictures.rerun import scene as entity_paths
+from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.constraints import constraint_entities, contact_entities, trace_entities
-from mbd_sim.pictures.rerun.forces import arrow_entities, spring_entities
-from mbd_sim.pictures.rerun.joints import drive_entities, joint_entities
+from mbd_sim.pictures.rerun.forces import arrow_entities, connector_entities
 from mbd_sim.pictures.rerun.parts import about, part_entities
 from mbd_sim.pictures.rerun.plots import make_blueprint, plot_entities, sensor_series
-from mbd_sim.pictures.rerun.rows import Rows
-from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, SceneDescription
+from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription
 from mbd_sim.pictures.rerun.sinks import SinkConnection, is_live
 from mbd_sim.simulation.run.events import ERRORS, EventKind
 
-RUN, COMMANDS = f"{scene.STATES}/run", f"{scene.STATES}/commands"
+RUN, COMMANDS = f"{paths.STATES}/run", f"{paths.STATES}/commands"
 STYLES = {
     RUN: {"running": (70, 130, 180), "paused": (150, 150, 160), "stopped": (229, 101, 98)},
     COMMANDS: {"none": (60, 66, 76), "taken": (96, 200, 120), "expired": (245, 166, 66)},
@@ -74,7 +71,7 @@ def event_columns(events: Sequence[LoggedEvent]) -> list[tuple[str, np.ndarray, 
     times = np.array([event.time for event in events])
     texts = ["commands are accepted" if event.kind is EventKind.COMMAND else event.text for event in events]
     lines = rr.TextLog.columns(text=texts, level=[level(event.kind) for event in events])
-    found: list[tuple[str, np.ndarray, object]] = [(scene.EVENTS, times, lines)]
+    found: list[tuple[str, np.ndarray, object]] = [(paths.EVENTS, times, lines)]
     for entity, states in _LANES.items():
         changes = [(event.time, states[event.kind]) for event in events if event.kind in states]
         if changes:
@@ -105,13 +102,11 @@ class RerunStream:
         self.address = self._connection.address
         try:
             self._recording.send_recording_name(scene.mechanism.name)
-            self._recording.log(entity_paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            self._recording.log(entity_paths.ABOUT, about(scene), static=True)
+            self._recording.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            self._recording.log(paths.ABOUT, about(scene), static=True)
             sources = (
                 part_entities,
-                joint_entities,
-                spring_entities,
-                drive_entities,
+                connector_entities,
                 constraint_entities,
                 trace_entities,
                 arrow_entities,
@@ -170,5 +165,5 @@ class RerunStream:
         self._connection.close()
 
     def _columns(self, path: str, times: np.ndarray, columns: Any) -> None:
-        index = rr.TimeColumn(entity_paths.TIMELINE, duration=times)
+        index = rr.TimeColumn(paths.TIMELINE, duration=times)
         rr.send_columns(path, indexes=[index], columns=columns, recording=self._recording, strict=True)

@@ -25,9 +25,8 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import MissingPackageError, require_packages
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.pictures.rerun import rows as protocol
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import TRACE_TIME, DisplayOptions, describe_scene
+from mbd_sim.pictures.rerun import worker
+from mbd_sim.pictures.rerun.scene import TRACE_TIME, DisplayOptions, RowWriter, describe_scene
 from mbd_sim.pictures.rerun.sinks import ViewerError, checked_sink, is_live
 from mbd_sim.simulation.run.events import RESTARTS, Event, EventKind, parse_event
 
@@ -179,7 +178,7 @@ class Viewer:
         timer.start()
         line = b""
         with contextlib.suppress(OSError):
-            self._worker.stdin.write(protocol.pack(protocol.SCENE, scene))
+            self._worker.stdin.write(worker.pack(worker.SCENE, scene))
             self._worker.stdin.flush()
             line = self._worker.stdout.readline()
         timer.cancel()
@@ -276,13 +275,13 @@ class Viewer:
                 self._wake.clear()
                 closing, requested = self._closing, self._flushes
                 while rows := self._samples.take(BATCH):
-                    pipe.write(protocol.pack(protocol.ROWS, b"".join(row.data for row in rows)))
+                    pipe.write(worker.pack(worker.ROWS, b"".join(row.data for row in rows)))
                 while measurements := self._measurements.take(BATCH):
-                    pipe.write(protocol.pack(protocol.MEASUREMENTS, json.dumps(measurements).encode()))
+                    pipe.write(worker.pack(worker.MEASUREMENTS, json.dumps(measurements).encode()))
                 while events := self._events.take(BATCH):
-                    pipe.write(protocol.pack(protocol.EVENTS, json.dumps(events).encode()))
+                    pipe.write(worker.pack(worker.EVENTS, json.dumps(events).encode()))
                 if self._waiting or (self._live and time.monotonic() - flushed > FLUSH_PERIOD):
-                    pipe.write(protocol.pack(protocol.FLUSH, requested.to_bytes(8, "little")))
+                    pipe.write(worker.pack(worker.FLUSH, requested.to_bytes(8, "little")))
                     flushed = time.monotonic()
                 pipe.flush()
             pipe.close()

@@ -1,6 +1,9 @@
 """The viewer's process: turns rows of numbers into columns of Rerun, outside the simulation's interpreter.
 
-It ends when its input does, so that the recording is complete even when the simulation was killed.
+It ends when its input does, so that the recording is complete even when the simulation was killed. A message to it has
+a kind, a length, and bytes: first the scene description and the sink, pickled; then rows of samples as raw numbers,
+events and measurements of sensors as JSON, and numbered requests to flush what was sent before. Lines of JSON come
+back.
 
 A file of Rerun ends with a list of all chunks, by which other programs find data without reading it all. Rerun itself
 keeps this list in memory while it writes a file. The process writes files without it, so that its memory hardly grows,
@@ -13,6 +16,7 @@ import contextlib
 import json
 import os
 import pickle
+import struct
 import subprocess
 import sys
 import time
@@ -22,12 +26,30 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.pictures.rerun import rows as protocol
 from mbd_sim.pictures.rerun import sinks
 from mbd_sim.pictures.rerun.sinks import is_live
 
 if TYPE_CHECKING:
     from mbd_sim.pictures.rerun.stream import RerunStream
+
+
+HEADER = struct.Struct("<cQ")
+SCENE, ROWS, EVENTS, MEASUREMENTS, FLUSH = b"S", b"R", b"E", b"M", b"F"
+
+
+def pack(kind: bytes, payload: bytes) -> bytes:
+    """A message as bytes."""
+    return HEADER.pack(kind, len(payload)) + payload
+
+
+def read(stream: IO[bytes]) -> tuple[bytes, bytes] | None:
+    """The next message; None at the end of the stream, or when it ends within a message."""
+    header = stream.read(HEADER.size)
+    if len(header) < HEADER.size:
+        return None
+    kind, size = HEADER.unpack(header)
+    payload = stream.read(size)
+    return (kind, payload) if len(payload) == size else None
 
 
 LARGEST = 50_000_000  # bytes of a file: the list is added in 0.5 s, with 2.6 bytes of memory for each of them
@@ -119,7 +141,7 @@ def _run(source: IO[bytes], answers: IO[str]) -> int:
         from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
         from mbd_sim.simulation.run.events import EventKind
 
-        first = protocol.read(source)
+        first = read(source)
         if first is None:
             return 1
         scene, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
@@ -130,16 +152,16 @@ def _run(source: IO[bytes], answers: IO[str]) -> int:
     answer(address=stream.address)
     batches = RowBatches(stream, scene.rows.width, live=is_live(sink))
     try:
-        while (message := protocol.read(source)) is not None:
+        while (message := read(source)) is not None:
             kind, payload = message
-            if kind == protocol.ROWS:
+            if kind == ROWS:
                 batches.add(payload)
-            elif kind == protocol.MEASUREMENTS:
+            elif kind == MEASUREMENTS:
                 batches.measure(json.loads(payload))
-            elif kind == protocol.EVENTS:
+            elif kind == EVENTS:
                 events = json.loads(payload)
                 stream.send_events([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])
-            elif kind == protocol.FLUSH:
+            elif kind == FLUSH:
                 batches.send()
                 stream.flush()
                 answer(flushed=int.from_bytes(payload, "little"))

@@ -1,11 +1,12 @@
-"""How a mechanism looks, shared by the three renderers: the Rerun viewer, Matplotlib drawings and RViz markers.
+"""How a mechanism looks, shared by all renderers: the Rerun viewer, RViz markers, Matplotlib drawings.
 
 | module | contents |
 |---|---|
 | `palette` | colors of parts, joints, forces and plots; the energy residual on a logarithmic scale |
 | `extent` | the box that the motion fills, the length of the mechanism, its plane of motion |
 | `solids` | the solid that stands for each kind of shape; circles, spirals, coils and curved arrows as points |
-| `joints` | radius and axis frame of a joint's marker, drives, the points that leave a trace by default |
+| `joints` | the size of a joint, the places of drives, the points that leave a trace |
+| `primitives` | the list of solids, lines and connectors that viewers in space draw |
 | `curves` | curves and surfaces given by equations |
 | `meshes` | meshes as triangles |
 """

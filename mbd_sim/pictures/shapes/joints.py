@@ -1,14 +1,8 @@
-"""Sizes, frames and places of joints, motors and arrows that the renderers share.
-
-They say where motors, efforts and bushings are shown, which elements between points are shown as cylinders, at which
-scale forces are drawn, and where the arrows of contacts start. They also choose the points of a mechanism that leave a
-trace where the user does not name others.
-"""
+"""Sizes, frames and places of joints, motors, arrows and traces that all pictures share."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,10 +10,11 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.constraints import Cable, Distance
-from mbd_sim.mechanism.elements.forces import Bushing, Damper, Spring
+from mbd_sim.mechanism.elements.forces import Damper, Spring
 from mbd_sim.mechanism.elements.joint_types import JointCoordinate
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint, Part
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.laws import Varying
 from mbd_sim.mechanism.values.source import Location
 
@@ -32,24 +27,6 @@ def joint_radius(mechanism: Mechanism, joint: Joint, size: float) -> float:
     parts = [mechanism.parts[name] for name in (joint.parent, joint.child) if name != GROUND]
     rods = [shape.size[1] for part in parts for shape in part.shapes if shape.kind == "rod"]
     return min(max(1.25 * max(rods, default=0.0), 0.012 * size), 0.04 * size)
-
-
-def axis_frame(joint: Joint) -> Pose:
-    """The parent-side frame of a joint rotated so that z is its axis; unchanged for joints without an axis."""
-    pose = joint.parent_pose
-    return Pose(pose.position, pose.rotation @ aligning_z(joint.axis)) if np.any(joint.axis) else pose
-
-
-BUSHING_RADIUS = 0.022  # relative to the mechanism's size
-
-
-class Housing(NamedTuple):
-    """A cylinder about z of `pose`, which is its center in the frame of a `part`; lengths in m."""
-
-    part: str
-    pose: Pose
-    length: float
-    radius: float
 
 
 def has_cylinder(element: Spring | Damper) -> bool:
@@ -76,30 +53,6 @@ def coordinate_frame(joint: Joint, coordinate: JointCoordinate) -> tuple[str, Po
     return part, Pose(side.position, side.rotation @ aligning_z(joint.direction(coordinate)))
 
 
-def motor_housing(mechanism: Mechanism, joint: Joint, coordinate: JointCoordinate, size: float) -> Housing:
-    """The housing of a motor, beside a joint on the axis of a coordinate, on the part in whose axes that is fixed.
-
-    :param size: the length in m of the mechanism.
-    """
-    (part, frame), radius = coordinate_frame(joint, coordinate), joint_radius(mechanism, joint, size)
-    center = frame.position - 4.0 * radius * frame.rotation[:, 2]
-    return Housing(part, Pose(center, frame.rotation), 4.0 * radius, 1.8 * radius)
-
-
-def bushing_ring(bushing: Bushing, size: float) -> Housing:
-    """A short cylinder about z of the first frame of a bushing.
-
-    :param size: the length in m of the mechanism.
-    """
-    radius = BUSHING_RADIUS * size
-    return Housing(bushing.first.part, Pose(bushing.first.point, bushing.first_axes), radius, radius)
-
-
-def shown_bushings(mechanism: Mechanism) -> list[Bushing]:
-    """The bushings, without the springs of joints, which are shown as joints."""
-    return [bushing for bushing in mechanism.bushings if not bushing.in_joint]
-
-
 def default_traces(mechanism: Mechanism) -> dict[str, Attachment]:
     """The tips of the parts at the ends of the kinematic chains, by the names of the parts."""
     inboard = {joint.inboard for joint in mechanism.tree_joints()}
@@ -124,6 +77,18 @@ def tip_of(part: Part) -> Array:
         return np.asarray(pose.position + pose.rotation @ offset)
     ends.append(part.center)
     return max(ends, key=lambda point: float(np.linalg.norm(point)))
+
+
+def traced_points(mechanism: Mechanism, names: Sequence[str]) -> list[tuple[str, Array]]:
+    """The part and the point (3,) in its frame in m for each of some names: `part.point`, or a part for its end.
+
+    :raises InputError: there is no such part or point.
+    """
+    points, found = {name: part.points for name, part in mechanism.parts.items()}, []
+    for name in names:
+        part, point = split_reference(name, points)
+        found.append((part, points[part][point].position if point else np.array(tip_of(mechanism.parts[part]))))
+    return found
 
 
 LONG, LONGEST = 0.25, 0.6  # full and largest length of an arrow, relative to the mechanism's size

@@ -14,8 +14,8 @@ from mbd_sim.files.urdf.writer import ControlTopics, to_urdf
 from mbd_sim.mechanism.contents import channel_names
 from mbd_sim.recordings.messages.cdr import string_message
 from mbd_sim.recordings.messages.states import labeled_array
+from mbd_sim.simulation.model.commands import wrench_labels
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.wrenches import wrench_labels
 from mbd_sim.simulation.run.events import (
     AppliedCommands,
     AppliedEfforts,

@@ -138,7 +138,7 @@ def contact_states(model: Model) -> StateWriter:
     After each element that has friction comes an entry for each direction of that: its position is 1 while the contact
     slides, its velocity the slip and its effort the friction.
     """
-    names = model.contact_entry_names()
+    names = model.contact_readings.entry_names()
     builder = MessageBuilder()
     builder.header()
     builder.texts(names)
@@ -147,7 +147,7 @@ def contact_states(model: Model) -> StateWriter:
     columns = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        rows = model.contact_entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        rows = model.contact_readings.entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
         for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
             column[:] = values
 

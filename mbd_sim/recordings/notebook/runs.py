@@ -19,9 +19,10 @@ from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.pictures.drawing.animation import FRAME_RATE, TRACE_POINTS, Animation, traced_points, write_animation
+from mbd_sim.pictures.drawing.animation import FRAME_RATE, TRACE_POINTS, Animation, write_animation
 from mbd_sim.pictures.drawing.picture import draw
 from mbd_sim.pictures.rerun.viewer import Viewer
+from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.recordings.views import plots

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.base.errors import CommandError, MbdSimError
+from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.pictures.rerun import scene as entity_paths
+from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.plots import Series
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
 from mbd_sim.pictures.rerun.sinks import SinkConnection
 from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
 from mbd_sim.pictures.rerun.viewer import EventFilter
@@ -54,13 +53,10 @@ def show_run(
     :param rate: the largest number of states shown per second of simulated time.
     :param on_sent: called with the address when everything has been sent; a server ends when it returns.
     :raises ViewerError: the sink cannot be opened.
-    :raises MbdSimError: a point to trace does not exist.
+    :raises InputError: a point to trace does not exist.
     """
     writer, options = RowWriter(recomputation.simulation.model, options.reactions), replace(options, measurements=True)
-    try:
-        scene = describe_scene(recomputation.simulation.model, writer.layout, options)
-    except ValueError as error:
-        raise MbdSimError(str(error)) from error
+    scene = describe_scene(recomputation.simulation.model, writer.layout, options)
     stream = RerunStream(scene, sink, live=False)
     notes: list[str] = []
     try:
@@ -189,17 +185,17 @@ def show_joint_plots(table: RunTable, sink: str, on_sent: AddressCallback = _ign
 
     quantities = {"position": table.position, "velocity": table.velocity, "effort": table.effort}
     recorded = {name: values for name, values in quantities.items() if not np.all(np.isnan(values))}
-    views = [rrb.TimeSeriesView(origin=f"{entity_paths.JOINTS}/{name}", name=name.capitalize()) for name in recorded]
+    views = [rrb.TimeSeriesView(origin=f"{paths.JOINTS}/{name}", name=name.capitalize()) for name in recorded]
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     stream = rr.RecordingStream("mbd_sim")
-    time_panel = rrb.TimePanel(state="collapsed", timeline=entity_paths.TIMELINE)
+    time_panel = rrb.TimePanel(state="collapsed", timeline=paths.TIMELINE)
     connection = SinkConnection(stream, sink, rrb.Blueprint(rrb.Vertical(*views), *panels, time_panel))
     try:
         stream.send_recording_name(table.title)
         colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(len(table.names)))
-        times = rr.TimeColumn(entity_paths.TIMELINE, duration=table.times)
+        times = rr.TimeColumn(paths.TIMELINE, duration=table.times)
         for name, values in recorded.items():
-            series = Series(f"{entity_paths.JOINTS}/{name}", table.names, colors)
+            series = Series(f"{paths.JOINTS}/{name}", table.names, colors)
             for entity, style in series.style():
                 stream.log(entity, style, static=True)
             for entity, columns in series.values(values):

@@ -16,7 +16,6 @@ from mbd_sim.base.errors import MbdSimError, MechanismError, listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.pictures.rerun import scene
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import DamagedError, Message
 from mbd_sim.recordings.run.reader import Recording, TopicRole, topic_roles
@@ -249,9 +248,8 @@ def _units(recording: Recording, names: Sequence[str]) -> tuple[str, ...]:
 
 def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
     """The unit, `rad` or `m`, of each coordinate by its name, also of driven ones."""
-    coordinates = [*mechanism.coordinate_names, *mechanism.driven_names]
-    kinds = [*scene.free_kinds(mechanism), *scene.driven_kinds(mechanism)]
-    return {name: "rad" if kind == scene.ANGULAR else "m" for name, kind in zip(coordinates, kinds, strict=True)}
+    names = (*mechanism.coordinate_names, *mechanism.driven_names)
+    return {name: "rad" if mechanism.coordinate(name).rotation else "m" for name in names}
 
 
 def _by_name(names: tuple[str, ...], given: Iterable[tuple[tuple[str, ...], Array]]) -> Array:

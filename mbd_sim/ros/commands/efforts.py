@@ -17,21 +17,24 @@ from mbd_sim.mechanism.elements.actuators import Base, Velocity
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.actuators import ActuatorBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges, JointCommandRouter
-from mbd_sim.ros.commands.trajectory import JointCurve, JointMotion, Trajectory
+from mbd_sim.ros.commands.trajectory_player import JointCurve, JointMotion, Trajectory
 from mbd_sim.simulation.model.commands import CommandMap, EffortMap
-from mbd_sim.simulation.run.events import EventKind
+from mbd_sim.simulation.run.simulation import Simulation
 
 
 @dataclass(frozen=True, slots=True)
 class DueEfforts:
-    """Efforts (nv,) that take effect at the next step; `kind` is `COMMAND` or `EXPIRED`.
+    """What takes effect at the next step: new `efforts` (nv,), or none where those of `expired` coordinates end."""
 
-    `expired` are the coordinates whose efforts have been set to zero.
-    """
-
-    kind: EventKind
-    efforts: Array
+    efforts: Array | None = None
     expired: tuple[str, ...] = ()
+
+    def apply(self, simulation: Simulation) -> None:
+        """Let it act from the next step on; the simulation reports what that changes."""
+        if self.efforts is not None:
+            simulation.set_efforts(self.efforts)
+        else:
+            simulation.expire_efforts(self.expired)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,7 @@ class CommandBuffer:
         command_map = actuators or CommandMap((), InputLayout(len(effort_map.names)))
         self._actuators = ActuatorBuffer(command_map, step_size, ranges)
         self._router = JointCommandRouter(effort_map, list(self._actuators.map.takers.values()))
-        self.accepted = self.rejected = self.expired = self._slowed = 0
+        self.accepted = self.rejected = self.expired = self._reduced = 0
         size = len(effort_map.names)
         self._requested, self._new = np.zeros(size), False
         self._commanded, self._lapsed = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
@@ -84,8 +87,8 @@ class CommandBuffer:
 
     @property
     def limited(self) -> int:
-        """How many commands of actuators and velocities of bases were beyond limits, and have been reduced."""
-        return self._actuators.limited + self._slowed
+        """How many efforts, commands of actuators and velocities of bases were beyond limits, and were reduced."""
+        return self._actuators.limited + self._reduced
 
     @property
     def lapsed(self) -> tuple[str, ...]:
@@ -144,7 +147,7 @@ class CommandBuffer:
                 self.rejected += 1
                 raise
             self.accepted += 1
-            self._slowed += commands.limited
+            self._reduced += commands.limited
 
     def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> Followed:
         """Take a trajectory of some joints.
@@ -217,6 +220,7 @@ class CommandBuffer:
                 self._actuators.take(commands, actuators)
             if commands is None or efforts:
                 self._new = True
+                self._reduced += self.map.exceeded(self._requested)
                 by_name = isinstance(efforts, Mapping)
                 self._commanded |= [name in efforts for name in self.map.names] if by_name else True
 
@@ -263,7 +267,7 @@ class CommandBuffer:
                 self._lapsed &= ~self._commanded
                 self._commanded[:], self._new = False, False
                 self._oldest = float(self._last_times.min(initial=np.inf))
-                found.append(DueEfforts(EventKind.COMMAND, self.map.clamped(self._requested)))
+                found.append(DueEfforts(self._requested))
             if self.timeout > 0.0 and time - self._oldest >= self.timeout:
                 found += self._expire(time - self._last_times >= self.timeout)
         return found
@@ -278,7 +282,7 @@ class CommandBuffer:
         self._lapsed |= changing
         self.expired += 1
         self._requested = np.where(changing, 0.0, self._requested)
-        return [DueEfforts(EventKind.EXPIRED, self.map.clamped(self._requested), self._names_of(changing))]
+        return [DueEfforts(expired=self._names_of(changing))]
 
     def _names_of(self, flags: NDArray[np.bool_]) -> tuple[str, ...]:
         return tuple(name for name, flag in zip(self.map.names, flags, strict=True) if flag)

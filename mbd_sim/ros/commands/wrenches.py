@@ -12,8 +12,7 @@ from mbd_sim.base.errors import CommandError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.model.wrenches import WrenchMap
-from mbd_sim.simulation.run.events import EventKind
+from mbd_sim.simulation.model.commands import WrenchMap
 from mbd_sim.simulation.run.simulation import Simulation
 
 WrenchTargets = Sequence[tuple[str, str | None]]  # a part, and one of its points or None for the mass center
@@ -36,7 +35,7 @@ class Wrench:
     point: str | None = None
 
     def apply(self, simulation: Simulation) -> None:
-        """Apply it from the next step on.
+        """Let it act from the next step on; the simulation reports what that changes.
 
         Given in the part's own frame, it rotates with the part. Given in the frame of another part, it keeps the
         direction that this frame has now.
@@ -51,11 +50,14 @@ class Wrench:
 
 
 @dataclass(frozen=True)
-class DueWrench:
-    """A wrench that takes effect at the next step; `kind` is `COMMAND` or `EXPIRED`."""
+class ExpiredWrench:
+    """A part on which the wrench ends at the next step."""
 
-    kind: EventKind
-    wrench: Wrench
+    part: str
+
+    def apply(self, simulation: Simulation) -> None:
+        """Let it act from the next step on."""
+        simulation.expire_wrench(self.part)
 
 
 class WrenchBuffer:
@@ -80,10 +82,6 @@ class WrenchBuffer:
         """The parts that accept wrenches."""
         return tuple(self._map.slices)
 
-    def input_range(self, part: str) -> slice:
-        """The position of the wrench on a part among the inputs of the equations."""
-        return self._map.slices[part]
-
     def take(self, part: str, point: str | None, frame: str, force: Sequence[float], couple: Sequence[float]) -> None:
         """Take a wrench on a part, in the axes of `frame`: a part's name, `ground`, `world`, or empty for ground.
 
@@ -103,21 +101,21 @@ class WrenchBuffer:
             self._new[part] = wrench
             self.accepted += 1
 
-    def due(self, time: float) -> Iterator[DueWrench]:
-        """The wrenches to apply from simulated `time` (s, monotonic) on."""
+    def due(self, time: float) -> Iterator[Wrench | ExpiredWrench]:
+        """What to apply from simulated `time` (s, monotonic) on."""
         with self._lock:
             newest, self._new = self._new, {}
         for part, wrench in newest.items():
             self._since[part] = time
             self._acting[part] = bool(np.any(wrench.force) or np.any(wrench.couple))
-            yield DueWrench(EventKind.COMMAND, wrench)
+            yield wrench
         if self._since and self.timeout > 0.0:
             for part in [part for part, since in self._since.items() if time - since >= self.timeout]:
                 del self._since[part]
                 if not self._acting[part]:
                     continue
                 self.expired += 1
-                yield DueWrench(EventKind.EXPIRED, Wrench(part, np.zeros(3), np.zeros(3)))
+                yield ExpiredWrench(part)
 
     def clear(self) -> None:
         """Discard all wrenches, as after a reset."""

@@ -1,5 +1,8 @@
 """A node's parameters: declared with their meaning and range, validated, and updated while the node runs.
 
+Others see them in what the node prints for `--help`, and as launch arguments: from the declarations, so that a launch
+file cannot omit one.
+
 The service `set_parameters` is such that a node accepts its own dump from `ros2 param load`, which reads each value of
 its file a second time as YAML. A small number such as 1e-05 then arrives as a string, because the numbers of YAML 1.1
 have a point, and a string such as 2024 as a number.
@@ -11,6 +14,7 @@ import difflib
 import json
 import math
 import re
+import textwrap
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -315,3 +319,63 @@ def _as_number(value: ParameterValue, current: Parameter) -> ParameterValue:
         return value
     found = [float(number) for number in numbers]
     return Parameter(current.name, value=found if isinstance(read, list) else found[0]).get_parameter_value()
+
+
+WIDTH, INDENT = 110, 28
+
+Rows = Sequence[tuple[str, str]]  # (name, meaning)
+
+
+def program_help(
+    name: str, description: str, example: str, parameters: Sequence[ParameterSpec], sections: Mapping[str, Rows]
+) -> str:
+    """The whole text.
+
+    :param example: a parameter for the usage line, such as `mechanism:=double_rod`.
+    :param sections: further tables by their heading.
+    """
+    blocks = [
+        f"usage: ros2 run mbd_sim {name} [--ros-args -p {example} ...]",
+        textwrap.fill(description, WIDTH),
+        _table("parameters, each after -p (*: can be changed while the node runs)", _parameter_rows(parameters)),
+        *(_table(heading, rows) for heading, rows in sections.items() if rows),
+    ]
+    return "\n\n".join(blocks)
+
+
+def _parameter_rows(parameters: Sequence[ParameterSpec]) -> Rows:
+    return [(f"{spec.name}{' *' if spec.live else ''}", _meaning(spec)) for spec in parameters]
+
+
+def _meaning(spec: ParameterSpec) -> str:
+    limits = f"; {spec.low:g} to {spec.high:g}" if spec.low is not None and spec.high is not None else ""
+    return f"{spec.description} (default: {written(spec.default)}{limits})"
+
+
+def written(value: Any) -> str:
+    """A parameter's value as on the command line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, str) else str(value)
+
+
+def _table(heading: str, rows: Rows) -> str:
+    lines = [f"{heading}:"]
+    for name, meaning in rows:
+        first = f"  {name}".ljust(INDENT)
+        wrapped = textwrap.wrap(meaning, WIDTH - INDENT, break_on_hyphens=False) or [""]
+        if len(first) > INDENT:
+            lines.append(first)
+            first = " " * INDENT
+        lines += [first + wrapped[0], *(" " * INDENT + line for line in wrapped[1:])]
+    return "\n".join(lines)
+
+
+def as_yaml(value: Any) -> str:
+    """A parameter's value as a launch argument."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def argument_rows(specs: Sequence[ParameterSpec]) -> list[tuple[str, str, str, type]]:
+    """The name, default, description and type of the launch argument of each parameter."""
+    return [(spec.name, as_yaml(spec.default), spec.description, type(spec.default)) for spec in specs]

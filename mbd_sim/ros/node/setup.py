@@ -21,8 +21,8 @@ from std_msgs.msg import String
 from mbd_sim.base.errors import InputError, listed, nearest
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.files.text.yaml_writer import mechanism_text
-from mbd_sim.files.urdf.writer import ControlTopics, floating_joints
+from mbd_sim.files.text.yaml_text import mechanism_text
+from mbd_sim.files.urdf.writer import ControlTopics, control_blocks, floating_joints
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.events import robot_description
 from mbd_sim.recordings.messages.states import Accelerations, floating_transforms
@@ -51,8 +51,7 @@ from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import ALL, WrenchTargets, wrench_targets
 from mbd_sim.ros.node.parameters import NodeParameters
 from mbd_sim.ros.node.subscriptions import JOINT_COMMANDS
-from mbd_sim.ros.publishing.message_types import message_type
-from mbd_sim.ros.publishing.publishers import FOLLOWED_CLOCK, TopicPublisher
+from mbd_sim.ros.publishing.publishers import FOLLOWED_CLOCK, TopicPublisher, message_type
 from mbd_sim.ros.publishing.recordings import NodeRecordings, SplitLimits
 from mbd_sim.ros.publishing.thread import PublishingThread
 from mbd_sim.ros.stepping.clock import FollowedClock, Rates
@@ -132,7 +131,7 @@ def requested_topics(parameters: NodeParameters, model: Model, node: Node) -> li
             continue
         if topic is ROBOT_DESCRIPTION and parameters["ros2_control"]:
             topics = ControlTopics(*map(node.resolve_topic_name, (JOINT_COMMANDS, JOINT_STATES.name)))
-            if own := [block.attributes.get("name", "") for block in model.mechanism.source.ros2_control]:
+            if own := [block.attributes.get("name", "") for block in control_blocks(model.mechanism)]:
                 node.get_logger().warning(KEPT_BLOCKS.format(names=listed(own)))
             requested.append(replace(topic, at_start=partial(robot_description, control=topics)))
             continue

@@ -21,8 +21,7 @@ from mbd_sim.recordings.messages.states import Due
 from mbd_sim.recordings.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.node.diagnostics import PERIOD, Diagnostics
-from mbd_sim.ros.node.help import program_help
-from mbd_sim.ros.node.parameters import NodeParameters
+from mbd_sim.ros.node.parameters import NodeParameters, program_help
 from mbd_sim.ros.node.program import run_node
 from mbd_sim.ros.node.services import SERVICES, RunServices, serve_simulation_interfaces
 from mbd_sim.ros.node.setup import (
@@ -42,6 +41,7 @@ from mbd_sim.ros.node.trajectory_action import serve_trajectory_action
 from mbd_sim.ros.publishing.thread import PublishingThread
 from mbd_sim.ros.stepping import realtime
 from mbd_sim.ros.stepping.thread import SteppingThread
+from mbd_sim.simulation.run.changes import StateValues
 
 # Of the nodes that follow: what belongs to a clock is decided by the leader.
 OF_THE_LEADER: dict[str, Any] = {
@@ -129,12 +129,12 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         with BuildProgress(self, f"reading {parameters['mechanism']}"):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
-        given = parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
+        given = parameters.add_live(lambda: simulation.live, self._set_live)
         self._apply_initial(given)
         self._unknown_parameters = parameters.finish()
         self.commands = command_buffer(parameters, simulation)
-        names, timeout = simulation.model.part_names, self.commands.timeout
-        self.wrenches = WrenchBuffer(simulation.wrench_map, names, timeout, frame_prefix)
+        parts = simulation.model.part_names
+        self.wrenches = WrenchBuffer(simulation.wrench_map, parts, self.commands.timeout, frame_prefix)
         self.followed = followed_clock(self, parameters, leader.stepping_thread if leader else None)
         self.rates = initial_rates(parameters, leads=self.followed is None)
         self.stepping_thread: SteppingThread = SteppingThread(
@@ -144,8 +144,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             wrenches=self.wrenches,
             paused=parameters["start_paused"],
             followed=self.followed,
+            start=self._begin_at_start(),
         )
-        self._begin_at_start()
         self.publishing_thread = PublishingThread(
             self,
             simulation.model,
@@ -242,27 +242,32 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         :raises CommandError, ValueError: one does not fit, or the loops cannot be closed with them.
         """
         if changes:
-            self.simulation.set_live(changes)
+            self.simulation.set_live(changes, reassemble=True)
             self.simulation.reset()
 
-    def _begin_at_start(self) -> None:
-        """Begin the run at the start that the parameters give.
+    def _set_live(self, changes: Mapping[str, float]) -> str:
+        return self.stepping_thread.set_live(changes, reassemble=self.parameters["reassemble"])
+
+    def _begin_at_start(self) -> StateValues | None:
+        """Begin the run at the start that the parameters give, and return it.
 
         :raises CommandError: it does not fit the mechanism, or the loops cannot be closed there.
         """
-        self._use_start(self.parameters.values)
+        start = self._start_of_parameters()
         self.parameters.check(self._problem_of_start)
-        if self.stepping_thread.run.start_values is not None:
-            self.simulation.begin_at(*self.stepping_thread.run.start_values)
+        if start is not None:
+            self.simulation.reset(*start)
+        return start
 
-    def _use_start(self, values: Mapping[str, Any]) -> None:
-        """Let resets return to the start that the parameters give.
+    def _start_of_parameters(self) -> StateValues | None:
+        """The start that the parameters give, to which resets return.
 
         :raises CommandError: it does not fit the mechanism.
         """
-        self.stepping_thread.run.start_values = start_values(values["start"], values, self.simulation.model)
+        values = self.parameters.values
         for remark in bare_angles_of(values["start"], values, self.simulation.mechanism):
             self.get_logger().warning(remark)
+        return start_values(values["start"], values, self.simulation.model)
 
     def _problem_of_start(self, values: Mapping[str, Any]) -> str:
         """The problem with the start of all parameters, or ""."""
@@ -320,7 +325,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             case "record_split_size" | "record_split_duration":
                 self.recordings.limits = split_limits(self.parameters)
         if name == "start" or name.startswith("starts."):
-            self._use_start(self.parameters.values)
+            self.stepping_thread.run.start_values = self._start_of_parameters()
         self._remark_on_rate(name)
 
     def _remark_on_rate(self, name: str) -> None:

@@ -17,8 +17,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from mbd_sim.base.errors import CommandError, listed, nearest
 from mbd_sim.ros.commands.efforts import Followed
-from mbd_sim.ros.commands.trajectory import JointMotion
-from mbd_sim.ros.commands.trajectory_player import Outcome, Tolerance, TrajectoryGoal
+from mbd_sim.ros.commands.trajectory_player import JointMotion, Outcome, Tolerance, TrajectoryGoal
 from mbd_sim.ros.node.subscriptions import nanoseconds, trajectory_of
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.state import joint_state_arrays, joint_state_names

@@ -13,29 +13,19 @@ from geometry_msgs.msg import Point, Pose, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mbd_sim.base.geometry.pose import Array, pack_poses, unpack_poses
+from mbd_sim.base.geometry import pose as geometry
+from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import aligning_z, to_quaternion
-from mbd_sim.mechanism.actuation import line_ports
-from mbd_sim.mechanism.elements.constraints import (
-    Cable,
-    Clutch,
-    Constraint,
-    Coupling,
-    Distance,
-    Flat,
-    KnifeEdge,
-    Rolling,
-    Surface,
-)
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment
+from mbd_sim.files.text.mesh_files import resource_uri
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
 from mbd_sim.pictures.shapes import palette, solids
-from mbd_sim.pictures.shapes.extent import extent_of
-from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, has_cylinder, pulls, weight
+from mbd_sim.pictures.shapes.extent import Extent, extent_of
+from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH
+from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Ball, Box, Cylinder, Ring, Rod, circle
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
-from mbd_sim.ros.publishing.marker_shapes import PartMarker, Points, drive_markers, joint_markers, part_markers
-from mbd_sim.ros.publishing.message_types import STAMP, MessageTemplate, slot
+from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
 
 CONTACT_COLOR: Color = palette.CONTACT
@@ -66,23 +56,85 @@ def arrow_row(point: Array, force: Array, full_force: float, size: float, pushes
     return np.concatenate([start, [x, y, z, w], np.array([length, SHAFT, HEAD]) * size])
 
 
-TRACE_POINTS = 150  # five seconds at 30 Hz
-COIL_RADIUS, DASHPOT_HALF_WIDTH = 0.03, 0.02  # relative to the mechanism's size
+Scale = tuple[float, float, float]
+Points = tuple[tuple[float, float, float], ...]
 
-LineKind = Literal["coil", "dashpot", "straight", "trace"]
+
+@dataclass(frozen=True, eq=False)
+class FixedMarker:
+    """A marker that moves with a part: its namespace and type, pose in the part's frame, scale in m, and color.
+
+    `points`, in m in the marker's frame, are those of lines; `mesh` is the URI of a mesh.
+    """
+
+    part: str
+    namespace: str
+    type: int
+    pose: geometry.Pose
+    scale: Scale
+    color: Color
+    points: Points = ()
+    mesh: str = ""
+
+
+def fixed_markers(primitive: Primitive, source: str, size: float) -> list[FixedMarker]:
+    """A primitive as RViz draws it: a rod with balls at its ends, a ring as a thick line; holes cannot be drawn.
+
+    :param source: the file of the mechanism, from whose folder the paths of meshes count.
+    :param size: the length in m of the mechanism.
+    """
+
+    def marker(
+        type_: int, scale: Scale, pose: geometry.Pose = primitive.pose, points: Array | None = None, mesh: str = ""
+    ) -> FixedMarker:
+        rows = () if points is None else tuple((x, y, z) for x, y, z in points.tolist())
+        return FixedMarker(primitive.part, primitive.kind, type_, pose, scale, primitive.color, rows, mesh)
+
+    if primitive.hole:
+        return []
+    match primitive.form:
+        case Rod(length, radius):
+            axis = primitive.pose.rotation[:, 2]
+            ends = [geometry.Pose(primitive.pose.position + sign * length / 2.0 * axis, np.eye(3)) for sign in (-1, 1)]
+            balls = [marker(Marker.SPHERE, (2.0 * radius,) * 3, end) for end in ends]
+            return [marker(Marker.CYLINDER, (2.0 * radius, 2.0 * radius, length)), *balls]
+        case Cylinder(length, radius):
+            return [marker(Marker.CYLINDER, (2.0 * radius, 2.0 * radius, length))]
+        case Ring(radius, tube):
+            rim = np.column_stack([radius * circle(np.linspace(0.0, 2.0 * np.pi, 49)), np.zeros(49)])
+            return [marker(Marker.LINE_STRIP, (2.0 * tube, 0.0, 0.0), points=rim)]
+        case Box(sides):
+            return [marker(Marker.CUBE, sides)]
+        case Ball(radius):
+            return [marker(Marker.SPHERE, (2.0 * radius,) * 3)]
+        case Lines(strips, radius):
+            width = 2.0 * radius or THIN * size
+            return [marker(Marker.LINE_STRIP, (width, 0.0, 0.0), points=strip) for strip in strips]
+        case Mesh(file=file, scale=scale):
+            return [marker(Marker.MESH_RESOURCE, scale, mesh=resource_uri(file, source))]
+        case _:
+            assert_never(primitive.form)
+
+
+TRACE_POINTS = 150  # five seconds at 30 Hz
+THIN = 0.003  # width of a thin line, relative to the mechanism's size
+
+LineKind = Literal["coil", "cylinder", "line", "trace"]
 
 
 @dataclass(frozen=True, eq=False)
 class _MovingLine:
     """A line whose points are computed for each message from those of parts.
 
-    `ends` are rows of `_AttachedPoints`, `number` is that of the marker and `count` how many points it has.
+    `ends` are rows of `_AttachedPoints`, `number` is that of the marker and `count` how many points it has. `shape` are
+    the points along z of a coil or a cylinder, which are stretched between the ends.
     """
 
     kind: LineKind
     ends: tuple[int, ...]
     number: int
     count: int
+    shape: Array
 
 
 class _AttachedPoints:
@@ -117,17 +169,16 @@ class Markers:
         :param prefix: precedes `ground` in the name of the frame.
         """
         self._model, self._frame = model, prefix + GROUND
-        self._size = extent_of(model).size
+        extent = extent_of(model)
+        self._size = extent.size
         self._full_force = weight(model.mechanism, self._size)
-        self._coil = solids.coil(COIL_RADIUS * self._size)
-        self._dashpot = solids.dashpot(DASHPOT_HALF_WIDTH * self._size)
         self._time = np.inf
         self._messages: list[Marker] = []
-        self._add_part_markers()
+        self._add_fixed_markers(extent)
         self._attached, self._lines = _AttachedPoints(model), list[_MovingLine]()
-        self._add_force_elements()
-        for constraint in model.mechanism.constraints:
-            self._add_constraint(constraint)
+        start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
+        for connector in connectors(model.mechanism, extent, start):
+            self._add_connector(connector)
         self._add_traces()
         self._add_contacts()
         self._template = MessageTemplate(MarkerArray(markers=self._messages))
@@ -147,46 +198,42 @@ class Markers:
         restarted, self._time = snapshot.time < self._time, snapshot.time
         attached = self._attached.at(poses)
         for line, points in zip(self._lines, self._line_points, strict=True):
-            self._update(points, line.kind, attached[list(line.ends)], restarted)
+            self._update(points, line, attached[list(line.ends)], restarted)
         self._update_contacts(snapshot)
         self._template.stamp(snapshot.clock_ns)
         return self._template.payload()
 
-    def _update(self, points: Array, kind: LineKind, ends: Array, restarted: bool) -> None:
+    def _update(self, points: Array, line: _MovingLine, ends: Array, restarted: bool) -> None:
         """Overwrite the `points` (n, 3) of a line with its `ends` (k, 3) in ground's frame."""
-        match kind:
-            case "coil":
-                points[:] = solids.between(self._coil, ends[0], ends[1])
-            case "dashpot":
-                points[:] = solids.between(self._dashpot, ends[0], ends[1])
-            case "straight":
+        match line.kind:
+            case "coil" | "cylinder":
+                points[:] = solids.between(line.shape, ends[0], ends[1])
+            case "line":
                 points[:] = ends
             case "trace":
                 points[:-1] = points[1:]
                 points[slice(None) if restarted else -1] = ends[0]
             case _:
-                assert_never(kind)
+                assert_never(line.kind)
 
     def _update_contacts(self, snapshot: Snapshot) -> None:
         """Overwrite the pose and the scale of the ball and the arrow of each contact."""
-        model = self._model
         if not self._contacts:
             return
-        places = model.contact_places(snapshot.time, snapshot.point.state, snapshot.point.inputs)
-        closed = [None if index is None else snapshot.point.inputs[index] > 0.0 for _, index in model.placed_contacts]
+        point, readings = snapshot.point, self._model.contact_readings
+        places = readings.places(snapshot.time, point.state, point.inputs)
+        closed = [None if index is None else point.inputs[index] > 0.0 for _, index in readings.placed]
         rows = zip(self._contacts, places, closed, self._pushes, strict=True)
-        for (ball, arrow), (point, force), is_closed, pushes in rows:
+        for (ball, arrow), (place, force), is_closed, pushes in rows:
             touches = force.any() if is_closed is None else is_closed
-            ball[:] = ball_row(point, bool(touches), self._size)
-            arrow[:] = arrow_row(point, force, self._full_force, self._size, pushes)
+            ball[:] = ball_row(place, bool(touches), self._size)
+            arrow[:] = arrow_row(place, force, self._full_force, self._size, pushes)
 
-    def _add_part_markers(self) -> None:
-        mechanism, size = self._model.mechanism, self._size
-        markers: list[PartMarker] = [
-            *(marker for part in mechanism.parts.values() for marker in part_markers(mechanism, part, size)),
-            *(marker for joint in mechanism.all_joints.values() for marker in joint_markers(mechanism, joint, size)),
-            *drive_markers(mechanism, size),
-        ]
+    def _add_fixed_markers(self, extent: Extent) -> None:
+        mechanism, source = self._model.mechanism, self._model.mechanism.source.file
+        drawn = primitives(mechanism, extent, lambda mesh: bool(resource_uri(mesh.file, source)))
+        drawn += wires(self._model, extent)
+        markers = [marker for one in drawn for marker in fixed_markers(one, source, extent.size)]
         names = (*self._model.part_names, GROUND)
         self._part_rows = [names.index(marker.part) for marker in markers]
         self._positions = np.array([marker.pose.position for marker in markers]).reshape(-1, 3)
@@ -194,38 +241,26 @@ class Markers:
         for marker in markers:
             self._add_marker(marker.namespace, marker.type, marker.scale, marker.color, marker.points, marker.mesh)
 
-    def _add_force_elements(self) -> None:
-        for element in self._model.mechanism.two_point_elements:
-            ends = (element.first, element.second)
-            if element.elastic:
-                self._add_line("coil", "springs", ends, len(self._coil), palette.STEEL)
-            if has_cylinder(element):
-                self._add_line("dashpot", "dampers", ends, len(self._dashpot), palette.STEEL)
-
-        for port in line_ports(self._model.mechanism).values():
-            self._add_line("dashpot", "actuators", (port.first, port.second), len(self._dashpot), palette.STEEL)
-
-    def _add_constraint(self, constraint: Constraint) -> None:
-        match constraint:
-            case Distance(first=first, second=second):
-                self._add_line("straight", "links", (first, second), 2, palette.JOINT)
-            case Cable(points=points):
-                self._add_line("straight", "cables", points, len(points), palette.JOINT)
-            case Flat() | Surface() | Coupling() | Rolling() | KnifeEdge() | Clutch():
-                pass  # RViz shows the parts that they constrain, not the constraint
-            case _:
-                assert_never(constraint)
+    def _add_connector(self, connector: Connector) -> None:
+        shape, width = np.zeros((len(connector.points), 3)), LINE_WIDTH * self._size
+        if connector.form == "coil":
+            shape = solids.coil(connector.radius)
+        elif connector.form == "cylinder":
+            shape = solids.dashpot(connector.radius)
+        else:
+            width = 2.0 * connector.radius
+        self._add_line(connector.form, connector.kind, connector.points, shape, width, connector.color)
 
     def _add_traces(self) -> None:
-        colors = palette.part_colors(self._model.mechanism)
+        colors, shape = palette.part_colors(self._model.mechanism), np.zeros((TRACE_POINTS, 3))
         for name, attachment in default_traces(self._model.mechanism).items():
-            self._add_line("trace", "traces", (attachment,), TRACE_POINTS, colors[name])
+            self._add_line("trace", "traces", (attachment,), shape, 0.5 * LINE_WIDTH * self._size, colors[name])
 
     def _add_contacts(self) -> None:
         self._pushes: list[bool] = []
         self._contact_markers: list[tuple[int, int]] = []
         unit = (1.0, 1.0, 1.0)
-        for owner, _ in self._model.placed_contacts:
+        for owner, _ in self._model.contact_readings.placed:
             self._pushes.append(not pulls(self._model.mechanism, owner))
             number = len(self._messages)
             self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())
@@ -233,22 +268,21 @@ class Markers:
             self._contact_markers.append((number, number + 1))
 
     def _add_line(
-        self, kind: LineKind, namespace: str, ends: tuple[Attachment, ...], count: int, color: palette.Color
+        self, kind: LineKind, namespace: str, ends: tuple[Attachment, ...], shape: Array, width: float, color: Color
     ) -> None:
-        number = len(self._messages)
-        width = (0.5 if kind == "trace" else 1.0) * LINE_WIDTH * self._size
-        type_ = Marker.LINE_LIST if kind == "dashpot" else Marker.LINE_STRIP
+        number, count = len(self._messages), len(shape)
+        type_ = Marker.LINE_LIST if kind == "cylinder" else Marker.LINE_STRIP
         self._add_marker(namespace, type_, (width, 0.0, 0.0), color, ())
         self._messages[-1].pose = Pose()
         self._messages[-1].points = [Point(x=slot(number)), *(Point() for _ in range(count - 1))]
-        self._lines.append(_MovingLine(kind, tuple(self._attached.add(end) for end in ends), number, count))
+        self._lines.append(_MovingLine(kind, tuple(self._attached.add(end) for end in ends), number, count, shape))
 
     def _add_marker(
         self,
         namespace: str,
         type_: int,
-        scale: tuple[float, float, float],
-        color: palette.Color,
+        scale: Scale,
+        color: Color,
         points: Points,
         mesh: str = "",
     ) -> None:

@@ -10,7 +10,7 @@ from mbd_sim.base.errors import counted
 from mbd_sim.recordings.messages.states import Snapshot
 from mbd_sim.recordings.run.paths import RecordingError
 from mbd_sim.recordings.run.recorder import SHORTEST_FILE, Recorder
-from mbd_sim.ros.stepping.requests import RequestQueue
+from mbd_sim.ros.stepping.thread import RequestQueue
 
 DISK_TIMEOUT = 0.2  # s that a service call waits for the disk; commands wait as long
 CLOSE_TIMEOUT = 1.8  # s that the end of the node waits for the disk

@@ -23,8 +23,7 @@ from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.recordings.messages.topics import OutputTopic, Recorded, SensorMessages
 from mbd_sim.recordings.run.recorder import Recorder
 from mbd_sim.ros.publishing.markers import Markers
-from mbd_sim.ros.publishing.message_types import STAMP, MessageTemplate
-from mbd_sim.ros.publishing.publishers import TopicPublisher
+from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, TopicPublisher
 from mbd_sim.ros.publishing.recordings import NodeRecordings
 from mbd_sim.ros.stepping.output import Item, SteppingOutput
 from mbd_sim.simulation.model.model import Model

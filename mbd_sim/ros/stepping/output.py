@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from queue import SimpleQueue
 
 from mbd_sim.recordings.messages.journal import Journal
@@ -28,45 +28,35 @@ class Counters:
     dropped: int = 0
 
 
-MOST = 20  # reports in each second of real time; further changes are only counted
+MOST = 20  # changes of contacts to report in each second of real time; further ones are only counted
 
 
 class ContactReports:
-    """Reports what has happened at the contacts of a simulation since the last report."""
+    """Which changes of contacts are reported, and how many were left out before."""
 
-    def __init__(self, simulation: Simulation, report: Callable[[EventKind, str], object]) -> None:
-        self._simulation, self._report_event = simulation, report
-        self._seen = simulation.contact_event_count
+    def __init__(self) -> None:
         self._second, self._reported, self._omitted = 0, 0, 0
 
-    def report(self) -> None:
-        """Report all changes, or count those beyond `MOST` in a second."""
-        new = self._simulation.contact_event_count - self._seen
-        if new <= 0:
-            return
-        self._seen += new
-        second = int(time.monotonic())
-        if second != self._second:
+    def admitted(self, text: str) -> list[str]:
+        """What to report of a change: nothing beyond `MOST` in a second; the number left out precedes the next one."""
+        if (second := int(time.monotonic())) != self._second:
             self._second, self._reported = second, 0
-        for event in self._simulation.contact_events[-new:]:
-            if self._reported >= MOST:
-                self._omitted += 1
-                continue
-            if self._omitted:
-                self._put(f"{self._omitted} further changes before {event.time:.6f} s")
-                self._omitted = 0
-            self._put(event.text)
-
-    def _put(self, text: str) -> None:
-        self._report_event(EventKind.CONTACT, text)
-        self._reported += 1
+        if self._reported >= MOST:
+            self._omitted += 1
+            return []
+        texts = [f"{self._omitted} further changes", text] if self._omitted else [text]
+        self._reported, self._omitted = self._reported + len(texts), 0
+        return texts
 
 
 MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
 
 
 class SteppingOutput:
-    """The queue of snapshots and events; while it is `silent`, states and those that recordings wait for are held."""
+    """The queue of snapshots and events; while it is `silent`, states and those that recordings wait for are held.
+
+    It is the `RunListener` of the simulation, so that each change of the run becomes an event.
+    """
 
     def __init__(self, simulation: Simulation, *, silent: bool = False) -> None:
         self.queue: SimpleQueue[Item] = SimpleQueue()
@@ -78,7 +68,7 @@ class SteppingOutput:
         self._last_viewed = -1  # the tick of the last sample for the viewer
         self._emitted_at = 0.0  # s of the steady clock
         self._silent, self._held_moments = silent, 0
-        self._contacts = ContactReports(simulation, self.report)
+        self._contacts = ContactReports()
 
     @property
     def silence(self) -> float:
@@ -118,19 +108,20 @@ class SteppingOutput:
             self.newest = snapshot
         self.queue.put(snapshot)
 
+    def parts_of(self, steps: int) -> Iterator[int]:
+        """All steps at once; afterwards the clock has gone on. See `RunListener`."""
+        yield steps
+        self.journal.count_steps()
+
     def report(self, kind: EventKind, payload: Payload = None) -> Event:
-        """Put an event into the queue."""
+        """Put an event into the queue, and return it; changes of contacts are put there at a bounded rate."""
         event = self.journal.event(kind, payload)
-        self.queue.put(event)
+        if kind is EventKind.CONTACT:
+            for text in self._contacts.admitted(str(payload)):
+                self.queue.put(replace(event, payload=text))
+        else:
+            self.queue.put(event)
         return event
-
-    def report_contacts(self) -> None:
-        """Put what has happened at contacts since the last call into the queue, at a bounded rate."""
-        self._contacts.report()
-
-    def report_new_state(self) -> None:
-        """Put the state into the queue as one from which the run continues."""
-        self.report(EventKind.NEW_STATE, self._simulation.snapshot())
 
     def put_moment(self) -> None:
         """Put the present state, for a recording, into the queue, or as soon as the output is no longer silent."""

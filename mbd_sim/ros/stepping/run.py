@@ -1,7 +1,7 @@
 """A run between two steps: commands take effect, steps are taken, the state and live values are set. Without ROS.
 
-It serves the stepping thread, which decides when to step and how far. Efforts, commands of actuators and wrenches take
-effect between two steps, and events say so.
+It serves the stepping thread, which decides when to step and how far. What changes in the simulation becomes an event
+in one way, whoever changes it: the output listens to the simulation, as a recorder in a script does.
 """
 
 from __future__ import annotations
@@ -19,40 +19,8 @@ from mbd_sim.ros.stepping.output import SteppingOutput
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.advice import OPEN_ACCOUNT, TOLERATED, open_share
 from mbd_sim.simulation.run.changes import StateValues
-from mbd_sim.simulation.run.events import AppliedCommands, AppliedEfforts, AppliedWrench, ChangedValues, EventKind
+from mbd_sim.simulation.run.events import EventKind
 from mbd_sim.simulation.run.simulation import Simulation
-
-
-def apply_commands(
-    simulation: Simulation, commands: CommandBuffer, wrenches: WrenchBuffer, time: float, output: SteppingOutput
-) -> None:
-    """Apply what is due; report expired commands, and those that change a bit of the inputs of the equations.
-
-    A command that repeats the inputs has no effect, so that a recording without it is recomputed bit for bit.
-
-    :param time: simulated s by which commands expire.
-    """
-    for due in commands.due(time):
-        before = simulation.efforts.tobytes()
-        simulation.set_efforts(due.efforts)
-        if due.kind is EventKind.EXPIRED or simulation.efforts.tobytes() != before:
-            output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
-    current = simulation.inputs[simulation.command_map.range]
-    values = commands.due_for_actuators(time, current)
-    if values is not None and values.tobytes() != current.tobytes():
-        simulation.apply_command_values(values)
-        output.report(EventKind.COMMAND, AppliedCommands(values))
-    if expired := commands.take_expired_actuators():
-        text = f"no more commands for {listed(expired)}: only positions are held (actuator_timeout, command_timeout)"
-        output.report(EventKind.WARNING, text)
-    for due_wrench in wrenches.due(time):
-        part = due_wrench.wrench.part
-        inputs = simulation.inputs[wrenches.input_range(part)]
-        before = inputs.tobytes()
-        due_wrench.wrench.apply(simulation)
-        if due_wrench.kind is EventKind.EXPIRED or inputs.tobytes() != before:
-            output.report(due_wrench.kind, AppliedWrench(part, inputs.copy()))
-
 
 AUDIT_PERIOD = 1.0  # simulated s between looks at the energy account
 
@@ -65,13 +33,20 @@ class SteppedRun:
     """
 
     def __init__(
-        self, simulation: Simulation, commands: CommandBuffer, wrenches: WrenchBuffer, *, silent: bool = False
+        self,
+        simulation: Simulation,
+        commands: CommandBuffer,
+        wrenches: WrenchBuffer,
+        start_values: StateValues | None = None,
+        *,
+        silent: bool = False,
     ) -> None:
         """A run at its start; `silent` is described in `SteppingOutput`."""
         self.simulation, self.commands, self.wrenches = simulation, commands, wrenches
         self.output = SteppingOutput(simulation, silent=silent)
+        simulation.listen(self.output)
         self.clock = self.output.journal.clock
-        self.start_values: StateValues | None = None
+        self.start_values = start_values
         self._forget_problems()
         self._next_audit = 0  # the tick
 
@@ -80,14 +55,25 @@ class SteppedRun:
 
         :raises DivergedError: the motion has diverged; `report_divergence` reports it.
         """
-        time_now = self.clock.ticks * self.simulation.step_size
-        apply_commands(self.simulation, self.commands, self.wrenches, time_now, self.output)
+        self._apply_commands(self.clock.ticks * self.simulation.step_size)
         began = time.perf_counter()
         self.simulation.step(steps)
-        self.output.journal.count_steps()
-        self.output.report_contacts()
         self._check_accuracy()
         self.output.counters.stepping += time.perf_counter() - began
+
+    def _apply_commands(self, now: float) -> None:
+        """Apply what is due at a time in s of the run, by which commands expire."""
+        simulation = self.simulation
+        for due in self.commands.due(now):
+            due.apply(simulation)
+        current = simulation.inputs[simulation.command_map.range]
+        if (values := self.commands.due_for_actuators(now, current)) is not None:
+            simulation.apply_command_values(values)
+        if expired := self.commands.take_expired_actuators():
+            text = f"no more commands for {listed(expired)}: only positions are held"
+            self.output.report(EventKind.WARNING, f"{text} (actuator_timeout, command_timeout)")
+        for wrench in self.wrenches.due(now):
+            wrench.apply(simulation)
 
     def report_divergence(self, error: DivergedError) -> None:
         """Report that the motion has diverged."""
@@ -99,23 +85,20 @@ class SteppedRun:
 
     def reset(self, rewind_clock: bool, state: bool) -> str:
         """Reset the state to the start state, the clock to zero, or both; returns the problem, or ""."""
-        if state:
-            before = self.simulation.snapshot()
-            try:
-                self.simulation.reset()
-                if self.start_values is not None:
-                    self.simulation.begin_at(*self.start_values)
-            except ValueError as error:
-                self.simulation.restore(before)
-                return f"the start state cannot be reached with the current live values: {error}"
-            self._forget_problems()
-            self.commands.clear()
-            self.wrenches.clear()
+        zero_ns = self.clock.zero_ns
         if rewind_clock:
             self.clock.set(0)
-        self.output.report(EventKind.RESET if state else EventKind.CLOCK_RESET)
-        if state and self.start_values is not None:
-            self.output.report_new_state()
+        if not state:
+            self.output.report(EventKind.CLOCK_RESET)
+            return ""
+        try:
+            self.simulation.reset(*(self.start_values or ()))
+        except ValueError as error:
+            self.clock.zero_ns = zero_ns
+            return f"the start state cannot be reached with the current live values: {error}"
+        self._forget_problems()
+        self.commands.clear()
+        self.wrenches.clear()
         return ""
 
     def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
@@ -126,7 +109,6 @@ class SteppedRun:
         except CommandError as error:
             return str(error)
         self._forget_problems()
-        self.output.report_new_state()
         self.output.report(EventKind.NOTE, f"state set: {given}")
         positions, _ = given
         for name, value in positions.items():
@@ -144,15 +126,11 @@ class SteppedRun:
         return lambda: self._apply_live(prepared, ranges)
 
     def _apply_live(self, prepared: PreparedValues, ranges: CommandRanges) -> str:
-        efforts = self.simulation.efforts.tobytes()
         try:
             self.simulation.apply_live(prepared)
         except CommandError as error:
             return str(error)
         self.commands.keep_within(ranges, prepared.mechanism.bases)
-        self.output.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.simulation.live))
-        if self.simulation.efforts.tobytes() != efforts:  # beyond changed limits
-            self.output.report(EventKind.COMMAND, AppliedEfforts(self.simulation.efforts.copy()))
         return ""
 
     def _forget_problems(self) -> None:

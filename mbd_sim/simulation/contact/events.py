@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.simulation.contact.candidates import RESTING, Forced
+from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
-from mbd_sim.simulation.contact.modes import ModeFinder
 from mbd_sim.simulation.contact.problem import NoSolutionError
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
 from mbd_sim.simulation.contact.search import EventSearch

@@ -1,22 +1,13 @@
-"""Contacts as plain records: what happens at them, and what can be read from them.
-
-The states of compliant contacts at one instant come from the numbers that their equations give.
-"""
+"""Contacts as plain records: what happens at them, and what can be read from them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.dynamics.math.evaluation import evaluated
-from mbd_sim.mechanism.elements.contacts import Contact
-
-if TYPE_CHECKING:
-    from mbd_sim.dynamics.contact.compliant import CushionFunctions
 
 
 class ContactChange(StrEnum):
@@ -107,30 +98,3 @@ class ContactState:
 def with_friction(name: str, directions: int) -> list[str]:
     """The names of the entries of a contact: its own, and one for each direction of friction."""
     return [name, *(f"{name}.friction_{number}" for number in range(1, directions + 1))]
-
-
-def compliant_names(contacts: Sequence[Contact]) -> list[str]:
-    """The name of each compliant contact: with both bodies where several belong to one entry of the file."""
-    names = [contact.name for contact in contacts]
-    return [
-        f"{contact.name}.{contact.quantity.replace(' ', '_').replace(',', '')}"
-        if names.count(contact.name) > 1
-        else contact.name
-        for contact in contacts
-    ]
-
-
-def states_of_compliant_contacts(
-    cushions: CushionFunctions, time: float, y: Array, inputs: Array, places: Array
-) -> Iterator[ContactState]:
-    """The state of each compliant contact; `places` (n, 2, 3) are their points and forces.
-
-    The gap is negative by the depth. They are open where they exert no force, and never stick.
-    """
-    readings, first = evaluated(cushions.readings, time, y, inputs).ravel(), 0
-    for count, place in zip(cushions.directions, places, strict=True):
-        gap, rate, normal = readings[first : first + 3].tolist()
-        friction, slip = readings[first + 3 : first + 3 + 2 * count].reshape(2, count)
-        closed = "slides" if count else "closed"
-        yield ContactState(closed if normal > 0.0 else "open", gap, rate, normal, friction, slip, *place)
-        first += 3 + 2 * count

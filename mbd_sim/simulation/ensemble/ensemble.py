@@ -1,12 +1,7 @@
-"""Ensembles: many simulations of one mechanism, each with its own values, start and efforts, advanced together.
-
-The module also says why the state of a member would have become infinite, and whether the motion from a state depends
-on the time at which it begins.
-"""
+"""Ensembles: many simulations of one mechanism, each with its own values, start and efforts, advanced together."""
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -16,22 +11,25 @@ from typing import ClassVar, NoReturn, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import CommandError, DivergedError, counted, nearest
+from mbd_sim.base.errors import DivergedError, counted
 from mbd_sim.base.geometry.arrays import require_finite
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.ensemble_kernel import MemberGroups, advance_lanes, advance_one_by_one, compile_members
+from mbd_sim.compiler.ensemble_kernel import MemberGroups
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.simulation.contact.events import EventError, OneSidedStepper
 from mbd_sim.simulation.contact.records import ContactObserver
-from mbd_sim.simulation.ensemble.contacts import advance_through_events, member_contacts, settle_members
+from mbd_sim.simulation.ensemble.members import (
+    divergence_of_member,
+    member_contacts,
+    member_groups,
+    sampling_steps,
+    settle_members,
+    time_dependence,
+)
 from mbd_sim.simulation.ensemble.variants import Change, Variants, member_changes
-from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import Command, CommandMap, MemberCommand
+from mbd_sim.simulation.model.commands import Command, CommandMap, EffortMap, MemberCommand
 from mbd_sim.simulation.model.model import Model, build_model
 from mbd_sim.simulation.model.state_records import EnsembleDrive, EnsembleEnergies, EnsembleMotion, Losses, Reaction
-from mbd_sim.simulation.run.advice import advice_on_step, divergence
 from mbd_sim.simulation.run.arguments import (
     EnsembleOptions,
     ReadOnlyAttributes,
@@ -46,48 +44,7 @@ from mbd_sim.simulation.run.arguments import (
 from mbd_sim.simulation.run.changes import require_allowed_speeds
 from mbd_sim.simulation.run.moving_points import motion_of
 from mbd_sim.simulation.run.state import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
-from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
-
-def divergence_of_member(
-    model: Model, mechanism: Mechanism, failure: MemberFailure, y: Array, step_size: float, error_estimate: float
-) -> DivergedError:
-    """The error that a `Simulation` with the values of this member raises.
-
-    :param mechanism: with the values of this member.
-    :param y: (n,) the state before the call that failed.
-    :param step_size: in s.
-    :param error_estimate: of the member, see `Ensemble.error_estimates`.
-    """
-    memory = KernelMemory(model, step_size, mechanism)
-    memory.load(y, failure.inputs, failure.steps)
-    try:
-        memory.advance(failure.count)
-    except EventError as error:
-        return error
-    undefined = undefined_expression(model, mechanism, memory, failure.count)
-    time = failure.steps * step_size
-    advice = advice_on_step(model, time, y, failure.inputs, step_size, error_estimate)
-    return divergence(model, time, failure.count, step_size, advice, undefined)
-
-
-def time_dependence(model: Model) -> str | None:
-    """Why the same state moves in another way at another time; None if it does not, but for `sampling_steps`."""
-    functions = [model.equations.rates, model.equations.project]
-    if model.between_steps is not None:
-        functions += [sampler.function for sampler in model.between_steps.samplers]
-    if any(function is not None and function.jac_sparsity(0, 0).nnz() for function in functions):
-        return "a drive, a force or a constraint of the mechanism depends on the time"
-    return None
-
-
-def sampling_steps(model: Model) -> int:
-    """The number of steps after which all sampled servos act again as at time zero; 1 without such."""
-    between = model.between_steps
-    return 1 if between is None else math.lcm(*(sampler.every for sampler in between.samplers))
-
-
-ENOUGH = 2_000_000  # instructions of all members together from which on threads save time
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
 
@@ -140,11 +97,12 @@ class Ensemble(ReadOnlyAttributes):
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes, progress)
         self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
-        self._variants, self._limits = variants, variants.effort_limits()
+        self._variants = variants
+        self._effort_map = EffortMap(self.model.coordinate_names, variants.effort_limits(), self.model.driven_names)
         self._failures: dict[int, MemberFailure] = {}
         self._starts, values = variants.starts(self.model)
         self._contacts = member_contacts(self.model, variants, len(changes))
-        self._groups: MemberGroups = _member_groups(self.model, len(changes), self._contacts)
+        self._groups: MemberGroups = member_groups(self.model, len(changes), self._contacts)
         layout = self.model.input_layout
         self._command_map = CommandMap(mechanism.commanded, layout)
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
@@ -343,40 +301,23 @@ class Ensemble(ReadOnlyAttributes):
 
         :raises CommandError: wrong shape, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        try:
-            if isinstance(efforts, Mapping):
-                new = self._groups.get("inputs", self._effort_inputs)
-                names = list(self.model.coordinate_names)
-                for name, value in efforts.items():
-                    if name not in names:
-                        raise CommandError(f"there is no joint '{name}'", nearest(name, names))
-                    new[:, names.index(name)] = value
-            else:
-                new = np.broadcast_to(np.asarray(efforts, dtype=float), self._limits.shape)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, CommandError):
-                raise
-            raise CommandError(
-                f"the efforts do not fit {len(self)} members with {self._limits.shape[1]} joints: {error}"
-            ) from error
-        if not np.all(np.isfinite(new)):
-            raise CommandError("an effort is not finite", "Give finite numbers.")
-        self._groups.put("inputs", np.clip(new, -self._limits, self._limits), self._effort_inputs)
+        new = self._effort_map.merged_rows(self._groups.get("inputs", self._effort_inputs), efforts)
+        self._groups.put("inputs", self._effort_map.clamped(new), self._effort_inputs)
 
     @property
     def effort_limits(self) -> Array:
         """A copy of the largest absolute efforts (k, nv) in N and N·m."""
-        return self._limits.copy()
+        return self._effort_map.limits.copy()
 
     def set_effort_limits(self, limits: Array) -> None:
         """Replace the largest absolute efforts (k, nv) in N and N·m, or (nv,) for all, from the next command on.
 
         :raises ValueError: wrong shape, or a limit that is negative or not a number.
         """
-        new = np.broadcast_to(np.asarray(limits, dtype=float), self._limits.shape).copy()
+        new = np.broadcast_to(np.asarray(limits, dtype=float), self._effort_map.limits.shape)
         if not np.all(new >= 0.0):
             raise ValueError("a limit of an effort is negative or not a number.")
-        self._limits = new
+        self._effort_map.limit(new)
 
     @property
     def start_states(self) -> Array:
@@ -501,25 +442,3 @@ class Ensemble(ReadOnlyAttributes):
             raise ValueError(f"{counts}. Give one for each.")
         for contact, observer in zip(self._contacts, observers, strict=False):
             contact.observer = observer
-
-
-def _member_groups(model: Model, count: int, contacts: Sequence[OneSidedStepper]) -> MemberGroups:
-    from mbd_sim.simulation.model.builder import partial_system
-
-    sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
-    if contacts:
-        return MemberGroups(count, 1, sizes, advance_through_events(contacts))
-    if isinstance(model.method, Taylor):  # each member needs its own expansions
-        return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
-    equations = model.equations
-    partial = partial_system(equations, model.method)
-    kernel = compile_members(
-        equations.rates,
-        equations.project,
-        model.method,
-        equations.core,
-        partial,
-        model.between_steps,
-        scales=equations.scales,
-    )
-    return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel), ENOUGH // model.kernel.instructions)

@@ -79,10 +79,10 @@ def numbers_of(mechanism: Mechanism) -> VariantNumbers:
 
 
 def numbers_held(mechanism: Mechanism) -> list[Any]:
-    """The start commands of actuators, and the pressures of cylinders: numbers, or batches of them."""
+    """The start commands of actuators, and the start states of their machines: numbers, or batches of them."""
     found: list[Any] = []
     for actuator in mechanism.actuators:
-        found += [*actuator.start.values(), *getattr(actuator.motor, "pressures", ())]
+        found += [*actuator.start.values(), *actuator.motor.start_states.values()]
     return found
 
 

@@ -35,8 +35,6 @@ class KernelMemory:
         self._kernel, self._model = model.kernel, model
         self.contacts: OneSidedStepper | None = None
         if model.one_sided is not None:
-            from mbd_sim.simulation.kernel.contact_stepper import one_sided_stepper
-
             self.contacts = one_sided_stepper(model, mechanism or model.mechanism)
         self.y, size = model.start.copy(), len(model.inputs)
         memory = model.kernel_inputs()
@@ -143,3 +141,25 @@ class KernelMemory:
         """
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
         self.history[:] = history if history is not None and len(history) == len(self.history) else 0.0
+
+
+def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
+    """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
+    from mbd_sim.dynamics.constraints.start import rheonomic
+    from mbd_sim.simulation.contact.events import OneSidedStepper
+    from mbd_sim.simulation.contact.terms import guard_tolerance
+
+    assert model.one_sided is not None
+
+    def energy(time: float, y: Array, inputs: Array) -> float:
+        return model.energies(time, y, 0.0, inputs).total
+
+    return OneSidedStepper(
+        model.one_sided,
+        energy,
+        model.u_range,
+        model.loss_range,
+        mechanism.rest_speed,
+        guard_tolerance(model.equations),
+        rheonomic(mechanism),
+    )

@@ -12,7 +12,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.actuators.functions import CYLINDER_READINGS, MOTOR_READINGS
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, Cylinder, DcMotor, EffortMotor
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, Cylinder, DcMotor, EffortMotor, Motor
 from mbd_sim.mechanism.elements.joint_types import Channel
 
 
@@ -31,8 +31,7 @@ class ActuatorEnergies:
     stored: float
     residual: float
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +56,7 @@ class ActuatorState:
     friction_loss: float
     energies: ActuatorEnergies
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +74,7 @@ class CylinderEnergies:
     stored: float
     residual: float
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +97,7 @@ class CylinderState:
     throttling_loss: float
     energies: CylinderEnergies
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 AnyActuatorState = ActuatorState | CylinderState
@@ -122,19 +118,19 @@ def states_of_actuators(
         energies = {name: float(y[index]) for name, index in slots.energies.items()}
         match actuator.motor:
             case EffortMotor() | DcMotor():
-                found[actuator.name] = _motor_state(actuator, commands, energies, row)
+                found[actuator.name] = _motor_state(actuator.motor, commands, energies, row)
             case Cylinder():
-                found[actuator.name] = _cylinder_state(actuator, commands, energies, row)
+                found[actuator.name] = _cylinder_state(commands, energies, row)
             case _:
                 assert_never(actuator.motor)
     return found
 
 
 def _motor_state(
-    actuator: Actuator, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
+    motor: Motor, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
 ) -> ActuatorState:
     read = dict(zip(MOTOR_READINGS, row, strict=False))
-    is_electric = isinstance(actuator.motor, DcMotor)
+    is_electric = isinstance(motor, DcMotor)
     return ActuatorState(
         commands=commands,
         position=read["position"],
@@ -146,12 +142,12 @@ def _motor_state(
         mechanical=read["mechanical"],
         copper_loss=read["copper"],
         friction_loss=read["friction"],
-        energies=_account(actuator, energies, read["current"]),
+        energies=_account(motor, energies, read["current"]),
     )
 
 
 def _cylinder_state(
-    actuator: Actuator, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
+    commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
 ) -> CylinderState:
     read = dict(zip(CYLINDER_READINGS, row, strict=True))
     fluid, mechanical = energies["fluid_work"], energies["mechanical_work"]
@@ -183,16 +179,13 @@ def efforts_on(actuators: Sequence[Actuator], columns: Array, coordinates: Seque
     return efforts
 
 
-def _account(actuator: Actuator, energies: Mapping[str, float], current: float) -> ActuatorEnergies:
+def _account(motor: Motor, energies: Mapping[str, float], current: float) -> ActuatorEnergies:
     mechanical = energies["mechanical_work"]
-    if not isinstance(actuator.motor, DcMotor):
+    if isinstance(motor, EffortMotor):
         return ActuatorEnergies(mechanical, mechanical, 0.0, 0.0, 0.0, 0.0)
-    electrical, copper, friction = (
-        energies["electrical_work"],
-        energies["copper_loss"],
-        energies.get("friction_loss", 0.0),
-    )
-    stored = 0.5 * actuator.motor.inductance * current**2
+    electrical, copper = energies["electrical_work"], energies["copper_loss"]
+    friction = energies.get("friction_loss", 0.0)
+    stored = 0.5 * motor.inductance * current**2
     return ActuatorEnergies(
         electrical, mechanical, copper, friction, stored, electrical - mechanical - copper - friction - stored
     )

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.kernel import PartialSystem, compile_kernel, history_size
+from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
 from mbd_sim.compiler.python.bound_call import Call, Clock
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.integrators.methods import Method
-from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.method import Method
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.method_choice import MethodChoice, choose_method, require_one_sided_method
 from mbd_sim.simulation.model.prepared import PreparedModel
@@ -67,7 +66,7 @@ def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], ste
         input_layout=equations.inputs,
         start=equations.start_state,
         inputs=inputs,
-        history_size=history_size(choice.method, len(equations.start_state), len(inputs)),
+        history_size=choice.method.history_size(len(equations.start_state), len(inputs)),
         part_names=equations.part_names,
         row_names=tuple(str(row.owner[1]) for row in equations.rows),
         rank=equations.start.rank,
@@ -92,8 +91,7 @@ def one_sided_model(equations: Equations, kernel: Kernel) -> OneSidedModel | Non
 
 def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
     """What a method solves for instead of all rates, if it treats only the forces within joints implicitly."""
-    joints_only = isinstance(method, Rosenbrock) and method.joints_only
-    return equations.joint_linearization.partial_system if joints_only else None
+    return equations.joint_linearization.partial_system if method.uses_joints else None
 
 
 def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:

@@ -1,13 +1,14 @@
-"""Commands by name, of actuators or their channels and of the efforts of joints: checked as a whole.
+"""Commands by name, of actuators, of the efforts of joints and of wrenches on parts: each is checked as a whole.
 
-Efforts are then clamped to the effort limits of the joints. Compiled code does the same for arrays, lists and tuples
-that need no error message: see `bounded_writer`.
+Efforts are clamped to the effort limits of the joints where they take effect, and nowhere else: by `EffortMap.clamped`,
+and by compiled code that does the same for arrays, lists and tuples that need no error message: see `bounded_writer`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.contents import channel_names
 from mbd_sim.mechanism.elements.joint_types import Channel
+from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.layouts.inputs import InputLayout
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
 Command = float | Mapping[Channel, float]
 MemberCommand = float | Array | Mapping[Channel, float | Array]  # for all members of an ensemble, or (k,)
+Efforts = Mapping[str, float] | Sequence[float] | Array  # some by name, or all in order
 
 
 class CommandMap:
@@ -64,7 +67,7 @@ class CommandMap:
         if isinstance(commands, Mapping):
             merged = current.copy()
             for index, value in self._given(commands):
-                merged[:, index] = _rows(self.names[index], value, (count,))
+                merged[:, index] = _rows(f"commands of {self.names[index]}", value, (count,))
             return merged
         if not isinstance(commands, np.ndarray) and any(isinstance(one, Mapping) for one in commands):
             if len(commands) != count:
@@ -72,7 +75,7 @@ class CommandMap:
                 raise CommandError(counts, "Give one mapping for each.")
             pairs = zip(current, commands, strict=True)
             return np.array([self.merged(row, given) for row, given in pairs]).reshape(count, size)
-        return _rows(f"{counted(size, 'channel')} ({listed(list(self.names))})", commands, (count, size))
+        return _rows(f"commands of {counted(size, 'channel')} ({listed(self.names)})", commands, (count, size))
 
     def _given(self, commands: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
         """The index and the value of each command.
@@ -100,17 +103,17 @@ class CommandMap:
         return values
 
 
-def _rows(name: str, value: object, shape: tuple[int, ...]) -> Array:
+def _rows(what: str, value: object, shape: tuple[int, ...]) -> Array:
     """Finite numbers of a shape, of which fewer are repeated for all members."""
     try:
         if isinstance(value, str | bytes):
             raise TypeError(f"{quoted(value)} is a text")
         rows = np.broadcast_to(np.asarray(value, dtype=float), shape)
     except (TypeError, ValueError) as error:
-        counts = f"the commands of {name} do not fit {counted(shape[0], 'member')}: {error}"
+        counts = f"the {what} do not fit {counted(shape[0], 'member')}: {error}"
         raise CommandError(counts, "Give numbers for all of them, or one for each.") from error
     if not np.all(np.isfinite(rows)):
-        raise CommandError(f"a command of {name} is not finite", "Give finite numbers.")
+        raise CommandError(f"one of the {what} is not finite", "Give finite numbers.")
     return rows
 
 
@@ -139,21 +142,24 @@ class UnknownJointError(CommandError):
 
 
 class EffortMap:
-    """Commands by order or by name, as one effort (N or N·m) for each degree of freedom."""
+    """Commands by order or by name, as one effort (N or N·m) for each degree of freedom.
+
+    `limits` are the largest absolute values of those that act: (nv,), or (k, nv) for the members of an ensemble.
+    """
 
     __repr__ = short_repr
 
     def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
-        """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
+        """Efforts of `names` up to `limits`; `driven` coordinates take none."""
         self.names, self._driven = tuple(names), frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
         self.limits = np.array(limits, dtype=float)
 
     def limit(self, limits: Array) -> None:
-        """Set the largest absolute values (nv,) of the efforts from now on, in place: compiled code reads them."""
+        """Set the largest absolute values from now on, in place: compiled code reads them."""
         self.limits[:] = limits
 
-    def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
+    def merged(self, current: Array, efforts: Efforts) -> Array:
         """The efforts (nv,) after a command; those that it does not name stay as in `current`.
 
         :raises CommandError: wrong length, an unknown name, or a value that is not a finite number.
@@ -182,10 +188,26 @@ class EffortMap:
             raise CommandError(f"the effort of {listed(bad)} is not finite", "Give finite numbers.")
         return merged
 
+    def merged_rows(self, current: Array, efforts: Array | Mapping[str, float | Array]) -> Array:
+        """The efforts (k, nv) of k members after a command, see `Ensemble.set_efforts`.
+
+        :raises CommandError: see `merged`; or the efforts do not fit the members.
+        """
+        if not isinstance(efforts, Mapping):
+            return _rows(f"efforts of {counted(len(self.names), 'joint')}", efforts, current.shape)
+        merged = current.copy()
+        for name, value in efforts.items():
+            merged[:, self._index_of(name)] = _rows(f"efforts of {name}", value, (len(current),))
+        return merged
+
     def clamped(self, efforts: Array) -> Array:
         """The efforts within the effort limits of the joints."""
         clamped: Array = np.copysign(np.minimum(np.abs(efforts), self.limits), efforts)
         return clamped
+
+    def exceeded(self, efforts: Array) -> bool:
+        """Whether one of the efforts is beyond its limit, so that `clamped` reduces it."""
+        return bool(np.any(np.abs(efforts) > self.limits))
 
     def require(self, name: str) -> None:
         """Check that a joint exists and is not driven.
@@ -203,3 +225,113 @@ class EffortMap:
         if name not in self._index:
             raise UnknownJointError(name, self._index)
         return self._index[name]
+
+
+AXES = ("ground", "part")
+
+
+def require_parts(names: Sequence[str], mechanism: Mechanism) -> None:
+    """Refuse parts that do not exist.
+
+    :raises CommandError: with the nearest name.
+    """
+    for name in names:
+        if name not in mechanism.parts:
+            raise CommandError(f"there is no part '{name}'", nearest(name, mechanism.parts))
+
+
+class WrenchMap:
+    """Wrenches on the loaded parts of a mechanism, as inputs of its equations."""
+
+    __repr__ = short_repr
+
+    def __init__(self, mechanism: Mechanism, layout: InputLayout) -> None:
+        self._parts, self._layout = mechanism.parts, layout
+
+    @property
+    def slices(self) -> Mapping[str, slice]:
+        """The slice of the inputs that holds the wrench on each loaded part."""
+        return self._layout.wrenches
+
+    def numbers(
+        self,
+        part: str,
+        force: Sequence[float] | Array,
+        couple: Sequence[float] | Array,
+        at: str | Sequence[float] | Array | None,
+        axes: str,
+    ) -> Array:
+        """The inputs (15,) of a wrench on a part, see `ExternalWrench`; for the arguments see `Simulation.set_wrench`.
+
+        :raises CommandError: the part takes no wrench, a point or axes do not exist, or a vector is not three finite
+            numbers.
+        """
+        if part not in self.slices:
+            raise self._unknown(part)
+        if axes not in AXES:
+            raise CommandError(f"the axes of a wrench are 'ground' or 'part', not {axes!r}")
+        wrench = np.concatenate([_vector(force, "force"), _vector(couple, "couple")])
+        in_ground, in_part = (wrench, np.zeros(6)) if axes == "ground" else (np.zeros(6), wrench)
+        return np.concatenate([in_ground, in_part, self._point(part, at)])
+
+    def _point(self, part: str, at: str | Sequence[float] | Array | None) -> Array:
+        record = self._parts[part]
+        if at is None:
+            return record.center
+        if not isinstance(at, str):
+            return _vector(at, "point")
+        if at not in record.points:
+            raise CommandError(f"part '{part}' has no point '{at}'", nearest(at, record.points))
+        return record.points[at].position
+
+    def _unknown(self, part: str) -> CommandError:
+        if part in self._parts:
+            remedy = f"Build the simulation with wrenches=['{part}']."
+            return CommandError(f"part '{part}' does not accept wrenches", remedy)
+        return CommandError(f"there is no part '{part}'", nearest(part, self.slices))
+
+
+def _vector(values: Sequence[float] | Array, name: str) -> Array:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"the {name} is not three numbers ({error})") from error
+    if array.shape != (3,):
+        raise CommandError(f"the {name} has the shape {array.shape}", "Give three numbers.")
+    if not np.all(np.isfinite(array)):
+        raise CommandError(f"the {name} contains a number that is not finite", "Give finite numbers.")
+    return array
+
+
+VECTORS = ("force", "couple", "own_force", "own_couple", "point")  # in the order of `ExternalWrench`
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedWrench:
+    """A force (3,) in N and a couple (3,) in N·m on a part, in the arguments of `Simulation.set_wrench`.
+
+    `point` (3,) is in m in the part's frame; `axes` is "ground", or "part" for axes that turn with the part.
+    """
+
+    part: str
+    force: Array
+    couple: Array
+    point: Array
+    axes: str
+
+
+def wrench_labels(part: str) -> tuple[str, ...]:
+    """Return the labels of the numbers (15,) of a wrench on a part."""
+    return tuple(f"{part}.{vector}.{axis}" for vector in VECTORS for axis in "xyz")
+
+
+def parse_wrench(labels: Sequence[str], numbers: Array) -> PublishedWrench:
+    """Return the wrench with these labels and numbers (15,).
+
+    :raises ValueError: there are not 15 numbers.
+    """
+    part = labels[0].rsplit(".", 2)[0] if labels else ""
+    force, couple, own_force, own_couple, point = numbers.reshape(len(VECTORS), 3)
+    if np.any(own_force) or np.any(own_couple):
+        return PublishedWrench(part, own_force, own_couple, point, "part")
+    return PublishedWrench(part, force, couple, point, "ground")

@@ -15,14 +15,12 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.integrators.adams import Adams
-from mbd_sim.integrators.methods import METHODS, Method
-from mbd_sim.integrators.rosenbrock import Rosenbrock
-from mbd_sim.integrators.taylor import Taylor
+from mbd_sim.integrators.method import Method
+from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism.contents import one_sided_names
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.simulation.model.prepared import AUTO
 from mbd_sim.simulation.model.spectrum import FastestMode, fastest_mode, fastest_without_joints, is_slower
-from mbd_sim.simulation.model.state_records import AUTO
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 TRIVIAL = 2  # instructions of the rates, which cost less than the history of a method that uses earlier steps
@@ -47,9 +45,8 @@ def require_one_sided_method(mechanism: Mechanism, name: str) -> None:
     :raises MechanismError: the elements are named.
     """
     names = one_sided_names(mechanism)
-    unable = Rosenbrock | Adams | Taylor
-    if names and name != AUTO and isinstance(METHODS[name], unable):
-        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, unable))
+    if names and name != AUTO and not METHODS[name].treats_events:
+        able = ", ".join(other for other, method in METHODS.items() if method.treats_events)
         message = f"method {name} cannot treat one-sided elements ({listed(names)})"
         raise MechanismError([Problem(message, f"Use one of {able}.", key="integrator.method")])
 
@@ -69,10 +66,10 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     sampled = _is_sampled(equations)
     default = ONE_STEP if one_sided_names(mechanism) or sampled or _is_trivial(equations.rates) else DEFAULT
     method = METHODS[default if name == AUTO else name]
-    if sampled and isinstance(method, Adams | Taylor):
+    if sampled and method.keeps_history:
         message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
         raise MechanismError([Problem(message, f"Use {AUTO} or {ONE_STEP}.", key="integrator.method")])
-    if isinstance(method, Taylor):
+    if method.uses_series:
         _require_series(mechanism, equations, method)
     if _is_slow(equations, inputs, MARGIN * method.stability_limit / step):
         return MethodChoice(method)
@@ -102,7 +99,7 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     return MethodChoice(method, remark)
 
 
-def _require_series(mechanism: Mechanism, equations: Equations, method: Taylor) -> None:
+def _require_series(mechanism: Mechanism, equations: Equations, method: Method) -> None:
     """Refuse forces, laws and energies that have no Taylor series, and mechanisms of too many parts.
 
     :raises MechanismError: what depends on an operation without a series is named.

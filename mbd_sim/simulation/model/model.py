@@ -10,31 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
-from mbd_sim.base.collection_pause import paused_collection
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, LOSS_STATES
-from mbd_sim.files.mechanism_cache import cached
+from mbd_sim.files.load import cached
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.model.live_values import LiveParameters
-from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, store_prepared
-from mbd_sim.simulation.model.state_records import Energies, Losses, MotionReaders, Reaction, Violation, require_method
+from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, require_method, store_prepared
+from mbd_sim.simulation.model.state_records import Energies, Losses, MotionReaders, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
     from mbd_sim.compiler.python.bound_call import Call, Clock
     from mbd_sim.compiler.readers import CompiledReaders
-    from mbd_sim.dynamics.contact.compliant import CushionFunctions
     from mbd_sim.dynamics.contact.passing import PassingFunctions
     from mbd_sim.dynamics.equations import Equations
     from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
     from mbd_sim.integrators.between_steps import BetweenSteps
-    from mbd_sim.integrators.methods import Method
+    from mbd_sim.integrators.method import Method
     from mbd_sim.mechanism.elements.contacts import Contact
-    from mbd_sim.simulation.contact.records import ContactState
+    from mbd_sim.simulation.contact.readings import ContactReadings
     from mbd_sim.simulation.contact.terms import OneSidedModel
     from mbd_sim.simulation.model.actuator_states import AnyActuatorState
     from mbd_sim.simulation.model.builder import LoadPathReader
@@ -342,72 +339,16 @@ class Model:
         """Those contacts between shapes that are not rigid."""
         return tuple(contact for contact in self.mechanism.contacts if not contact.rigid)
 
-    @property
-    def _cushions(self) -> CushionFunctions | None:
-        return self.equations.cushions if self.compliant_contacts else None
+    @cached_property
+    def contact_readings(self) -> ContactReadings:
+        """What can be read at each contact: states, places, and the numbers of a message."""
+        from mbd_sim.simulation.contact.readings import ContactReadings
 
-    @property
-    def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
-        """The elements of the contacts that have a place: those of `one_sided.placed`, then the compliant ones.
+        def places(time: float, y: Array, inputs: Array, out: Array) -> Array:
+            return self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
 
-        With each is the index of the input that is 1 while it is closed; None for compliant contacts.
-        """
-        found = list[tuple[Location, int | None]]()
-        if self.one_sided is not None:
-            owners = [self.one_sided.owners[gap] for gap in self.one_sided.placed]
-            found += zip(owners, self.one_sided.placed_inputs, strict=True)
-        found += [(("contacts", contact.name), None) for contact in self.compliant_contacts]
-        return tuple(found)
-
-    def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
-        """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
-        placed, cushions = 0 if self.one_sided is None else len(self.one_sided.placed), self._cushions
-        out = np.empty((placed, 2, 3))
-        if placed:
-            self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
-        if cushions is None:
-            return out
-        from mbd_sim.dynamics.math.evaluation import evaluated
-
-        return np.concatenate([out, evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
-
-    def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
-        """Each one-sided element by name, then each compliant contact; see `ContactState`."""
-        places = self.contact_places(time, y, inputs)
-        found: dict[str, ContactState] = {}
-        if self.one_sided is not None:
-            found = self.one_sided.states(time, y, inputs, places[: len(self.one_sided.placed)])
-        return found | self._compliant(time, y, inputs, places)
-
-    def _compliant(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
-        if (cushions := self._cushions) is None:
-            return {}
-        own = places[len(places) - len(cushions.directions) :]
-        from mbd_sim.simulation.contact.records import compliant_names, states_of_compliant_contacts
-
-        states = states_of_compliant_contacts(cushions, time, y, inputs, own)
-        return dict(zip(compliant_names(self.compliant_contacts), states, strict=True))
-
-    def contact_entry_names(self) -> list[str]:
-        """The names of the `contact_entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
-        from mbd_sim.simulation.contact.records import compliant_names, with_friction
-
-        names = [] if self.one_sided is None else self.one_sided.entry_names()
-        if (cushions := self._cushions) is not None:
-            for name, directions in zip(compliant_names(self.compliant_contacts), cushions.directions, strict=True):
-                names += with_friction(name, directions)
-        return names
-
-    def contact_entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
-        """For each contact its gap, rate and force; after it, for each direction of friction, sliding, slip and force.
-
-        One-sided elements come first; friction in joints has no entry of its own besides those of its directions.
-        """
-        found = [] if self.one_sided is None else self.one_sided.entries(time, y, inputs)
-        if self._cushions is not None:
-            for state in self._compliant(time, y, inputs, self.contact_places(time, y, inputs)).values():
-                found += [(state.gap, state.rate, state.normal), *state.friction_entries]
-        return found
+        compliant = self.compliant_contacts
+        return ContactReadings(self.one_sided, compliant, self.equations.cushions if compliant else None, places)
 
     def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
         """Set states and commands of actuators in place to those before the first command at the positions in y.
@@ -486,7 +427,7 @@ def build_model(
     # All that traces and compiles: a start with a stored model needs none of it.
     from mbd_sim.simulation.model.builder import build, can_be_stored, one_sided_model
 
-    with paused_collection(), interruptible_tracing():
+    with interruptible_tracing():
         built = build(mechanism, name, trace, given_step)
     if key is not None and can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)

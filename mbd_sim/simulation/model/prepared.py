@@ -1,5 +1,7 @@
 """What a run needs of the equations of a mechanism besides its kernel: plain data, which the cache keeps.
 
+It is kept for each method of integration, of which the name is checked here.
+
 A model that is found in the cache traces no equations and compiles nothing. So it needs neither CasADi nor the modules
 that trace and compile, until something is read that few runs need.
 """
@@ -11,13 +13,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mbd_sim.base import disk_cache
+from mbd_sim.base.errors import MechanismError, Problem, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.code.machine_code import compiler_identity, load_code
 from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
 from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
 from mbd_sim.dynamics.layouts.inputs import InputLayout
-from mbd_sim.files.mechanism_cache import casadi_version, records_digest, versions
+from mbd_sim.files.load import casadi_version, records_digest, versions
 from mbd_sim.mechanism.mechanism import Mechanism
+
+AUTO = "auto"  # instead of the name of a method: chosen by the rates of the mechanism
+
+
+def require_method(mechanism: Mechanism, method: str | None) -> str:
+    """The name of the method that was asked for: `method`, or that of the mechanism's file; it may be `auto`.
+
+    :raises MechanismError: there is no such method.
+    """
+    name = method or mechanism.method
+    if name == AUTO:
+        return name
+    from mbd_sim.integrators.methods import METHODS
+
+    if name in METHODS:
+        return name
+    message, remedy = f"there is no method '{name}'", nearest(name, (AUTO, *METHODS))
+    if method:
+        raise MechanismError([Problem(message, remedy, key="method")])
+    raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
 
 
 @dataclass(frozen=True, slots=True)

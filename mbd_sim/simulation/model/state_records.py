@@ -1,7 +1,6 @@
 """What can be computed from a state, as plain records, such as energies, reactions and the motion of parts.
 
-The motion of parts includes the velocities and accelerations of points and frames that are fixed in them. The name of
-the method of integration, which may be `auto`, is checked here too.
+The motion of parts includes the velocities and accelerations of points and frames that are fixed in them.
 """
 
 from __future__ import annotations
@@ -11,10 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim.base.errors import MechanismError, Problem, nearest
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.python.bound_call import Call, Clock
@@ -123,27 +120,6 @@ class EnsembleDrive(NamedTuple):
     position: Array
     velocity: Array
     force: Array
-
-
-AUTO = "auto"  # instead of a name: chosen by the rates of the mechanism
-
-
-def require_method(mechanism: Mechanism, method: str | None) -> str:
-    """The name of the method that was asked for: `method`, or that of the mechanism's file; it may be `auto`.
-
-    :raises MechanismError: there is no such method.
-    """
-    name = method or mechanism.method
-    if name == AUTO:
-        return name
-    from mbd_sim.integrators.methods import METHODS
-
-    if name in METHODS:
-        return name
-    message, remedy = f"there is no method '{name}'", nearest(name, (AUTO, *METHODS))
-    if method:
-        raise MechanismError([Problem(message, remedy, key="method")])
-    raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
 
 
 class PartMotion(NamedTuple):

@@ -9,9 +9,6 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.integrators.adams import Adams
-from mbd_sim.integrators.rosenbrock import Rosenbrock
-from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
@@ -34,7 +31,7 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
     """
     if estimate <= TOLERATED:
         return None
-    method = model.method.otherwise if isinstance(model.method, Adams) else model.method
+    method = model.method.one_step
     meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
     fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
     stiff = step * fastest > method.stability_limit
@@ -42,10 +39,10 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
     if stiff:
         better = min(better, MARGIN * method.stability_limit / fastest)
     proposals = []
-    may_be_stiff = not isinstance(method, Rosenbrock) and _may_become_stiff(model)
+    may_be_stiff = not method.for_stiff and _may_become_stiff(model)
     if stiff or (not math.isfinite(estimate) and may_be_stiff):
         proposals.append("method rosenbrock")
-    elif method.order < 8 and isinstance(method, Tableau):
+    elif method.order < 8 and method.explicit:
         proposals.append("method tsitouras8")
     if not proposals or better * USELESS >= step:
         proposals.insert(0, f"step {round_down(better):g}")

@@ -22,7 +22,7 @@ class EventKind(StrEnum):
     EXPIRED = "commands expired"  # no command within the timeout
     PAUSED = "paused"
     RUNNING = "running"
-    RESET = "reset"  # back to the start state
+    RESET = "reset"  # back to the start state, or to the given one at time zero
     NEW_STATE = "new state"  # the run continues from a given state
     CLOCK_RESET = "clock set to zero"  # the state stays as it is
     CLOCK_SET = "clock set"  # to the time of a clock that the node follows; the state stays as it is

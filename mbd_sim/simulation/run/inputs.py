@@ -5,7 +5,7 @@ The inputs are efforts, wrenches, commands of actuators, and live values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -15,9 +15,8 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.model.commands import CommandMap, EffortMap
+from mbd_sim.simulation.model.commands import CommandMap, EffortMap, Efforts, WrenchMap
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.wrenches import WrenchMap
 from mbd_sim.simulation.run.arguments import ReadOnlyView
 from mbd_sim.simulation.run.events import AppliedCommands, AppliedEfforts, AppliedWrench, EventKind, Payload
 
@@ -29,8 +28,11 @@ class RunListener(Protocol):
         """Divide steps into parts, each of which is taken before the next is requested."""
         ...
 
-    def report(self, kind: EventKind, payload: Payload = None) -> None:
-        """Follow a command that changes an input, a changed value, a reset or a new state, which acts from here on."""
+    def report(self, kind: EventKind, payload: Payload = None) -> object:
+        """Follow what acts from here on: a command that changes an input, a changed value, a reset, a new state.
+
+        Changes of contacts are reported when the part of the steps has been taken in which they happened.
+        """
         ...
 
 
@@ -66,22 +68,23 @@ class RunReports:
         if self.listener is not None:
             self.listener.report(kind, payload)
 
-    def replace(self, inputs: Array, new: Array, payload: Payload) -> None:
+    def replace(self, inputs: Array, new: Array, payload: Payload, kind: EventKind = EventKind.COMMAND) -> None:
         """Replace inputs in place; a command that changes no bit of them is not reported."""
         repeated = self.listener is None or inputs.tobytes() == new.tobytes()
         inputs[:] = new
         if not repeated:
-            self.report(EventKind.COMMAND, payload)
+            self.report(kind, payload)
 
 
-Efforts = Mapping[str, float] | Sequence[float] | Array  # some by name, or all in order
 EffortWriter = Callable[[Efforts], None]
 
 
 class RunInputs:
     """Writes the inputs of a kernel, and reports what changes them; `efforts`, `commands` and `values` are views."""
 
-    def __init__(self, model: Model, mechanism: Mechanism, memory: KernelMemory, reports: RunReports) -> None:
+    def __init__(
+        self, model: Model, mechanism: Mechanism, memory: KernelMemory, effort_map: EffortMap, reports: RunReports
+    ) -> None:
         layout = model.input_layout
         self.all = memory.inputs
         self.efforts, self.commands, self.values = (
@@ -89,8 +92,7 @@ class RunInputs:
         )
         self.wrench_map = WrenchMap(mechanism, layout)
         self.command_map = CommandMap(mechanism.commanded, layout)
-        self.effort_map = EffortMap(model.coordinate_names, mechanism.effort_limits(), model.driven_names)
-        self._reports = reports
+        self.effort_map, self._reports = effort_map, reports
 
     def effort_writer(self, fallback: EffortWriter, signature: str) -> EffortWriter:
         """Compiled code that does without a listener what `set_efforts` does, and calls `fallback` if it cannot."""
@@ -101,9 +103,14 @@ class RunInputs:
         new = self.effort_map.clamped(self.effort_map.merged(self.efforts, efforts))
         self._reports.replace(self.efforts, new, AppliedEfforts(new))
 
-    def set_wrench(self, part: str, numbers: Array) -> None:
+    def expire_efforts(self, names: Sequence[str]) -> None:
+        """See `Simulation.expire_efforts`."""
+        new = self.effort_map.merged(self.efforts, dict.fromkeys(names, 0.0))
+        self._reports.replace(self.efforts, new, AppliedEfforts(new, tuple(names)), EventKind.EXPIRED)
+
+    def set_wrench(self, part: str, numbers: Array, kind: EventKind = EventKind.COMMAND) -> None:
         """Apply the inputs (15,) of a wrench: see `WrenchMap.numbers`."""
-        self._reports.replace(self.all[self.wrench_map.slices[part]], numbers, AppliedWrench(part, numbers))
+        self._reports.replace(self.all[self.wrench_map.slices[part]], numbers, AppliedWrench(part, numbers), kind)
 
     def set_commands(self, values: Array) -> None:
         """Command all channels (n,), in the order of `command_map.names`."""

@@ -20,7 +20,6 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.kinematics.parameters import Path, SymbolicParameters, equation_data, equation_data_of_variants
 from mbd_sim.files.checks.override import location_of, values_of, with_values
 from mbd_sim.mechanism.contents import commanded_drives
-from mbd_sim.mechanism.elements.actuators import Cylinder
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.symbolic.algebra.formulas import Formula, Samples, formulas
@@ -125,8 +124,8 @@ def parameter_inputs(
 def start_numbers(mechanism: Mechanism) -> dict[Path, float]:
     """The numbers at the start, before loops are closed, in SI units.
 
-    These are positions and velocities of joints, positions of drives that follow commands, commands of actuators before
-    the first one, and pressures of cylinders.
+    These are positions and velocities of joints, positions of drives that follow commands, and of actuators the
+    commands before the first one and the states of their machines, such as pressures.
     """
     found: dict[Path, float] = {}
     for name, joint in mechanism.joints.items():
@@ -135,8 +134,8 @@ def start_numbers(mechanism: Mechanism) -> dict[Path, float]:
     found |= {("drive", name): float(drive.start) for name, drive in commanded_drives(mechanism).items()}
     for actuator in mechanism.actuators:
         found |= {("command", actuator.name, channel): float(value) for channel, value in actuator.start.items()}
-        if isinstance(actuator.motor, Cylinder):
-            found |= {("pressure", actuator.name, i): float(p) for i, p in enumerate(actuator.motor.pressures)}
+        states = actuator.motor.start_states
+        found |= {("state", actuator.name, state): float(value) for state, value in states.items()}
     return found
 
 

@@ -17,12 +17,10 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.compiler.steps.adams_history import history_size
-from mbd_sim.integrators.methods import METHODS, Method
-from mbd_sim.integrators.rosenbrock import Rosenbrock
-from mbd_sim.integrators.taylor import Taylor
+from mbd_sim.integrators.method import Method
+from mbd_sim.integrators.methods import METHODS
 from mbd_sim.simulation.model.method_choice import DEFAULT, STIFF, choose_method
-from mbd_sim.simulation.model.state_records import AUTO, require_method
+from mbd_sim.simulation.model.prepared import AUTO, require_method
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 
 
@@ -40,7 +38,7 @@ class TangentKernel:
         self.starts, self.efforts, self.parameters = (slice(*pair) for pair in pairwise(ends))
         rates, projection = self._traced(by_efforts)
         self._kernel = compile_kernel(rates, projection, {}, method)
-        self._history = history_size(method, rates.nnz_in(1), rates.nnz_in(2))
+        self._history = method.history_size(rates.nnz_in(1), rates.nnz_in(2))
         self.columns = sum(counts)
         self.instructions = self._kernel.instructions
 
@@ -123,9 +121,9 @@ def tangent_method(functions: CasadiFunctions, name: str | None, step: float) ->
     mechanism, equations = functions.mechanism, functions.equations
     name = require_method(mechanism, name)
     method = choose_method(mechanism, equations, equations.inputs_without_commands, name, step).method
-    if isinstance(method, Taylor):
+    if method.uses_series:
         raise InputError(f"method {name} has no derivatives", f"Use {DEFAULT}, or another method.")
-    if not (isinstance(method, Rosenbrock) and method.joints_only):
+    if not method.uses_joints:
         return method
     if name == AUTO:
         return METHODS[STIFF]

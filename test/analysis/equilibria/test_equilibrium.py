@@ -215,7 +215,7 @@ def test_the_search_begins_at_the_present_coordinates_and_changes_nothing_if_it_
         to_equilibrium(sim, number=9)
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(random_mechanisms())
 def test_random_mechanisms_come_back_to_an_equilibrium_that_was_left_a_little(drawn):
     """Forces vanish there by Kane's equations; the mechanism returns to it, stable or not, from near by."""
@@ -225,7 +225,7 @@ def test_random_mechanisms_come_back_to_an_equilibrium_that_was_left_a_little(dr
         equations = derive(mechanism)
     except MechanismError:  # nothing can move
         reject()
-    assume(equations.layout.nv > 0 and is_autonomous(equations))
+    assume(0 < equations.layout.nv <= 6 and is_autonomous(equations))  # a search among more speeds takes seconds
     found = nearest_equilibrium(equations)
     assume(found is not None)
     zeros = np.zeros(equations.layout.nv)

@@ -217,7 +217,7 @@ def chain(rng):
     return parse_mechanism(json.dumps({"mechanism": "chain", "parts": parts, "joints": joints}))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_chains_with_drives(seed):
     rng = np.random.default_rng(112 + seed)
     found = np.array([check(chain(rng), rng) for _ in range(4)])

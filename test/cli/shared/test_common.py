@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from mbd_sim.cli.main import main
 from mbd_sim.cli.shared import common
 from mbd_sim.cli.shared.common import ProgressBar, Waiting, text_table
 from test.waiting import wait_until
@@ -30,6 +31,39 @@ def test_a_long_command_shows_that_it_is_at_work_and_makes_room_for_a_bar(monkey
         with ProgressBar("runs", quiet=False):
             assert waiting._display is None
     assert Waiting._active is None
+
+
+def test_the_line_says_the_stage_and_returns_after_a_bar(monkeypatch):
+    terminal(monkeypatch)
+
+    def titles():
+        return [task.description for task in waiting._display.tasks] if waiting._display else []
+
+    with Waiting("bode", quiet=False) as waiting:
+        Waiting.stage("read the mechanism")
+        wait_until(lambda: titles() == ["bode: read the mechanism"], "the first stage")
+        with ProgressBar("pendulum", quiet=False):
+            assert titles() == []
+        Waiting.stage("linearize")
+        wait_until(lambda: titles() == ["bode: linearize"], "the stage after the bar")
+
+
+@pytest.mark.parametrize(
+    ("command", "stages"),
+    [
+        (
+            "bode rod_pendulum",
+            ["read the mechanism", "derive and compile the equations", "search the equilibrium", "linearize"],
+        ),
+        ("linearize rod_pendulum --at 0.1", ["read the mechanism", "derive and compile the equations", "linearize"]),
+        ("fmu rod_pendulum --sources-only --out {}", ["read the mechanism", "derive the equations", "write the code"]),
+    ],
+)
+def test_commands_that_compute_for_long_name_their_stages(monkeypatch, tmp_path, command, stages):
+    named = []
+    monkeypatch.setattr(Waiting, "stage", named.append)
+    assert main(command.format(tmp_path / "pendulum.fmu").split()) == 0
+    assert named == stages
 
 
 @pytest.mark.parametrize("quiet", [True, False])

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from mbd_sim import MechanismError, Simulation, parse_mechanism
-from mbd_sim.compiler.kernel import compile_kernel, history_size
+from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.taylor import step
 from mbd_sim.compiler.taylor.history import SPAN
 from mbd_sim.integrators.methods import METHODS
@@ -38,7 +38,7 @@ def same(*simulations):
 def test_every_step_is_as_accurate_as_small_steps_of_another_method(name):
     """Also within expansions, where states are not moved back to the constraints."""
     run, other = built(name), Simulation.from_file(name, method="tsitouras8", step=2.5e-4)
-    for _ in range(23):
+    for _ in range(12):
         run.step(17)
         other.step(4 * 17)
         np.testing.assert_allclose(run.state, other.state, rtol=0.0, atol=2e-12)
@@ -103,7 +103,7 @@ def test_the_error_follows_tolerance_and_order(order, tolerance):
         method = dataclasses.replace(METHODS[METHOD], order=order, tolerance=factor * tolerance, compared=2)
         kernel = compile_kernel(equations.rates, equations.project, {}, method, equations.core)
         y = equations.start_state.copy()
-        inputs = np.zeros(1 + history_size(method, y.size, 1))
+        inputs = np.zeros(1 + method.history_size(y.size, 1))
         assert kernel.advance(y.ctypes.data, inputs.ctypes.data, 0, 1e-3, 500) == 1
         spans.append(inputs[1 + SPAN])
         errors.append(np.max(np.abs(y - exact.state)))
@@ -162,7 +162,7 @@ def test_both_ways_to_expand_agree(monkeypatch):
         monkeypatch.setattr(step, "UNROLLED", unrolled)
         kernel = compile_kernel(equations.rates, None, {}, METHODS[METHOD], equations.core)
         y = equations.start_state.copy()
-        inputs = np.zeros(1 + history_size(METHODS[METHOD], y.size, 1))
+        inputs = np.zeros(1 + METHODS[METHOD].history_size(y.size, 1))
         assert kernel.advance(y.ctypes.data, inputs.ctypes.data, 0, 1e-3, 300) == 1
         found.append((y, inputs))
     (state, history), (other, its_history) = found
@@ -170,9 +170,15 @@ def test_both_ways_to_expand_agree(monkeypatch):
     assert history.tobytes() != its_history.tobytes()
 
 
-@pytest.mark.parametrize("exponent", ["2", "2.5"])
-@pytest.mark.parametrize("regularization", ["", ", regularization: 1e-6"])
-@pytest.mark.parametrize("place", ["joint", "force"])
+@pytest.mark.parametrize(
+    ("place", "regularization", "exponent"),
+    [
+        ("joint", "", "2"),
+        ("joint", ", regularization: 1e-6", "2.5"),
+        ("force", ", regularization: 1e-6", "2"),
+        ("force", "", "2.5"),
+    ],
+)
 def test_the_kink_of_a_damper_is_not_passed_with_one_expansion(place, regularization, exponent):
     """C |v|ᵖ is analytic up to v = 0, and its expansion goes on smoothly: the damper drove the mass after a turn."""
     law = f"coefficient: 0.5, exponent: {exponent}{regularization}"

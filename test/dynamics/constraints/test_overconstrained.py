@@ -31,7 +31,7 @@ def test_accelerations_and_energy_through_the_motion(name, driven):
     sim = simulation(name, driven)
     sim.reset()
     largest = 1.0
-    for _ in range(8):
+    for _ in range(4):
         sim.step(450)
         energies = sim.energies
         largest = max(largest, abs(energies.kinetic), abs(energies.work_drives))
@@ -47,7 +47,7 @@ def test_the_power_of_the_drives_is_the_rate_of_the_energy(name):
     sim = simulation(name, True)
     sim.reset()
     h = sim.step_size
-    for _ in range(5):
+    for _ in range(3):
         sim.step(296)
         energy, power = [], 0.0
         for place in range(5):

@@ -74,10 +74,10 @@ def door(axis, second="spherical", tilt=0.0):
 
 
 def directions():
-    """19 directions: along axes and planes of ground, rational and random."""
+    """Directions along axes and planes of ground, rational and random."""
     rng = np.random.default_rng(19)
-    planes = [[1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1], [0, 0.6, 0.8], [0.6, 0, 0.8], [0.6, 0.8, 0], [1, 0.3, 0.7]]
-    return [*np.eye(3), *map(np.array, planes), *rng.normal(size=(8, 3))]
+    planes = [[1, 1, 0], [0, 1, 1], [1, 1, 1], [0, 0.6, 0.8]]
+    return [*np.eye(3), *map(np.array, planes), *rng.normal(size=(2, 3))]
 
 
 def test_a_door_on_a_hinge_and_a_ball_joint_turns_about_any_axis():
@@ -112,10 +112,11 @@ def test_reference_values():
     assert [*strut.q, *strut.u] == pytest.approx(expected, rel=1e-11)
 
 
-@pytest.mark.parametrize("length, mass", [(1.0, 1.0), (1e-6, 1e-9), (1e6, 1e3)])
+@pytest.mark.parametrize("scaled", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-def test_redundant_elements_change_nothing(kind, length, mass):
-    """Nor do the orders of the lists, which differ, or the units."""
+def test_redundant_elements_change_nothing(kind, scaled):
+    """Nor do the orders of the lists, which differ, or the units: small ones for every other kind, large ones for the rest."""
+    length, mass = ((1e-6, 1e-9), (1e6, 1e3))[KINDS.index(kind) % 2] if scaled else (1.0, 1.0)
     pair = redundant_pair(np.random.default_rng([7, KINDS.index(kind)]), kind, length, mass)
     simulations = [Simulation(parse_mechanism(text)) for text in (pair.with_extra, pair.without)]
     for simulation in simulations:

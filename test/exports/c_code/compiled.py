@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbd_sim.compiler.steps.adams_history import history_size
 from mbd_sim.exports.c_code.model import export_model
 from mbd_sim.exports.c_code.module import FLAGS, c_module
 from mbd_sim.files.load import load_mechanism
@@ -39,7 +38,7 @@ class CompiledModule:
         fields = (self.model.states, self.model.inputs, self.model.parameters, self.model.output_variables)
         self.y, self.inputs, self.p, self.out = (np.zeros(max(1, len(variables))) for variables in fields)
         compared = len(self.inputs) + self.model.values.nnz_out(0)
-        self.history = np.zeros(history_size(ADAMS["adams11"], len(self.y), compared))
+        self.history = np.zeros(ADAMS["adams11"].history_size(len(self.y), compared))
         self.start()
 
     def start(self):

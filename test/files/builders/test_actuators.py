@@ -34,10 +34,10 @@ CYLINDER = "areas: [12 cm^2, 8 cm^2], stroke: 0.5, dead_volumes: [1e-4, 1e-4]"
 OIL = f"type: hydraulic_cylinder, {CYLINDER}, rated_flow: 20 L/min, supply: 150 bar"
 AIR = f"type: pneumatic_cylinder, {CYLINDER}, conductance: 2e-8, supply: 7 bar"
 REFUSED = {
-    "{type: effort, joint: sholder}": r"it.joint: there is no joint 'sholder'. Did you mean 'shoulder'",
+    "{type: effort, joint: sholder}": r"it.joint: there is no joint coordinate 'sholder'. Did you mean 'shoulder'",
     "{type: effort, joint: socket}": r"it.joint: 'socket' has 3 coordinates. Name one of them: socket.rx",
     "{type: effort, joint: socket.rx, servo: {controls: velocity, kp: 1}}": r"it.joint: 'socket' is spherical",
-    "{type: effort, terms: {rail: 1, nowhere: 2}}": r"it.terms.nowhere: there is no joint 'nowhere'",
+    "{type: effort, terms: {rail: 1, nowhere: 2}}": r"it.terms.nowhere: there is no joint coordinate 'nowhere'",
     "{type: effort, at: arm}": r"it: 'at' and 'wrench' belong together",
     "{type: effort, at: ground, wrench: [1, 0, 0, 0, 0, 0]}": r"it.at: is a point of ground",
     "{type: effort, joint: rail, command_range: [2, 1]}": r"it: command_range goes from 2 down to 1",

@@ -39,7 +39,7 @@ def record(constraint):
 
 MISTAKES = {
     "a coordinate that is not there": ("{type: gear, joints: [spin, spinn], radii: [1, 2]}", "constraints.k.joints", "there is no joint coordinate 'spinn'", "'spin'"),
-    "a joint with several coordinates": ("{type: rack, pinion: rod, rack: slide, radius: 1}", "constraints.k", "there is no joint coordinate 'rod'", "rod.angle"),
+    "a joint with several coordinates": ("{type: rack, pinion: rod, rack: slide, radius: 1}", "constraints.k", "'rod' has 2 coordinates", "rod.angle"),
     "an angular velocity": ("{type: coupling, terms: {spin: 1, ball.rx: 1}}", "constraints.k.terms", "'ball.rx' is a component of an angular velocity", "revolute, universal"),
     "a joint coupled with itself": ("{type: gear, joints: [spin, spin], radii: [1, 2]}", "constraints.k.joints", "couples 'spin' with itself", "Name two joints."),
     "a rack that is its pinion": ("{type: rack, pinion: slide, rack: slide, radius: 1}", "constraints.k", "couples 'slide' with itself", "Name two joints."),

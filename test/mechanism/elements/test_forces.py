@@ -6,16 +6,23 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from mbd_sim import parse_mechanism
+from mbd_sim import Simulation, parse_mechanism
+from mbd_sim.base.geometry.pose import identity_pose
+from mbd_sim.cli.mechanisms.convert import WRITERS
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.kinematics.parameters import add_leaves
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.schema.forces import AnyForceSpec
-from mbd_sim.files.sdf.writer import to_sdf
 from mbd_sim.files.urdf.writer import left_out
 from mbd_sim.mechanism.elements.forces import ForceElement
+from mbd_sim.pictures.drawing.picture import mechanism_sheet
+from mbd_sim.pictures.drawing.sheet import Page, view_of
+from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.primitives import connectors, primitives
 from mbd_sim.studies.report.elements import force_reports
 from test.generators.mechanisms import accelerations
+from test.oracles import kane
 
 ROOT = Path(__file__).parents[3]
 KEYS = {
@@ -61,16 +68,45 @@ def test_it_acts_in_both_derivations(kind):
     found = accelerations(derive(loaded(kind)), Q, U, NONE, 0.0)
     assert np.max(np.abs(found - free)) > 0.1
     np.testing.assert_allclose(lagrange_equations(loaded(kind)).accelerations(Q, U, NONE, 0.0), found, rtol=1e-11)
+    np.testing.assert_allclose(kane.equations(loaded(kind), Q, U, NONE).accelerations, found, rtol=1e-11)
 
 
 @pytest.mark.parametrize("kind", KEYS)
-def test_the_report_and_the_exports_name_it(kind):
-    """An export contains it, or says that it does not."""
-    mechanism = loaded(kind)
-    assert [report["name"] for report in force_reports(mechanism)] == ["one"]
-    assert any("one" in sentence.split(": ")[-1] for sentence in left_out(mechanism))
-    for written in (to_mjcf(mechanism), to_sdf(mechanism)):
-        assert 'name="one"' in written.text or any("one" in text.split(": ")[-1] for text in written.left_out)
+def test_its_numbers_can_be_live_values(kind):
+    """All but directions, and the shape of a power law; numbers of expressions are names of parameters."""
+    (element,) = loaded(kind).force_elements
+    leaves: list = []
+    add_leaves(element, (), True, leaves)
+    fixed = {path[-1] for path, value, live in leaves if not live and isinstance(value, float | np.ndarray)}
+    assert fixed <= {"axes", "first_axes", "second_axes", "exponent", "regularization"}
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_report_names_it(kind):
+    assert [report["name"] for report in force_reports(loaded(kind))] == ["one"]
+
+
+@pytest.mark.parametrize("kind", KEYS)
+@pytest.mark.parametrize("to", WRITERS)
+def test_every_export_contains_it_or_says_that_it_does_not(to, kind):
+    written = WRITERS[to](loaded(kind))
+    assert 'name="one"' in written.text or any("one" in text.split(": ")[-1] for text in written.left_out)
+
+
+def drawn_pieces(mechanism):
+    """The number of paths of a drawing, and of primitives, connectors and arrows of a viewer."""
+    simulation = Simulation(mechanism)
+    poses, extent = simulation.poses(), extent_of(simulation.model)
+    paths = mechanism_sheet(Page(view_of(mechanism, poses), 100.0), mechanism, poses, 1.0, []).paths
+    start = {"ground": identity_pose(), **poses}
+    lists = primitives(mechanism, extent, lambda mesh: True), connectors(mechanism, extent, start), mechanism.applied
+    return len(paths), sum(map(len, lists))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KEYS if kind != "potential"])  # which has no place
+def test_it_is_drawn(kind):
+    plain, with_element = drawn_pieces(parse_mechanism(FILE.format(element=""))), drawn_pieces(loaded(kind))
+    assert with_element[0] > plain[0] and with_element[1] > plain[1]
 
 
 @pytest.mark.parametrize("kind", KEYS)

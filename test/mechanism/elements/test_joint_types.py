@@ -7,18 +7,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.constraints.rows import branch_checks, joint_frames, loop_equations
 from mbd_sim.dynamics.kinematics.bodies import BodySymbols
 from mbd_sim.dynamics.kinematics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.kinematics.links import build_links
+from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.schema.joints import AnyJointSpec
+from mbd_sim.files.sdf.writer import to_sdf
 from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, JointType, LoopCondition
 from mbd_sim.pictures.drawing import draw
-from mbd_sim.pictures.rerun.joints import joint_entities
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.primitives import primitives
 
 KEYS = {
     "revolute": "axis: [0, 0, 1]",
@@ -124,6 +125,18 @@ def test_it_has_a_form_in_urdf(type_, simulations):
 
 
 @pytest.mark.parametrize("type_", JOINT_KINDS)
+@pytest.mark.parametrize("write", [to_sdf, to_mjcf])
+def test_it_moves_alike_when_another_format_is_read_back(type_, write, simulations):
+    mechanism = simulations[type_].mechanism
+    read = parse_mechanism(write(mechanism).text)
+    assert sum(len(joint.coordinate_names) for joint in read.joints.values()) >= 1 + JOINT_KINDS[type_].nv
+    one, other = Simulation(mechanism), Simulation(read)
+    for simulation in (one, other):
+        simulation.run(until=0.2)
+    np.testing.assert_allclose(*(found.poses()["body"].position for found in (one, other)), atol=1e-9)
+
+
+@pytest.mark.parametrize("type_", JOINT_KINDS)
 def test_it_has_a_picture(type_, simulations, tmp_path):
     simulation = simulations[type_]
     draw(simulation.mechanism, simulation.poses(), tmp_path / "joint.svg")
@@ -131,9 +144,7 @@ def test_it_has_a_picture(type_, simulations, tmp_path):
 
 
 @pytest.mark.parametrize("type_", JOINT_KINDS)
-def test_it_has_entities_in_the_viewer(type_, simulations):
+def test_it_has_primitives_for_viewers(type_, simulations):
     model = simulations[type_].model
-    scene = describe_scene(model, RowWriter(model, False).layout, DisplayOptions())
-    paths = [path for entity in joint_entities(scene) for path, _ in entity.static()]
-    shown = any(path.endswith("/joints/joint") for path in paths)
-    assert shown == JOINT_KINDS[type_].connects
+    drawn = primitives(model.mechanism, extent_of(model), lambda mesh: True)
+    assert any(one.kind == "joints" and one.path[0] == "joint" for one in drawn) == JOINT_KINDS[type_].connects

@@ -17,7 +17,7 @@ from test.mechanism.exact_geometry.test_snapping import freedoms_of, start_accel
 @pytest.mark.parametrize("name", GUIDED)
 def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name):
     """Rounding locked it, kept it open, or left a nearly dependent row to the solver."""
-    for digits in (4, 6, 9, 12):
+    for digits in (4, 9):
         found, freedoms = guided_file(name, digits, digits)
         assert found.moved or digits > 9, digits
         assert freedoms_of(found) == freedoms, digits

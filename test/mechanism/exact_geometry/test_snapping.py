@@ -41,20 +41,19 @@ def start_accelerations(mechanism):
     return simulation.model.accelerations(0.0, simulation.state, simulation.inputs)
 
 
-@pytest.mark.parametrize("digits", [4, 6, 12])
+@pytest.mark.parametrize(("seed", "digits"), [(0, 4), (1, 6), (2, 12)])
 @pytest.mark.parametrize("name", FAMILIES)
-def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name, digits):
-    for seed in range(2):
-        found, freedoms = written(name, seed, digits)
-        assert found.moved or digits > 9, seed
-        assert freedoms_of(found) == freedoms, seed
-        limit = 20.0 * 10.0 ** (1 - digits)
-        assert max(max(move.angle, move.distance) for move in found.moved.values()) < limit
+def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name, seed, digits):
+    found, freedoms = written(name, seed, digits)
+    assert found.moved or digits > 9
+    assert freedoms_of(found) == freedoms
+    limit = 20.0 * 10.0 ** (1 - digits)
+    assert max(max(move.angle, move.distance) for move in found.moved.values()) < limit
 
 
-@pytest.mark.parametrize("digits", [4, 6])
 @pytest.mark.parametrize(
-    "name", ["four-bar", "slider-crank", "four-bar with a ball joint", "six-bar", "spherical four-bar", "sarrus"]
+    ("name", "digits"),
+    [("four-bar", 4), ("slider-crank", 6), ("four-bar with a ball joint", 4), ("spherical four-bar", 6), ("sarrus", 4)],
 )
 def test_it_moves_as_the_exact_one_within_the_digits(name, digits):
     exact, found = (Simulation(written(name, 5, count)[0]) for count in (17, digits))
@@ -99,11 +98,10 @@ def test_an_axis_that_is_meant_to_be_oblique_stays_so(angle):
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_tolerance_0_keeps_everything_as_written_and_the_error_says_why_it_is_locked(name):
-    for digits in (4, 6):
-        found, _ = written(name, 1, digits, tolerance=0)
-        assert not found.moved
-        with pytest.raises(MechanismError, match=r"(?s)only just.*parallel.*more digits"):
-            Kinematics(found)
+    found, _ = written(name, 1, 5, tolerance=0)
+    assert not found.moved
+    with pytest.raises(MechanismError, match=r"(?s)only just.*parallel.*more digits"):
+        Kinematics(found)
 
 
 def test_a_small_eccentricity_is_no_slip_of_digits():
@@ -148,14 +146,13 @@ joints:
     assert found.moved.keys() <= {"one", "two"}
 
 
-@pytest.mark.parametrize("digits", [4, 6])
+@pytest.mark.parametrize(("seed", "digits"), [(0, 4), (1, 6)])
 @pytest.mark.parametrize("name", RINGS)
-def test_the_same_in_sdf_and_urdf(name, digits, tmp_path):
-    for seed in range(2):
-        linkage = FAMILIES[name](np.random.default_rng(seed))
-        (tmp_path / "linkage.sdf").write_text(sdf_text(linkage, np.random.default_rng(seed + 50), digits))
-        assert freedoms_of(load_mechanism(tmp_path / "linkage.sdf")) == linkage.freedoms
-        urdf, loops = urdf_and_loops(linkage, np.random.default_rng(seed + 50), digits)
-        (tmp_path / "linkage.urdf").write_text(urdf)
-        (tmp_path / "linkage.yaml").write_text(loops)
-        assert freedoms_of(load_mechanism(tmp_path / "linkage.yaml")) == linkage.freedoms
+def test_the_same_in_sdf_and_urdf(name, seed, digits, tmp_path):
+    linkage = FAMILIES[name](np.random.default_rng(seed))
+    (tmp_path / "linkage.sdf").write_text(sdf_text(linkage, np.random.default_rng(seed + 50), digits))
+    assert freedoms_of(load_mechanism(tmp_path / "linkage.sdf")) == linkage.freedoms
+    urdf, loops = urdf_and_loops(linkage, np.random.default_rng(seed + 50), digits)
+    (tmp_path / "linkage.urdf").write_text(urdf)
+    (tmp_path / "linkage.yaml").write_text(loops)
+    assert freedoms_of(load_mechanism(tmp_path / "linkage.yaml")) == linkage.freedoms

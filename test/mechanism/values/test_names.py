@@ -14,8 +14,9 @@ from mbd_sim.exports.c_code.model import export_model
 from mbd_sim.exports.c_code.module import c_module
 from mbd_sim.files.checks.override import matching, with_values
 from mbd_sim.files.load import parse_mechanism
+from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.sdf.writer import to_sdf
-from mbd_sim.files.text.yaml_writer import yaml_text
+from mbd_sim.files.text.yaml_text import yaml_text
 from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.names import in_expression, is_name, reference, split_assignment, split_key, split_names
@@ -160,3 +161,61 @@ def test_words_that_expressions_reserve_are_quoted():
     rng, used = random.Random(3), set()
     assert all(is_name(random_name(rng, used)) for _ in range(200))
     assert not any(map(is_name, ["", " a", "a ", "a\nb", "a{i}", "a" * 201]))
+
+
+def linked(first, second="b", joint="j"):
+    """A double pendulum as the data of a file."""
+    part = {"mass": 1, "inertia": [1, 1, 1], "center": [0, 0, -1]}
+    hinge = {"type": "revolute", "axis": [0, 1, 0], "position": 0.3}
+    joints = {"pin": {**hinge, "between": ["ground", first]}, joint: {**hinge, "between": [first, second]}}
+    return {"mechanism": "m", "parts": {first: part, second: part}, "joints": joints}
+
+
+def test_names_of_frames_do_not_begin_with_a_slash():
+    """TF refuses such frames: a listener would find no transform of the part."""
+    with pytest.raises(MechanismError, match=r"parts\.'/a': begins with '/'. Remove it"):
+        parse_mechanism(yaml_text(linked("/a")))
+    sensor = {"sensors": {"/imu": {"type": "imu", "at": "a"}}}
+    with pytest.raises(MechanismError, match=r"sensors\.'/imu': begins with '/'"):
+        parse_mechanism(yaml_text(linked("a") | sensor))
+    assert "/pin" in parse_mechanism(yaml_text(linked("a", joint="/pin"))).joints
+
+
+def test_links_whose_names_begin_with_a_slash_get_others():
+    text = to_urdf(parse_mechanism(yaml_text(linked("base", "arm"))))
+    read = parse_mechanism(text.replace('"base"', '"/arm"'))
+    assert list(read.parts) == ["arm_2", "arm"] and any("/arm → arm_2" in note for note in read.source.notes)
+    read = parse_mechanism(
+        to_sdf(parse_mechanism(yaml_text(linked("base", "arm"))))
+        .text.replace(">base<", ">/base<")
+        .replace('"base"', '"/base"')
+    )
+    assert list(read.parts) == ["base", "arm"]
+
+
+@pytest.mark.parametrize("write", [to_sdf, to_mjcf, to_urdf])
+def test_a_part_named_like_the_world_of_another_format_is_not_ground(write):
+    for names in (("world", "b"), ("a", "world")):
+        written = write(parse_mechanism(yaml_text(linked(*names))))
+        read = parse_mechanism(getattr(written, "text", written))
+        first, second = read.parts
+        ends = [(joint.parent, joint.child) for joint in read.joints.values()]
+        assert ends == [("ground", first), (first, second)]
+        assert read.mass == 2
+
+
+def test_a_piece_of_a_part_has_a_name_of_its_own():
+    """The piece of 'b' that the cut joint carries would be called like the part 'b/shut'."""
+    states = []
+    for last in ("b/shut", "c"):
+        data = linked("a")
+        hinge = {"type": "revolute", "axis": [0, 1, 0], "damping": 1}
+        data["parts"][last] = data["parts"]["b"]
+        data["joints"]["end"] = {**hinge, "between": ["b", last]}
+        data["joints"]["shut"] = {**hinge, "between": ["ground", "b"], "cut": True}
+        mechanism = parse_mechanism(yaml_text(data))
+        assert mechanism.joints["shut"].splits and len(mechanism.bodies) == 4
+        simulation = Simulation(mechanism)
+        simulation.run(0.1)
+        states.append(simulation.state)
+    np.testing.assert_array_equal(*states)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.pictures.drawing.forces import AWAY, LETTER, MOTOR, drive_paths
+from mbd_sim.pictures.drawing.forces import AWAY, LETTER, MOTOR, drive_paths, force_paths
 from mbd_sim.pictures.drawing.sheet import Page, view_of
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder
 from mbd_sim.simulation.run.simulation import Simulation
@@ -24,7 +24,8 @@ joints:
 
 def drawn(text, page):
     mechanism = parse_mechanism(TEXT + text)
-    return drive_paths(page, mechanism, Simulation(mechanism).poses())
+    poses = Simulation(mechanism).poses()
+    return drive_paths(page, mechanism, poses) + force_paths(page, mechanism, poses)
 
 
 @pytest.fixture

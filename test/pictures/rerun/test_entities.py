@@ -7,8 +7,7 @@ from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun.constraints import constraint_entities, floor_of
 from mbd_sim.pictures.rerun.forces import arrow_entities, weight
-from mbd_sim.pictures.rerun.rows import Rows, RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, Rows, RowWriter, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -154,10 +153,10 @@ def test_a_cable_runs_through_its_points(tmp_path):
 def test_a_curve_lies_on_its_surfaces_and_passes_through_the_bead(tmp_path):
     sim = Simulation.from_file("bead_on_wire")
     recorded, _, scene = show(sim, tmp_path, seconds=0.05)
-    (wires,) = scene.constraint_lines
+    (wires,) = scene.wires
     (entity,) = [path for path in recorded.static if "/wires/" in path]
     strips = recorded.static[entity]["LineStrips3D:strips"][0]
-    assert sum(len(strip) for strip in strips) == sum(len(line) for line in wires.lines) > 20
+    assert sum(len(strip) for strip in strips) == sum(len(line) for line in wires.form.strips) > 20
     bead = scene.at_start(scene.mechanism.constraints[0].point)
     assert min(np.linalg.norm(np.array(strip) - bead, axis=1).min() for strip in strips) < 0.05 * scene.extent.size
 
@@ -239,7 +238,7 @@ def test_contacts_are_points_and_arrows_while_they_are_closed(tmp_path):
 
 def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
     sim, places = Simulation.from_text(SOFT_BALL), []
-    read = lambda: places.append(sim.model.contact_places(sim.time, sim.y, sim.inputs)[0])  # noqa: E731
+    read = lambda: places.append(sim.model.contact_readings.places(sim.time, sim.y, sim.inputs)[0])  # noqa: E731
     recorded, _, scene = show(sim, tmp_path, seconds=0.3, each=20, read=read)
     scale = LONG * scene.extent.size / weight(scene)
     points, arrows = (
@@ -262,9 +261,10 @@ def test_the_grid_lies_in_the_plane_on_which_the_feet_stand_and_points_away_from
     point, normal = floor_of(scene_of("column_of_beads"))
     assert (point.tolist(), normal.tolist()) == ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     ratchet = scene_of("ratchet_and_pawl")
-    assert len(list(constraint_entities(ratchet))) == 2  # the outlines of the teeth
-    for drawn in ratchet.constraint_lines:
-        (line,) = drawn.lines
+    assert not list(constraint_entities(ratchet))
+    assert len(ratchet.wires) == 2  # the outlines of the teeth
+    for drawn in ratchet.wires:
+        (line,) = drawn.form.strips
         assert np.max(np.abs(np.hypot(line[:, 0], line[:, 2]) - 0.05)) == pytest.approx(4e-3 * np.arcsin(0.9), rel=1e-2)
 
 

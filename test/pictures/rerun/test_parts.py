@@ -3,8 +3,7 @@
 from rerun.chunk import RrdReader
 
 from mbd_sim import Simulation
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 
 EVERY_SHAPE = """

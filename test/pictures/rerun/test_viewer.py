@@ -16,8 +16,7 @@ from rerun.chunk import RrdReader
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun import Viewer, ViewerError
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
 from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
 from mbd_sim.pictures.rerun.viewer import EventFilter
 from mbd_sim.simulation.run.events import parse_event

@@ -10,8 +10,7 @@ import rerun_cli
 
 from mbd_sim import Simulation
 from mbd_sim.pictures.rerun import worker
-from mbd_sim.pictures.rerun.rows import RowWriter
-from mbd_sim.pictures.rerun.scene import DisplayOptions, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.rerun.worker import add_footer
 

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from mbd_sim import Simulation
 from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.recordings.messages.topics import SensorMessages
-from mbd_sim.ros.publishing.message_types import message_type
+from mbd_sim.ros.publishing.publishers import message_type
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TIME_NS = 12_345_678_901

@@ -52,7 +52,7 @@ def test_everything_that_a_script_does_recomputes_bit_for_bit(tmp_path):
     found = verified(tmp_path / "run.mcap")
     assert found.steps == 183 + 33 + 50 + 101 + 20 + 7 + 25
     assert found.commands == {
-        "applied_efforts": 2, "applied_wrenches": 1, "live_values": 1, "new_states": 2, "resets": 1,
+        "applied_efforts": 2, "applied_wrenches": 1, "live_values": 1, "new_states": 2, "resets": 2,
     }  # fmt: skip
     assert found.compared["joint_states"] == found.compared["energies"] == recorder.states
     table = read_table(open_recording(tmp_path / "run.mcap"))

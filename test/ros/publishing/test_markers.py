@@ -137,7 +137,7 @@ def test_compliant_contacts_have_balls_and_arrows_while_they_touch():
         (ball,), (arrow,) = (
             [m for m in drawn(markers, simulation) if m.ns == name] for name in ("contacts", "contact_forces")
         )
-        ((point, force),) = simulation.model.contact_places(simulation.time, simulation.y, simulation.inputs)
+        ((point, force),) = simulation.model.contact_readings.places(simulation.time, simulation.y, simulation.inputs)
         touches = bool(force.any())
         seen.add(touches)
         assert ((ball.scale.x > 1e-3), (arrow.scale.x > 1e-3)) == (touches, touches)

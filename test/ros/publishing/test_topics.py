@@ -8,7 +8,7 @@ import rclpy
 
 from mbd_sim import load_mechanism
 from mbd_sim.recordings.messages import topics
-from mbd_sim.recordings.messages.topics import PART, TOPICS, Recorded, When
+from mbd_sim.recordings.messages.topics import PART, TOPICS, OutputTopic, Recorded, When
 from mbd_sim.ros.node.sim_node import SimNode
 from mbd_sim.ros.node.sim_parameters import PARAMETERS
 
@@ -88,6 +88,7 @@ def test_each_sensor_of_the_mechanism_has_a_topic(tmp_path):
 
 def test_each_entry_is_complete():
     assert len({topic.name for topic in TOPICS}) == len(TOPICS)
+    assert [one for one in vars(topics).values() if isinstance(one, OutputTopic) and one not in TOPICS] == []
     for topic in TOPICS:
         assert topic.recorded is not Recorded.EACH_FILE or topic.at_start is not None
         if topic.when is When.EVENT:

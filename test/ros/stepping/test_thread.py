@@ -1,6 +1,7 @@
 """The stepping thread: in real time, without ROS."""
 
 import math
+import pickle
 import threading
 import time
 import types
@@ -9,12 +10,15 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.files.checks.override import with_values
+from mbd_sim.recordings.messages.journal import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.commands.efforts import CommandBuffer
 from mbd_sim.ros.stepping import clock as pacing
+from mbd_sim.ros.stepping import output
 from mbd_sim.ros.stepping.clock import MAX_LATENESS, FollowedClock, Histogram, Pacer, Rates
 from mbd_sim.ros.stepping.thread import SteppingThread
-from mbd_sim.simulation.run.events import AppliedWrench, Event
+from mbd_sim.simulation.run.changes import StateValues
+from mbd_sim.simulation.run.events import AppliedWrench, Event, EventKind
 from test.waiting import PATIENCE, wait_until
 
 
@@ -100,6 +104,86 @@ def test_a_command_is_reported_only_if_it_changes_the_efforts(make):
     events = [item for item in collected(stepping_thread) if isinstance(item, Event) and item.text == "command"]
     found = [(event.ticks, str(event.payload.values[0])) for event in events]
     assert found == [(1, "2.0"), (4, "-0.0"), (5, "0.0"), (7, "3.0"), (8, "3.0")]
+
+
+class Heard:
+    """A listener that notes what a recorder in a script would write."""
+
+    def __init__(self, simulation):
+        self._journal, self.events = Journal(simulation), []
+        simulation.listen(self)
+
+    def parts_of(self, steps):
+        yield steps
+        self._journal.count_steps()
+
+    def report(self, kind, payload=None):
+        self.events.append(self._journal.event(kind, payload))
+
+
+def test_the_events_of_a_node_are_those_of_a_script_that_does_the_same(make):
+    stepping_thread = make(paused=True, wrenches=["rod"], live=["gravity[2]"])
+    simulation, run = stepping_thread.simulation, stepping_thread.run
+    script, run.start_values = simulation.copy(), StateValues({"pin": 0.5}, {})
+    heard = Heard(script)
+    stepping_thread.start()
+    run.commands.timeout = run.wrenches.timeout = 0.004
+    run.commands.by_order([2.0])
+    run.wrenches.take("rod", None, "rod", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for _ in range(5):
+        assert stepping_thread.step(1) == ""
+    assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
+    assert stepping_thread.set_state(StateValues({}, {"pin": 1.0})) == ""
+    assert stepping_thread.reset(rewind_clock=True) == ""
+    stepping_thread.stop()
+    script.set_efforts([2.0])
+    script.set_wrench("rod", (3.0, 0.0, 0.0), axes="part")
+    script.step(4)
+    script.expire_efforts(["pin"])
+    script.expire_wrench("rod")
+    script.step()
+    script.set_live({"gravity[2]": -1.6})
+    script.set_state({}, {"pin": 1.0})
+    script.reset(q={"pin": 0.5}, u={})
+    found = [each for each in collected(stepping_thread) if isinstance(each, Event) and each.kind is not EventKind.NOTE]
+    assert [each.text for each in heard.events] == [
+        "command",
+        "command",
+        "commands expired: effort of pin set to zero",
+        "commands expired: wrench on rod set to zero",
+        "live values: gravity[2] = -1.6",
+        "new state",
+        "reset",
+    ]
+    assert [(each.kind, each.ticks) for each in found] == [(each.kind, each.ticks) for each in heard.events]
+    assert [pickle.dumps(each.payload) for each in found] == [pickle.dumps(each.payload) for each in heard.events]
+    assert found[-1].clock_ns == 0 and simulation.state.tobytes() == script.state.tobytes()
+
+
+def test_a_reset_that_cannot_reach_its_start_changes_and_reports_nothing(make):
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    stepping_thread.step(5)
+    before, clock = stepping_thread.simulation.snapshot(), stepping_thread.clock.ns
+    stepping_thread.run.start_values = StateValues({"pin": math.inf}, {})
+    assert "the position of pin is not finite" in stepping_thread.reset(rewind_clock=True)
+    stepping_thread.stop()
+    assert (stepping_thread.simulation.steps, stepping_thread.clock.ns) == (before.steps, clock)
+    assert stepping_thread.simulation.state.tobytes() == before.state.tobytes()
+    assert not [item for item in collected(stepping_thread) if isinstance(item, Event)]
+
+
+def test_changes_of_contacts_are_reported_at_a_bounded_rate_and_counted(make, monkeypatch):
+    stepping_thread = make(paused=True)
+    now = [7.0]
+    monkeypatch.setattr(output, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
+    for number in range(30):
+        stepping_thread.run.output.report(EventKind.CONTACT, str(number))
+    now[0] = 8.0
+    stepping_thread.run.output.report(EventKind.CONTACT, "later")
+    stepping_thread.stop()
+    expected = [*(str(number) for number in range(20)), "10 further changes", "later"]
+    assert [item.text for item in collected(stepping_thread)] == [f"contact: {text}" for text in expected]
 
 
 def test_requests_are_served_while_paused_and_while_running(make):
@@ -350,6 +434,28 @@ def test_live_values_and_wrenches_are_reported_with_their_tick(make):
     assert events[0].payload.all_values == {"gravity[2]": -1.6}
     assert isinstance(events[1].payload, AppliedWrench)
     assert (events[1].payload.part, events[1].payload.inputs[:3].tolist()) == ("rod", [3.0, 0.0, 0.0])
+
+
+def test_a_length_in_a_loop_changes_in_a_node_as_in_a_script():
+    simulation = Simulation.from_file("four_bar", live=["parameters.crank"])
+    script = simulation.copy()
+    stepping_thread = SteppingThread(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(), paused=True)
+    stepping_thread.start()
+    stepping_thread.step(20)
+    assert "reassemble=True" in stepping_thread.set_live({"parameters.crank": 0.6})
+    assert stepping_thread.set_live({"parameters.crank": 0.6}, reassemble=True) == ""
+    assert "can be closed only up to" in stepping_thread.set_live({"parameters.crank": 9.0}, reassemble=True)
+    stepping_thread.step(20)
+    stepping_thread.stop()
+    script.step(20)
+    script.set_live({"parameters.crank": 0.6}, reassemble=True)
+    script.step(20)
+    assert simulation.state.tobytes() == script.state.tobytes()
+    items = collected(stepping_thread)
+    texts = [item.text for item in items if isinstance(item, Event)]
+    assert texts[0] == "live values: parameters.crank = 0.6" and texts[1].startswith("assembled anew: ")
+    shown = [item for item in items if isinstance(item, Snapshot) and item.ticks == 20 and not item.repeated]
+    assert len(shown) == 2 and shown[0].point.state.tobytes() != shown[1].point.state.tobytes()
 
 
 def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):

@@ -28,7 +28,6 @@ NAMES = [
     "freewheel",
     "geneva_drive",
     "incline",
-    "jansen_walker",
     "newtons_cradle",
     "ratchet_and_pawl",
     "rocking",

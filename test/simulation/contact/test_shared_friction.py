@@ -50,9 +50,16 @@ def slipping(friction, static, time):
     return start, (0.5 * RATE * (time**2 - start**2) - friction * MASS * G * (time - start)) / MASS
 
 
-@pytest.mark.parametrize("height", [0.0, 0.1, 0.15])
 @pytest.mark.parametrize(
-    ("friction", "static", "count"), [(0.3, 0.3, 2), (0.2, 0.3, 2), (0.0, 0.3, 2), (0.3, 0.3, 3), (0.2, 0.3, 3)]
+    ("friction", "static", "count", "height"),
+    [
+        (0.3, 0.3, 2, 0.0),
+        (0.2, 0.3, 2, 0.15),
+        (0.0, 0.3, 2, 0.1),
+        (0.3, 0.3, 3, 0.15),
+        (0.2, 0.3, 3, 0.0),
+        (0.2, 0.3, 3, 0.1),
+    ],
 )
 def test_pads_in_a_line_slip_at_the_sum_of_their_limits(friction, static, count, height):
     simulation = pads(friction, static, count, height)
@@ -163,7 +170,7 @@ def frictions_and_slip(simulation, times, count):
     return np.array(sizes), slips[0].time
 
 
-@pytest.mark.parametrize(("seed", "count"), [(1, 4), (2, 3), (5, 5)])
+@pytest.mark.parametrize(("seed", "count"), [(5, 4), (7, 3), (2, 5)])
 def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes(seed, count):
     """The limit load is the least over all motions, as of plastic bodies; friction depended on the order of the legs."""
     chance = np.random.default_rng(seed)

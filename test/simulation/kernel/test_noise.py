@@ -1,10 +1,21 @@
 """Noise as a function of the sample's number: random access, moments, independence, spectra and Allan deviations."""
 
+import hashlib
+
 import numpy as np
 import pytest
+from scipy import special
 
 from mbd_sim.mechanism.elements.sensors import ErrorModel
-from mbd_sim.simulation.kernel.noise import BLOCK, MeasurementErrors, Noise
+from mbd_sim.simulation.kernel.noise import (
+    BLOCK,
+    MeasurementErrors,
+    Noise,
+    RandomNumbers,
+    natural_logarithm,
+    normal,
+    uniform,
+)
 
 SAMPLES = 40_000
 PERIOD = 0.005
@@ -113,3 +124,44 @@ def test_values_are_rounded_to_steps_and_limited():
     assert errors.added(5) is None
     found = errors.rounded_and_limited(np.array([0.3, -0.375, 7.0, 7.1]))
     assert found.tolist() == [0.25, -0.5, 1.0, 7.1]  # a tie goes to the even multiple
+
+
+def test_integers_are_those_of_philox_at_any_address():
+    numbers = RandomNumbers(7, "imu")
+    key = np.frombuffer(hashlib.blake2b(b"7/imu", digest_size=16).digest(), dtype=np.uint64)
+    expected = np.random.Philox(key=key, counter=[0, 5, 2, 0]).random_raw(10)
+    np.testing.assert_array_equal(numbers.integers(2, 5, 10), expected)
+    np.testing.assert_array_equal(numbers.integers(2, 5, 4), expected[:4])
+    assert numbers.integers(2, 5, 3).tolist() == [int(value) for value in RandomNumbers(7, "imu").integers(2, 5, 3)]
+
+
+def test_the_bits_are_those_of_the_first_version():
+    """A recording of one version must verify with the next: these numbers must never change."""
+    numbers = RandomNumbers(0, "imu")
+    assert numbers.integers(0, 3, 2).tolist() == INTEGERS
+    assert [value.hex() for value in numbers.normals(0, 3, 3).tolist()] == NORMALS
+
+
+INTEGERS = [9473092166424988474, 3696582965785781487]
+NORMALS = ["0x1.1608916567af8p-5", "-0x1.ae317bdb4b4dbp-1", "-0x1.8a2931eda80fcp-9"]
+
+
+def test_normal_numbers_are_the_inverse_of_the_distribution():
+    tails = 10.0 ** -np.linspace(0.3, 15.6, 2000)
+    probability = np.concatenate([np.linspace(1e-3, 0.999, 4000), tails, 1.0 - tails[tails > 1e-15]])
+    expected = special.ndtri(probability)
+    np.testing.assert_allclose(normal(probability), expected, rtol=2e-14, atol=1e-15)
+    assert normal(np.array([0.5]))[0] == 0.0
+    integers = RandomNumbers(0, "a").integers(0, 0, 1000)
+    np.testing.assert_array_equal(normal(uniform(integers)), -normal(uniform(~integers)))
+
+
+def test_uniform_numbers_exclude_both_ends():
+    ends = uniform(np.array([0, 2**64 - 1], dtype=np.uint64))
+    assert ends.tolist() == [2.0**-53, 1.0 - 2.0**-53]
+    assert np.all(np.isfinite(normal(ends)))
+
+
+def test_the_logarithm_is_correct_to_the_last_digits():
+    x = np.concatenate([10.0 ** np.linspace(-300, 300, 5001), np.linspace(0.5, 2.0, 5001)])
+    np.testing.assert_allclose(natural_logarithm(x), np.log(x), rtol=4e-16, atol=2e-16)

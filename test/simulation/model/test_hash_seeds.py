@@ -16,6 +16,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.simulation.model.live_values import names_with_matches
 from mbd_sim.simulation.model.live_values import LiveValues
 from mbd_sim.base import disk_cache
+from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.lists.packing import packed
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.files.load import parse_mechanism
@@ -28,7 +29,7 @@ def digest(*contents):
     return hashlib.sha256(repr(contents).encode()).hexdigest()
 
 
-found = {}
+machine_code.LEVEL, found = 0, {}
 for name in sys.argv[1:]:
     mechanism = load_mechanism(name)
     live = LiveValues(mechanism, names_with_matches(mechanism, LIVE))

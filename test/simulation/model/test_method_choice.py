@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from mbd_sim.cli.runs.run import simulate
 from mbd_sim.dynamics import joint_linearization
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
+from mbd_sim.simulation.model import spectrum
 from mbd_sim.simulation.model.builder import partial_system
 from mbd_sim.simulation.model.method_choice import choose_method
 from mbd_sim.simulation.model.spectrum import fastest_mode, is_slower
@@ -126,3 +128,14 @@ def test_the_linear_system_of_the_joints_is_traced_once_for_the_method_that_solv
     for _ in range(2):
         partial_system(equations, choice.method)
     assert len(traced) == count
+
+
+@pytest.mark.parametrize("name", ["double_rod", "four_bar", "motor_arm"])
+def test_differences_are_the_derivatives_of_the_rates(name):
+    equations = derive(load_mechanism(name))
+    y, inputs, core = equations.start_state, np.zeros(equations.rates.size1_in(2)), equations.core.stop
+    at = ca.SX.sym("y", len(y))
+    slopes = ca.Function("slopes", [at], [ca.jacobian(equations.rates.call([0.0, at, inputs])[0], at)])
+    expected = np.array(ca.DM(slopes(y)))[:core, :core]
+    found = spectrum._jacobian(equations, 0.0, y, inputs)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * np.max(np.abs(expected)))

