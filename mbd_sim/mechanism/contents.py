@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
-from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, LinePort
 from mbd_sim.mechanism.elements.constraints import is_one_sided
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:  # few mechanisms have actuators
+    from mbd_sim.mechanism.elements.actuators import Actuator, LinePort
 
 
 def commanded_drives(mechanism: Mechanism) -> Mapping[str, CommandedDrive]:
@@ -69,6 +72,8 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
     The first command of an actuator is bounded by its `command_range` as well.
     """
     position, speed = (-math.inf, math.inf), math.inf
+    from mbd_sim.mechanism.elements.actuators import CoordinatePort
+
     if isinstance(taker, CommandedDrive):
         position, speed = (taker.lower, taker.upper), taker.velocity_limit
     elif isinstance(taker.port, CoordinatePort):
@@ -87,13 +92,15 @@ def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Ite
     """The command bounds within the range of what commands a motor or a valve: beyond it, commands have no effect."""
     for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
         lower, upper = bounds
-        if isinstance(taker, Actuator) and channel == taker.control:
+        if not isinstance(taker, CommandedDrive) and channel == taker.control:
             lower, upper = max(lower, -taker.output_limit), min(upper, taker.output_limit)
         yield lower, upper
 
 
 def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
     """The lines along which actuators act, by the name of the actuator."""
+    from mbd_sim.mechanism.elements.actuators import LinePort
+
     return {actuator.name: actuator.port for actuator in mechanism.actuators if isinstance(actuator.port, LinePort)}
 
 
