@@ -45,7 +45,8 @@ def listed(name: str, arguments: int, results: int, graph: GraphBuilder, outputs
 def start_of(graph: GraphBuilder, series: SeriesList) -> list[int]:
     """The nodes of the coefficients 0 of all series."""
     found: list[int] = []
-    for start, _ in series.series:
+    for one in series.series:
+        start = one.start
         operands = start.operands if is_leaf(start) else tuple(found[place] for place in start.operands)
         found.append(graph.node(start._replace(operands=operands)))
     return found

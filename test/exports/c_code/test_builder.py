@@ -46,6 +46,11 @@ def memory(b, x, out):
         with otherwise:
             store(b, b.fdiv(later, before), out, 1)
     store(b, b.load(cell, typ=DOUBLE), out, 2)
+    once, within = load(b, x, 4), b.fadd(load(b, x, 5), number(1.0))
+    store(b, number(2.0), x, 4)
+    store(b, number(4.0), x, 5)
+    store(b, b.fmul(once, number(3.0)), out, 3)
+    loop(b, 4, 6, lambda i: store(b, within, out, i))
 
 
 def loops(b, x, out):
