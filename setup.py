@@ -116,6 +116,8 @@ setup(
         ],
         # Recorded runs as HTML pages and Parquet tables.
         "plot": ["plotly>=5.20", "pyarrow>=14"],
+        # The page in the browser.
+        "lab": ["viser>=1.1,<2"],
         # Meshes in pictures, and those in COLLADA in Rerun.
         "mesh": ["contourpy>=1.2", "pillow>=9.1", "pycollada>=0.8", "trimesh>=4.6"],
         # Animations as MP4.
@@ -155,6 +157,7 @@ setup(
             "mcap-ros2-support>=0.5",
             "mujoco-core>=4.0",
             "mypy>=1.10",
+            "playwright>=1.50",
             "plotly>=5.20",
             "psutil>=5.9",
             "pyarrow>=14",
@@ -167,6 +170,7 @@ setup(
             "scipy>=1.11",
             "trimesh>=4.6",
             "types-PyYAML",
+            "viser>=1.1,<2",
         ],
     },
     entry_points={

@@ -59,7 +59,7 @@ def robots_folder() -> Path | None:
 
 def started(data: Mapping[str, Any]) -> str:
     """A mechanism file without `LEFT_OUT`, with random positions and speeds of its hinges and sliders."""
-    from mbd_sim.files.text.yaml_writer import yaml_text
+    from mbd_sim.files.text.yaml_text import yaml_text
 
     rng = np.random.default_rng(1)
     parts, joints = (

@@ -167,7 +167,9 @@ def test_names_that_programs_import_exist(path):
 
 
 def test_importing_the_package_loads_nothing_heavy():
-    heavy = ["rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic"]
+    heavy = [
+        "rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic", "mcap", "pyarrow", "mbd_sim.base.errors",
+    ]  # fmt: skip
     code = f"import sys, mbd_sim; print([name for name in {heavy!r} if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
@@ -175,7 +177,7 @@ def test_importing_the_package_loads_nothing_heavy():
 def test_a_simulation_needs_neither_ros_nor_rerun_nor_scipy():
     code = (
         "import sys\n"
-        "for name in ('rclpy', 'rerun', 'scipy', 'mcap'): sys.modules[name] = None\n"
+        "for name in ('rclpy', 'rerun', 'scipy', 'mcap', 'pyarrow', 'matplotlib', 'dask'): sys.modules[name] = None\n"
         "from mbd_sim import Simulation\n"
         "sim = Simulation.from_file('double_rod'); sim.step(); print(sim.steps)"
     )

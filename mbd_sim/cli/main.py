@@ -21,6 +21,7 @@ from mbd_sim.cli.shared.progress import Waiting, find_temporary_folder
 COMMANDS = {  # in the order of --help: the module, and what the command does
     "check": ("mechanisms.check", "report parts, joints, degrees of freedom, constraints and energies of a mechanism"),
     "run": ("runs.run", "run a mechanism as fast as possible, without ROS"),
+    "lab": ("runs.lab", "run, change and take hold of a mechanism on a page in the browser"),
     "sweep": ("runs.sweep", "run a mechanism many times with varied values"),
     "kinematics": (
         "studies.kinematics",

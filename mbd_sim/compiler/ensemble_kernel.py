@@ -6,7 +6,6 @@ import ctypes
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
 import casadi as ca
@@ -58,8 +57,10 @@ def compile_members(
     module = new_module()
     program = arranged(rates)
     system = emit_system(module, rates, program, projection, method, core.stop, lanes, between_steps, scales=scales)
-    emit = partial(lower, module, inline=False, lanes=lanes)
-    step = step_of(method, StepNeeds(rates, core, lambda: partial_system, emit))
+    needs = StepNeeds(
+        rates, core, lambda: partial_system, lambda function, *_: lower(module, function, inline=False, lanes=lanes)
+    )
+    step = step_of(method, needs)
     size = rates.nnz_in(2)
     emit_advance_members(module, system, step, lanes, size + method.history_size(system.size, size))
     code = compile_module(module)

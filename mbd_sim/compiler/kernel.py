@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import casadi as ca
@@ -23,7 +22,7 @@ from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
 from mbd_sim.compiler.python.step_call import emit_call
 from mbd_sim.compiler.steps.adams import adams_step
-from mbd_sim.compiler.steps.emitter import Prepare, System, emit_samples
+from mbd_sim.compiler.steps.emitter import Emit, Prepare, System, emit_samples
 from mbd_sim.compiler.steps.loop import emit_advance
 from mbd_sim.compiler.steps.runge_kutta import explicit_step
 from mbd_sim.integrators.adams import Adams
@@ -88,7 +87,7 @@ def compile_kernel(
         packing=packed(program, like_branches) if module.fast else None,
         scales=scales,
     )
-    needs = StepNeeds(rates, core, trace_partial_system, partial(lower, module, inline=False))
+    needs = StepNeeds(rates, core, trace_partial_system, lambda function, *_: lower(module, function, inline=False))
     advance = _emit_advance(module, system, method, program, needs, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
@@ -172,15 +171,12 @@ def emit_system(
 
 @dataclass(frozen=True, eq=False)
 class StepNeeds:
-    """What the emitters of steps may need beside the `System`: see `compile_kernel` for `core` and the partial system.
-
-    `emit` emits a function that is not inlined.
-    """
+    """What the emitters of steps may need beside the `System`: see `compile_kernel` for `core` and the partial one."""
 
     rates: ca.Function
     core: slice
     trace_partial_system: Callable[[], PartialSystem | None]
-    emit: Callable[[ca.Function], Function]
+    emit: Emit
 
 
 def _rosenbrock(method: Rosenbrock, needs: StepNeeds) -> Prepare:

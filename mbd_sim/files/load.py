@@ -1,19 +1,33 @@
-"""Loads mechanism files, URDF, MJCF and SDF as `Mechanism` records."""
+"""Loads mechanism files, URDF, MJCF and SDF as `Mechanism` records, from a cache on disk if they were read before.
+
+A mechanism is found there by its text, the name of its file, and the version of this package and of what it is built
+with: without the schema and its libraries. It is stored with the digests of the other files that it depends on, such as
+a URDF that it extends, and is read again if one of these has changed. What else takes long at every start uses the same
+cache.
+"""
 
 from __future__ import annotations
 
+import functools
+import hashlib
+import importlib.util
+import os
+import pickle
+import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from mbd_sim.base.collection_pause import paused_collection
+import numpy as np
+
+from mbd_sim.base import disk_cache
 from mbd_sim.base.errors import MechanismError, Problem, few_suggestions, quoted
-from mbd_sim.files.mechanism_cache import cached_mechanism
-from mbd_sim.files.text.file_limits import read_text
+from mbd_sim.files.text.file_limits import digest_of_file, read_text
 from mbd_sim.files.text.library import find
 from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from mbd_sim.files.xml.reading import Base
+    from mbd_sim.files.text.xml import Base
     from mbd_sim.mechanism.values.source import Source
 
 
@@ -40,7 +54,7 @@ def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -
 
 
 def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
-    with few_suggestions(), paused_collection():
+    with few_suggestions():
         # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
         from mbd_sim.files.builders.mechanism import build
         from mbd_sim.files.checks.validation import validate
@@ -53,12 +67,12 @@ def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
 def _source(text: str, file: str, base: Base | None) -> Source:
     """The data of a file in either format, merged with those of the URDF that it names."""
     if "<" in text:  # the readers of URDF are imported only for files that may need them
-        from mbd_sim.files.xml.elements import is_xml
+        from mbd_sim.files.text.xml import is_xml
 
         if is_xml(text):
             return _xml_source(text, file, base)
     from mbd_sim.files.checks.repetition import expanded
-    from mbd_sim.files.text.yaml_reader import parse_source
+    from mbd_sim.files.text.yaml_text import parse_source
 
     source = expanded(parse_source(text, file))
     if base is not None or (isinstance(source.data, dict) and {"urdf", "base"} & source.data.keys()):
@@ -67,14 +81,14 @@ def _source(text: str, file: str, base: Base | None) -> Source:
         source = with_urdf(source, base)
     if "meshes" not in text and source.text is not None:
         return source
-    from mbd_sim.files.meshes.mesh_solids import with_mesh_solids
+    from mbd_sim.files.text.mesh_files import with_mesh_solids
 
     return with_mesh_solids(source)
 
 
 def _xml_source(text: str, file: str, base: Base | None) -> Source:
     """The data of a URDF, an MJCF or an SDF, by the root element."""
-    from mbd_sim.files.xml.elements import parse_xml, root_tag
+    from mbd_sim.files.text.xml import parse_xml, root_tag
 
     tag = root_tag(text)
     if tag in ("mujoco", "mujocoinclude"):
@@ -92,3 +106,91 @@ def _xml_source(text: str, file: str, base: Base | None) -> Source:
     from mbd_sim.files.urdf.reader import urdf_source
 
     return urdf_source(text, file, base)
+
+
+T = TypeVar("T")
+
+
+def cached_mechanism(text: str, file: str, base: str | None, parse: Callable[[], Mechanism]) -> Mechanism:
+    """The mechanism that `parse` returns, or an equal one from the cache.
+
+    :param text: all that `parse` reads, unless the file names another one; `file` and `base` as in `parse_mechanism`.
+    """
+    return cached(parse, "mechanism", text, file, base or "", keep=_is_found_again, fits=_is_unchanged)
+
+
+def _is_found_again(mechanism: Mechanism) -> bool:
+    return mechanism.source.other_files is not None
+
+
+def _is_unchanged(mechanism: Mechanism) -> bool:
+    """Whether the other files that a mechanism depends on are those that were read for it."""
+    read = mechanism.source.other_files or {}
+    return all(digest_of_file(Path(path)) == digest for path, digest in read.items())
+
+
+def _always(result: object) -> bool:
+    return True
+
+
+def cached(
+    compute: Callable[[], T],
+    *contents: str,
+    keep: Callable[[T], bool] = _always,
+    fits: Callable[[T], bool] = _always,
+) -> T:
+    """The result of a computation, or an equal one from the cache.
+
+    :param contents: everything that the result depends on, but the versions.
+    :param keep: whether a result may be stored.
+    :param fits: whether a stored result is still what would be computed.
+    """
+    if disk_cache.folder() is None:
+        return compute()
+    key = disk_cache.key(*contents, versions())
+    stored = disk_cache.load(key)
+    if stored is not None:
+        found: T = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
+        if fits(found):
+            return found
+    result = compute()
+    if not keep(result):
+        return result
+    content = pickle.dumps(result)
+    disk_cache.store(key, content)
+    copy: T = pickle.loads(content)  # noqa: S301  (just written)
+    return copy  # whose digest is that of what is loaded later: see `records_digest`
+
+
+@functools.cache
+def versions() -> str:
+    """Python, NumPy, whose arrays the records contain, and the state of every module of this package."""
+    modules: list[str] = []
+    folders = [str(Path(__file__).parent.parent)]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if entry.name.endswith(".py"):
+                    state = entry.stat()
+                    modules.append(f"{entry.path} {state.st_mtime_ns} {state.st_size}")
+                elif "." not in entry.name and entry.is_dir():
+                    folders.append(entry.path)
+    return "\n".join([sys.version, np.__version__, *sorted(modules)])
+
+
+def records_digest(mechanism: Mechanism) -> str:
+    """A digest of all records of a mechanism, by which results that depend on it are found.
+
+    Equal mechanisms may have different digests, but different ones never have equal digests.
+    """
+    return hashlib.sha256(pickle.dumps(mechanism)).hexdigest()
+
+
+@functools.cache
+def casadi_version() -> str:
+    """The files of CasADi, by which one version differs from another, without importing it."""
+    found = importlib.util.find_spec("casadi")
+    if found is None or found.origin is None:
+        return ""
+    files = sorted(Path(found.origin).parent.glob("*casadi.*"))
+    return " ".join(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in files)

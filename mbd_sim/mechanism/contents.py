@@ -1,21 +1,15 @@
-"""What a mechanism contains: drives that follow commands, commands, one-sided elements."""
+"""What a mechanism contains: drives that follow commands, commands and their ranges, one-sided elements, actuators."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, LinePort
 from mbd_sim.mechanism.elements.constraints import is_one_sided
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
-
-if TYPE_CHECKING:
-    from mbd_sim.mechanism.mechanism import Mechanism
-if TYPE_CHECKING:
-    from mbd_sim.mechanism.elements.actuators import Actuator
-    from mbd_sim.mechanism.elements.joint_types import CommandedDrive
-if TYPE_CHECKING:
-    from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.mechanism import Mechanism
 
 
 def commanded_drives(mechanism: Mechanism) -> Mapping[str, CommandedDrive]:
@@ -66,3 +60,43 @@ def one_sided_names(mechanism: Mechanism) -> tuple[str, ...]:
     found += [f"constraints.{constraint.name}" for constraint in mechanism.constraints if is_one_sided(constraint)]
     found += dict.fromkeys(f"contacts.{contact.name}" for contact in mechanism.contacts if contact.rigid)
     return tuple(found)
+
+
+def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
+    """The lower and the upper bound of each command of an actuator or a drive, infinite without a limit.
+
+    Positions are bounded by the `limits` of a joint and velocities by its `velocity_limit`; for a drive, by its own.
+    The first command of an actuator is bounded by its `command_range` as well.
+    """
+    position, speed = (-math.inf, math.inf), math.inf
+    if isinstance(taker, CommandedDrive):
+        position, speed = (taker.lower, taker.upper), taker.velocity_limit
+    elif isinstance(taker.port, CoordinatePort):
+        for joint in mechanism.joints.values():
+            if taker.port.coordinate in joint.coordinate_names:
+                limits = joint.limits_of(joint.coordinate_names.index(taker.port.coordinate))
+                position = position if limits is None else (limits.lower, limits.upper)
+                speed = math.inf if joint.velocity_limit is None else joint.velocity_limit
+    own = (-math.inf, math.inf) if isinstance(taker, CommandedDrive) else taker.command_range
+    for index, channel in enumerate(taker.channels):
+        lower, upper = {"position": position, "velocity": (-speed, speed)}.get(channel, (-math.inf, math.inf))
+        yield (max(lower, own[0]), min(upper, own[1])) if index == 0 else (lower, upper)
+
+
+def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Iterator[tuple[float, float]]:
+    """The command bounds within the range of what commands a motor or a valve: beyond it, commands have no effect."""
+    for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
+        lower, upper = bounds
+        if isinstance(taker, Actuator) and channel == taker.control:
+            lower, upper = max(lower, -taker.output_limit), min(upper, taker.output_limit)
+        yield lower, upper
+
+
+def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
+    """The lines along which actuators act, by the name of the actuator."""
+    return {actuator.name: actuator.port for actuator in mechanism.actuators if isinstance(actuator.port, LinePort)}
+
+
+def has_actuator_states(mechanism: Mechanism) -> bool:
+    """Whether the motion depends on states of actuators: currents, pressures, integrals, or what a servo holds."""
+    return any(actuator.has_states for actuator in mechanism.actuators)

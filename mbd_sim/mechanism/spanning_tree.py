@@ -179,9 +179,8 @@ def moves_no_inertia(joint: Joint, part: Part) -> bool:
     pose = joint.child_pose if is_child else joint.parent_pose
     rotations = [coordinate.rotation for coordinate in coordinates]
     directions = [joint.direction(coordinate) for coordinate in coordinates]
-    travel = joint.lead / (2.0 * np.pi) if joint.type == "screw" else 0.0
     least = _least_inertia(
-        part.mass, part.center, part.inertia, pose.position, pose.rotation, directions, rotations, travel
+        part.mass, part.center, part.inertia, pose.position, pose.rotation, directions, rotations, joint.travel
     )
     return bool(least <= ROUND_OFF)
 

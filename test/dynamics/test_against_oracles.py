@@ -76,7 +76,7 @@ def test_textbook_mechanisms(text):
     assert check(parse_mechanism(text), np.random.default_rng(2), states=5)
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(random_trees())
 def test_random_trees(drawn):
     text, rng = drawn

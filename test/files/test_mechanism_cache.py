@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from mbd_sim import MechanismError, Simulation, load_mechanism, parse_mechanism
-from mbd_sim.files import mechanism_cache
+from mbd_sim.files import load as mechanism_cache
 from test.generators.mechanisms import KINDS
 from test.record_contents import contents
 

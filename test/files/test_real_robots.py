@@ -13,7 +13,7 @@ import pytest
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.files.urdf.writer import to_urdf
 from test.generators.mechanisms import accelerations, random_state
 

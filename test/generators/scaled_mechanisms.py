@@ -12,11 +12,11 @@ from mbd_sim.files.builders.actuators import TRANSITION
 from mbd_sim.files.builders.mechanism import build
 from mbd_sim.files.checks.repetition import expanded
 from mbd_sim.files.checks.validation import validate
-from mbd_sim.files.schema import actuators, constraints, contacts, forces, laws
+from mbd_sim.files.schema import actuators, constraints, forces, laws
 from mbd_sim.files.schema.base import Spec
 from mbd_sim.files.schema.fields import ExpressionField, Quantity
 from mbd_sim.files.text.library import find
-from mbd_sim.files.text.yaml_reader import parse_source
+from mbd_sim.files.text.yaml_text import parse_source
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.values.expression import TimeExpression
 
@@ -144,7 +144,7 @@ class _Scaler:
                     "equation": one and self.expression(one, "m"),
                     "equations": two and tuple(self.expression(equation, "m") for equation in two),
                 }
-            case contacts.ContactSpec() if spec.stiffness is not None:
+            case constraints.ContactSpec() if spec.stiffness is not None:
                 return {"stiffness": spec.stiffness * factor("N") / factor("m") ** spec.exponent}
             case actuators.ActuatorSpec():
                 return self.actuator(spec)

@@ -59,12 +59,20 @@ def test_the_order_is_not_higher_than_stated(method):
     assert max(abs(b @ weights(tree, a) - 1.0 / density(tree)) for tree in trees(method.order + 1)) > 1e-7
 
 
-@pytest.mark.parametrize(
-    ("name", "fine", "coarse"),
-    [("euler", 1, None), ("midpoint", 1, 0), ("rk4", 2, 0), ("verner7", 5, 3), ("tsitouras8", 6, 4), ("dop853", 5, 3)],
-)
-def test_estimates_vanish_up_to_their_order(name, fine, coarse):
-    method = METHODS[name]
+# The orders up to which the fine and the coarse estimate vanish, and the steps of a period in `test_convergence`.
+KNOWN = {
+    "euler": (1, None, 100_000),
+    "midpoint": (1, 0, 4000),
+    "rk4": (2, 0, 800),
+    "verner7": (5, 3, 60),
+    "tsitouras8": (6, 4, 30),
+    "dop853": (5, 3, 40),
+}
+
+
+@ALL
+def test_estimates_vanish_up_to_their_order(method):
+    fine, coarse, _ = KNOWN[method.name]
     for row, order in ((method.estimate.fine, fine), (method.estimate.coarse, coarse)):
         if order is None:
             assert not row
@@ -100,14 +108,9 @@ def error(kernel, steps):
     return np.max(np.abs(y - expected))
 
 
-@pytest.mark.parametrize(
-    ("name", "steps"),
-    [("euler", 100_000), ("midpoint", 4000), ("rk4", 800), ("verner7", 60), ("tsitouras8", 30), ("dop853", 40)],
-    ids=str,
-)
-def test_convergence(name, steps):
-    method = METHODS[name]
-    kernel = orbit(method)
+@ALL
+def test_convergence(method):
+    kernel, (_, _, steps) = orbit(method), KNOWN[method.name]
     coarse, fine = error(kernel, steps), error(kernel, 2 * steps)
     assert 2.0 ** (method.order - 0.7) < coarse / fine < 2.0 ** (method.order + 0.7)
 

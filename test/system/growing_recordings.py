@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.recordings.messages.cdr import JointStates
 from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.verification import Verification, verify
 from test.system.nodes import Listener, nanoseconds
 
 STEP_NS, STEPS_PER_STATE = 1_000_000, 10  # of a node with default parameters
@@ -49,6 +50,15 @@ def stop_recording(listener: Listener, folder: Path) -> Path:
     path = folder / answer.message.removesuffix(LATE)
     listener.until(lambda: path.read_bytes().endswith(MAGIC), f"the end of {path.name}")
     return path
+
+
+def verified(path: Path) -> Verification:
+    """The verification of a recording, or of the only one in a folder, that agrees with its file to the last bit."""
+    (verification,) = verify(next(iter(path.glob("*.mcap"))) if path.is_dir() else path)
+    assert verification.is_intact and verification.agrees and verification.tolerance is None, (
+        path, verification.first, verification.failure,
+    )  # fmt: skip
+    return verification
 
 
 def recorded_states(folder: Path) -> dict[int, JointStates]:

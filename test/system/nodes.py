@@ -128,6 +128,16 @@ class SimNodeProcess:
             self.process.wait()
 
 
+def refusal(folder: Path, parameters: dict[str, Any]) -> str:
+    """What a node prints that ends at once, with an error and no traceback."""
+    process = SimNodeProcess(new_domain(), folder, parameters)
+    try:
+        assert process.exit_code() == 1 and "Traceback" not in process.text
+        return process.text
+    finally:
+        process.kill()
+
+
 class Listener:
     """Subscribes to everything that a `sim_node` publishes, and calls its services."""
 

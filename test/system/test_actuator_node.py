@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.recordings.run.reader import open_recording
-from mbd_sim.recordings.run.verification import verify
+from test.system.growing_recordings import verified
 from test.system.nodes import running
 
 ARM = """
@@ -65,8 +65,7 @@ def test_servos_follow_commands_by_name_and_the_recording_verifies(tmp_path: Pat
         assert listener.states[-1].position[0] == pytest.approx(0.2, abs=1e-9)
         assert process.end(signal.SIGINT) == 0
     (path,) = (tmp_path / "logs").glob("servo_arm_*.mcap")
-    (verification,) = verify(path)
-    assert verification.is_intact and verification.agrees, verification.first
+    verification = verified(path)
     assert verification.commands["applied_commands"] == 1
     assert sum(m.topic.endswith("applied_commands") for m in open_recording(path).messages()) == 1
 
@@ -77,41 +76,3 @@ def test_a_node_that_starts_elsewhere_holds_that_position(tmp_path: Path) -> Non
     with running(tmp_path, **options) as (_, listener):
         listener.until(lambda: len(listener.states) > 20, "states")
         assert listener.states[-1].position[0] == pytest.approx(0.8, abs=1e-9)
-
-
-LIMITED = """
-mechanism: limited
-gravity: [0, 0, 0]
-parameters: {strength: 2, reach: 1}
-parts: {wheel: {mass: 1, inertia: [1, 1, 1]}, arm: {mass: 1, center: [0, 0, "-0.1*reach"], inertia: [0.1, 0.1, 0.1]}}
-joints:
-  hub: {type: revolute, between: [ground, wheel], axis: [0, 0, 1], effort_limit: strength, damping: 0.1*strength}
-  hip: {type: revolute, between: [ground, arm], axis: [0, 1, 0], limits: {lower: -2, upper: reach}}
-actuators:
-  servo: {type: effort, joint: hip, servo: {controls: position, kp: 50, kd: 10}}
-"""
-
-
-def test_limits_of_commands_follow_live_values_and_the_recording_verifies(tmp_path: Path) -> None:
-    (tmp_path / "limited.yaml").write_text(LIMITED, encoding="utf-8")
-    options = {
-        "mechanism": str(tmp_path / "limited.yaml"),
-        "record": True,
-        "record_dir": "logs",
-        "command_timeout": 0.0,
-    }
-    with running(tmp_path, **options) as (process, listener):
-        listener.ready_to_command()
-        listener.by_name.publish(JointState(name=["hub"], effort=[9.0]))
-        listener.by_name.publish(JointState(name=["hip"], position=[1.5]))
-        listener.until(lambda: listener.states[-1].effort[0] == 2.0, "the effort within its limit")
-        listener.until(lambda: abs(listener.states[-1].position[1] - 1.0) < 1e-3, "the end of the range")
-        assert listener.set_parameter("parameters.strength", 1.5).successful
-        listener.until(lambda: listener.states[-1].effort[0] == 1.5, "the effort within its new limit")
-        listener.until(lambda: listener.applied and listener.applied[-1][0] == 1.5, "the message of the applied effort")
-        assert listener.set_parameter("parameters.reach", 1.2).successful
-        listener.until(lambda: abs(listener.states[-1].position[1] - 1.2) < 1e-3, "the end of the new range")
-        assert process.end(signal.SIGINT) == 0
-    (path,) = (tmp_path / "logs").glob("limited_*.mcap")
-    (verification,) = verify(path)
-    assert verification.is_intact and verification.agrees, verification.first

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.recordings.messages.cdr import joint_states
 from mbd_sim.recordings.run.reader import Recording, open_recording
-from mbd_sim.recordings.run.verification import verify
+from test.system.growing_recordings import verified
 from test.system.nodes import running
 
 
@@ -58,8 +58,7 @@ def test_a_rover_drives_in_a_circle_and_stops_when_no_more_velocities_arrive(tmp
         listener.until(lambda: "no more commands for left_motor, right_motor" in process.text, "the warning")
         assert process.end(signal.SIGINT) == 0
     (path,) = (tmp_path / "logs").glob("rover_*.mcap")
-    (verification,) = verify(path)
-    assert verification.is_intact and verification.agrees, verification.first
+    verification = verified(path)
     assert verification.commands["applied_commands"] >= 2  # the velocity, and the stop
     speeds = speeds_at_the_last_warning(open_recording(path))
     assert [math.hypot(*speeds[:2]), *speeds[2:]] == pytest.approx([0.5, 0.8, 4.45, 8.05], rel=1e-3)

@@ -10,8 +10,7 @@ from builtin_interfaces.msg import Duration
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from mbd_sim.recordings.run.verification import verify
-from test.system.growing_recordings import recorded_states
+from test.system.growing_recordings import recorded_states, verified
 from test.system.nodes import running
 
 CRANE = """
@@ -70,9 +69,7 @@ def test_a_drive_follows_positions_velocities_and_trajectories_and_the_recording
         listener.until(lambda: abs(listener.states[-1].position[1] - 0.1) < 1e-12, "the start position")
         assert process.end(signal.SIGINT) == 0
     assert '<joint name="rail">' in listener.descriptions[-1].partition("<ros2_control")[2]
-    (path,) = (tmp_path / "logs").glob("crane_*.mcap")
-    (verification,) = verify(path)
-    assert verification.is_intact and verification.agrees, verification.first
+    verification = verified(tmp_path / "logs")
     assert verification.commands["applied_commands"] > 100  # among them the samples of the trajectory
     rail = [(state.position[1], state.velocity[1]) for state in recorded_states(tmp_path / "logs").values()]
     beyond = next(number for number, (position, _) in enumerate(rail) if position > 1.2)  # on the way to the end

@@ -6,7 +6,6 @@ import signal
 from pathlib import Path
 from typing import Any
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, Vector3, Wrench, WrenchStamped
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -18,7 +17,7 @@ from std_msgs.msg import Float64MultiArray, Header, String
 from visualization_msgs.msg import MarkerArray
 
 from mbd_sim import Simulation
-from mbd_sim.recordings.run.verification import verify
+from test.system.growing_recordings import verified
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 
@@ -180,9 +179,8 @@ def test_a_wrench_acts_expires_is_recorded_and_the_run_can_be_computed_again(tmp
         listener.until(lambda: len(listener.states) > seen + 20, "states")
         assert abs(listener.energies[-1].data[-1]) < 1e-9
         assert process.end(signal.SIGINT) == 0
-    (path,) = (tmp_path / "logs").glob("*.mcap")
-    (result,) = verify(path)
-    assert result.agrees and result.compared["joint_states"] > 20 and result.commands["applied_wrenches"] >= 2
+    result = verified(tmp_path / "logs")
+    assert result.compared["joint_states"] > 20 and result.commands["applied_wrenches"] >= 2
 
 
 def number(name: str, value: float | list[float]) -> Parameter:
@@ -210,28 +208,6 @@ def test_live_values_are_parameters_and_what_does_not_fit_is_refused_with_a_reas
         assert "start" in listener.descriptor("mechanism").additional_constraints
         assert set_to("parameters.m", 1.0).successful
         assert listener.parameter("parameters.m") == 1.0
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("mechanisn", "double_rod", "there is no parameter 'mechanisn'. Did you mean 'mechanism'?"),
-        ("joints.elbow.dampng", 1.0, "Did you mean 'joints.elbow.damping'?"),
-        ("wrenches", "upper, lowr", "there is no part or point 'lowr'. Did you mean 'lower'?"),
-        ("part_poses", "uper", "there is no part 'uper'. Did you mean 'upper'?"),
-        ("live", "joints.elbow.axis", "joints.elbow.axis"),
-    ],
-)
-def test_a_misspelled_start_is_answered_with_the_nearest_name(
-    tmp_path: Path, name: str, value: object, words: str
-) -> None:
-    process = SimNodeProcess(new_domain(), tmp_path, {name: value})
-    try:
-        assert process.exit_code() == 1
-        assert words in process.text
-        assert "Traceback" not in process.text
-    finally:
-        process.kill()
 
 
 def test_simulated_time_continues_over_a_reset_and_stops_in_a_pause(tmp_path: Path) -> None:

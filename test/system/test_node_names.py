@@ -6,7 +6,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
-from mbd_sim.files.text.yaml_writer import yaml_text
+from mbd_sim.files.text.yaml_text import yaml_text
 from mbd_sim.mechanism.values.source import dotted
 from mbd_sim.recordings.run.verification import verify
 from test.generators.names import named_mechanism

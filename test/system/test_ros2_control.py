@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sensor_msgs.msg import JointState
 
-from mbd_sim.recordings.run.verification import verify
+from test.system.growing_recordings import verified
 from test.system.nodes import Listener, running
 from test.system.test_actuator_node import ARM
 
@@ -68,6 +68,4 @@ def test_the_block_and_the_messages_of_ros2_control_fit(tmp_path: Path) -> None:
         listener.until(lambda: "no more commands for spin: only positions are held" in process.text, "the warning")
         assert listener.states[-1].position[0] == pytest.approx(1.0, abs=1e-3)
         assert process.end(signal.SIGINT) == 0
-    (path,) = (tmp_path / "logs").glob("*.mcap")
-    (verification,) = verify(path)
-    assert verification.is_intact and verification.agrees, verification.first
+    verified(tmp_path / "logs")

@@ -87,16 +87,3 @@ def test_another_process_receives_the_measurements_of_a_simulation(tmp_path, exp
     assert "sensor_seed: 7" in (open_recording(recorded).mechanism_text or "")
     (verification,) = verify(recorded)
     assert verification.is_intact and verification.agrees, verification.first
-
-
-@pytest.mark.parametrize(
-    ("seed", "words"),
-    [
-        (3, "sensor_seed: double_rod has no sensors. Leave the parameter out."),
-        (-2, "parameter 'sensor_seed' must lie between -1 and 1e+15, not -2."),
-    ],
-)
-def test_a_seed_that_cannot_be_is_refused(tmp_path, seed, words):
-    node = SimNodeProcess(new_domain(), tmp_path, {"mechanism": "double_rod", "sensor_seed": seed})
-    assert node.exit_code() == 1
-    assert words in node.text

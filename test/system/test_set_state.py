@@ -8,8 +8,8 @@ from pathlib import Path
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim.recordings.run.verification import verify
-from test.system.nodes import SimNodeProcess, new_domain, running
+from test.system.growing_recordings import verified
+from test.system.nodes import running
 
 
 def test_a_state_set_by_name_and_resets_to_given_starts_are_confirmed_recorded_and_verify(tmp_path: Path) -> None:
@@ -50,17 +50,5 @@ def test_a_state_set_by_name_and_resets_to_given_starts_are_confirmed_recorded_a
         assert abs(listener.energies[-1].data[-1]) < 1e-7
         assert process.end() == 0
         assert "Traceback" not in process.text
-    (path,) = (tmp_path / "logs").glob("*.mcap")
-    (result,) = verify(path)
-    assert result.agrees and result.tolerance is None, (result.first, result.failure)
+    result = verified(tmp_path / "logs")
     assert (result.commands["new_states"], result.commands["resets"]) == (2, 1)
-
-
-def test_a_start_that_does_not_fit_ends_the_node_with_a_reason(tmp_path: Path) -> None:
-    process = SimNodeProcess(new_domain(), tmp_path, {"start": "'elbw = 1'"})
-    try:
-        assert process.exit_code() == 1
-        assert "start: there is no joint 'elbw'. Did you mean 'elbow'?" in process.text
-        assert "Traceback" not in process.text
-    finally:
-        process.kill()

@@ -11,11 +11,11 @@ from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.mjcf.written_bodies import Written
 from mbd_sim.files.sdf.writer import to_sdf
-from mbd_sim.files.text.yaml_writer import mechanism_text, yaml_text
+from mbd_sim.files.text.mesh_files import with_meshes_seen_from
+from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 from mbd_sim.files.urdf.writer import left_out, to_urdf
 from mbd_sim.mechanism.mechanism import Mechanism
 

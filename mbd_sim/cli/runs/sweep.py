@@ -23,7 +23,7 @@ from mbd_sim.cli.shared.common import (
 )
 from mbd_sim.cli.shared.progress import COUNT, ProgressBar
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation
 from mbd_sim.many.sweep.runs import (
     SUFFIXES,

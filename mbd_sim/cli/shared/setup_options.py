@@ -104,7 +104,7 @@ def _value(text: str, option: str) -> Any:
     except ValueError:
         if not text.lstrip().startswith(("[", "{")):
             return text
-    from mbd_sim.files.text.yaml_reader import parse_source  # a warm start reads no YAML
+    from mbd_sim.files.text.yaml_text import parse_source  # a warm start reads no YAML
 
     source = parse_source(text, option)
     if source.problems:

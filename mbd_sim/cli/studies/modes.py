@@ -30,8 +30,7 @@ from mbd_sim.pictures.drawing.animation import SUFFIXES as ANIMATIONS
 from mbd_sim.recordings.views.export import require_table, write_columns
 from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot, require_suffix
 from mbd_sim.studies.linear_analysis.loci import EigenvalueLocus, eigenvalue_locus, equilibria_of
-from mbd_sim.studies.linear_analysis.mode_animation import ModeShape, animate_mode, mode_shapes
-from mbd_sim.studies.linear_analysis.plots import draw_locus
+from mbd_sim.studies.linear_analysis.plots import ModeShape, animate_mode, draw_locus, mode_shapes
 
 SHOWN = 1e-6  # entries of a shape below this are shown as zero
 

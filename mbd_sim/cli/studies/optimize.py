@@ -12,7 +12,7 @@ from mbd_sim.files.load import load_mechanism
 from mbd_sim.many.sweep.plan import bare_variation_remark
 from mbd_sim.studies.kinematic_analysis.picture import require_picture_suffix
 from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_range, drive_speed
-from mbd_sim.studies.synthesis.goals import bounds_of, goal_of
+from mbd_sim.studies.synthesis.problem import bounds_of, goal_of
 from mbd_sim.studies.synthesis.synthesis import Norm, design_text, draw_design, synthesize, write_mechanism
 
 

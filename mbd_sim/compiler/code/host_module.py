@@ -6,12 +6,13 @@ import llvmlite.binding as llvm
 
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.code.machine_code import MachineCode, compile_text
+from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.module import Module
 
 
 def new_module() -> Module:
     """An empty module for this machine."""
-    return Module(llvm.get_default_triple(), is_fast=machine_code.LEVEL > 0)
+    return Module(llvm.get_default_triple(), IRBuilder, is_fast=machine_code.LEVEL > 0)
 
 
 def compile_module(module: Module) -> MachineCode:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import struct
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
 from mbd_sim.compiler.ir.module import (
@@ -180,10 +181,11 @@ class IRBuilder:
         """A structure with another member."""
         return self.value(pair.type, f"insertvalue {pair.type} {pair.text}, {value.type} {value.text}, {index}")
 
-    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0) -> Value:
+    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0, name: str = "") -> Value:
         """The address of new memory on the stack for one value or an array; only in the entry block of a function.
 
         :param alignment: in bytes; 0 for that of the type.
+        :param name: for readers of generated C.
         """
         count = f", {size.type} {size.text}" if size else ""
         return self.value(POINTER, f"alloca {type_}{count}" + (f", align {alignment}" if alignment else ""))
@@ -239,6 +241,54 @@ class IRBuilder:
     def _terminate(self, instruction: str) -> None:
         self._lines.append(f"  {instruction}")
         self.block.is_terminated = True
+
+    def named(self, value: Value, name: str) -> Value:
+        """The value, with a name for readers of generated C."""
+        return value
+
+    def comment(self, text: str) -> None:
+        """What follows, for readers of generated C."""
+
+    def constants(self, values: Sequence[float], allocate: Callable[[], Value], name: str) -> Value:
+        """The address of constant numbers, in an array that is allocated; only in the entry block of a function."""
+        array = allocate()
+        for index, value in enumerate(values):
+            place = self.gep(array, Value("i64", str(index)), "double")
+            self.store(Value("double", f"0x{struct.pack('>d', value).hex()}"), place)
+        return array
+
+    def by_address(self, value: Value, memory: Value) -> Value:
+        """A number as functions of instruction lists take it: the address of memory that holds it."""
+        self.store(value, memory)
+        return memory
+
+    def loop(self, first: Value, beyond: Value, body: Callable[[Value], object]) -> None:
+        """Emit `body` for every index from `first` to before `beyond`."""
+        before = self.block
+        head, inside, after = (self.append_basic_block(name) for name in ("head", "inside", "after"))
+        self.branch(head)
+        self.position_at_end(head)
+        index = self.phi(first.type)
+        index.add_incoming(first, before)
+        self.cbranch(self.icmp_signed("<", index, beyond), inside, after)
+        self.position_at_end(inside)
+        body(index)
+        following = self.add(index, Value(first.type, "1"))
+        index.add_incoming(following, self.block)
+        self.branch(head)
+        self.position_at_end(after)
+
+    def repeat(self, first: Value, body: Callable[[Value], Value]) -> None:
+        """Emit `body`, which takes a number that grows from `first` on, until the condition that it returns fails."""
+        before, again, done = self.block, self.append_basic_block("again"), self.append_basic_block("done")
+        self.branch(again)
+        self.position_at_end(again)
+        count = self.phi(first.type)
+        count.add_incoming(first, before)
+        more = body(count)
+        count.add_incoming(self.add(count, Value(first.type, "1")), self.block)
+        self.cbranch(more, again, done)
+        self.position_at_end(done)
 
     @contextmanager
     def if_then(self, condition: Value, likely: bool | None = None) -> Iterator[None]:

@@ -106,7 +106,7 @@ class LaneBuilder(IRBuilder):
         """An address in an array; an element of an array of doubles has one double for each member."""
         return super().gep(pointer, index, self._stored(type_))
 
-    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0) -> Value:
+    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0, name: str = "") -> Value:
         """Allocate on the stack; a double is allocated for each member."""
         return super().alloca(self._stored(type_), size, alignment)
 
@@ -149,8 +149,9 @@ class ComponentBuilder(LaneBuilder):
 
 
 def new_builder(block: Block, lanes: int) -> IRBuilder:
-    """A builder for `lanes` members at once; for 1, the builder of scalars."""
-    return LaneBuilder(block, lanes) if lanes > 1 else IRBuilder(block)
+    """A builder for `lanes` members at once; for 1, that of the module."""
+    builder: IRBuilder = LaneBuilder(block, lanes) if lanes > 1 else block.function.module.new_builder(block)
+    return builder
 
 
 def lanes_of(builder: IRBuilder) -> int:

@@ -7,9 +7,9 @@ LLVM Language Reference Manual, https://llvm.org/docs/LangRef.html, describes th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 Type: TypeAlias = str  # as LLVM writes it: double, i64, ptr, <8 x double>
 
@@ -67,13 +67,17 @@ class Block:
 class Function:
     """A function of a module, which without blocks is only declared; `attributes` and `linkage` are LLVM's.
 
-    With `noalias`, what one of its pointers leads to is reached through no other one.
+    With `noalias`, what one of its pointers leads to is reached through no other one. `arguments` are their names,
+    and `about` is for readers of generated C.
     """
 
-    def __init__(self, module: Module, function_type: FunctionType, name: str) -> None:
+    def __init__(
+        self, module: Module, function_type: FunctionType, name: str, arguments: Sequence[str] | None = None
+    ) -> None:
         self.module, self.function_type, self.name = module, function_type, name
-        self.args = tuple(Value(type_, f"%a{index}") for index, type_ in enumerate(function_type.args))
-        self.linkage = ""
+        names = [f"a{index}" for index in range(len(function_type.args))] if arguments is None else arguments
+        self.args = tuple(Value(type_, f"%{own}") for type_, own in zip(function_type.args, names, strict=True))
+        self.linkage = self.about = ""
         self.attributes: list[str] = []
         self.noalias = False
         self.blocks: list[Block] = []
@@ -107,11 +111,11 @@ class Module:
     """The functions and variables that are compiled together, by name.
 
     If the code `is_fast`, it takes longer to compile: small functions are inlined, and operations on vectors of up to
-    `unrolled` components are unrolled; those on longer ones are loops.
+    `unrolled` components are unrolled; those on longer ones are loops. `new_builder` writes into a block.
     """
 
-    def __init__(self, triple: str, *, is_fast: bool = True) -> None:
-        self.triple, self.fast = triple, is_fast
+    def __init__(self, triple: str, new_builder: Callable[[Block], Any], *, is_fast: bool = True) -> None:
+        self.triple, self.new_builder, self.fast = triple, new_builder, is_fast
         self.unrolled = UNROLLED if self.fast else 0
         self.functions: dict[str, Function] = {}
         self._variables: dict[str, Type] = {}

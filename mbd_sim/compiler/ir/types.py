@@ -28,7 +28,9 @@ def element(builder: IRBuilder, array: Value, index: int | Value) -> Value:
     return builder.gep(array, integer(index) if isinstance(index, int) else index, DOUBLE)
 
 
-def local_array(builder: IRBuilder, size: int, *, in_registers: bool = False, aligned: bool = False) -> Value:
+def local_array(
+    builder: IRBuilder, size: int, *, in_registers: bool = False, aligned: bool = False, name: str = ""
+) -> Value:
     """An array of doubles on the stack; only in the entry block of a function.
 
     LLVM keeps one `in_registers`, as far as they suffice, if all of its accesses have constant indices. Vectors of four
@@ -36,4 +38,4 @@ def local_array(builder: IRBuilder, size: int, *, in_registers: bool = False, al
     """
     if in_registers:
         return builder.alloca(f"[{max(size, 1)} x {DOUBLE}]")
-    return builder.alloca(DOUBLE, integer(max(size, 1)), alignment=VECTOR if aligned else 0)
+    return builder.alloca(DOUBLE, integer(max(size, 1)), alignment=VECTOR if aligned else 0, name=name)

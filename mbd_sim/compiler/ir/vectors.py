@@ -10,7 +10,7 @@ from typing import TypeAlias
 from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.lanes import ComponentBuilder, LaneBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, element, integer, number
+from mbd_sim.compiler.ir.types import DOUBLE, element, integer, number
 
 NONE: frozenset[int] = frozenset()
 LANES = 4  # components at once, a power of two
@@ -31,35 +31,22 @@ def store(b: IRBuilder, value: Value, array: Value, index: Index) -> None:
 
 def loop(b: IRBuilder, first: Index, beyond: Index, body: Callable[[Value], object]) -> None:
     """Emit `body` for every index from `first` to before `beyond`."""
-    before = b.block
-    head = b.append_basic_block("head")
-    inside = b.append_basic_block("inside")
-    after = b.append_basic_block("after")
     start, end = (integer(bound) if isinstance(bound, int) else bound for bound in (first, beyond))
-    b.branch(head)
-    b.position_at_end(head)
-    index = b.phi(INT)
-    index.add_incoming(start, before)
-    b.cbranch(b.icmp_signed("<", index, end), inside, after)
-    b.position_at_end(inside)
-    body(index)
-    following = b.add(index, integer(1))
-    index.add_incoming(following, b.block)
-    b.branch(head)
-    b.position_at_end(after)
+    b.loop(start, end, body)
 
 
 def for_each(b: IRBuilder, size: int, body: Callable[[Index], object], still: frozenset[int] = NONE) -> None:
-    """Emit `body` for every component: unrolled if there are few, as a loop if there are many.
-
-    Components in `still` need it not; where there are few, they are left out.
-    """
+    """Emit `body` for every component but those in `still`: unrolled if there are few, as loops if there are many."""
     if size <= b.unrolled:
         for index in range(size):
             if index not in still:
                 body(index)
-    else:
-        loop(b, 0, size, body)
+        return
+    first = 0
+    for beyond in [*sorted(still), size]:
+        if first < beyond:
+            loop(b, first, beyond, body)
+        first = beyond + 1
 
 
 def for_components(b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], object], *, short: bool = False) -> None:
@@ -208,12 +195,7 @@ def combine_at_once(
             start = w.fma(h, total(w, early, i), start)
         store(w, w.fma(factor, load(w, last, i), start), target, i)
 
-    if unread:
-        for index in range(size):
-            if index not in unread | still:
-                component(b, index)
-    else:
-        each_component(b, size, component, still)
+    each_component(b, size, component, still | unread)
 
 
 def add_square(b: IRBuilder, into: Value, value: Value) -> None:

@@ -14,7 +14,7 @@ from mbd_sim.compiler.ir.module import Value
 from mbd_sim.compiler.ir.types import DOUBLE, number
 from mbd_sim.compiler.ir.vectors import Index, copy, for_components, load, store, total, weighted
 from mbd_sim.compiler.steps.emitter import StepEmitter
-from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.adams import LOWER, Adams
 
 # The largest differences, in units of the tolerance, that are taken for round-off: where they grow with the order, as
 # only those of round-off and of vibrations with h ω > 1 do, and elsewhere.
@@ -33,9 +33,9 @@ class AdamsError:
     def __init__(self, method: Adams, emitter: StepEmitter, *, rare: bool) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
         self._method, self._emitter, self._rare = method, emitter, rare
-        self._errors = emitter.array(emitter.system.size) if rare else emitter.vector()
-        self.start = emitter.array(emitter.system.size) if rare else emitter.y  # of the step
-        self.largest = emitter.scalar()
+        self._errors = emitter.array(emitter.system.size, "errors") if rare else emitter.vector()
+        self.start = emitter.array(emitter.system.size, "start") if rare else emitter.y  # of the step
+        self.largest = emitter.scalar("largest")
 
     def clear(self) -> None:
         """Begin with no error."""
@@ -61,6 +61,7 @@ class AdamsError:
         emitter, b = self._emitter, self._emitter.b
         largest = b.load(self.largest, typ=DOUBLE)
         with b.if_then(emitter.any(b.fcmp_unordered(">", largest, number(self._method.tolerance)))):
+            b.comment("The error without round-off, of which differences of lower order have less.")
             factor = b.fmul(h, number(self._method.newest))
             self.clear()
 
@@ -76,11 +77,13 @@ class AdamsError:
     def _without_round_off(
         self, w: IRBuilder, i: Index, factor: Value, newest: Value, slopes: Sequence[Value]
     ) -> Value:
-        own, scale, slope = load(w, self._errors, i), self._emitter.inverse_scale(w, self.start, i), load(w, newest, i)
-        sizes = []
+        own, slope = w.named(load(w, self._errors, i), "own"), w.named(load(w, newest, i), "f")
+        scale = w.named(self._emitter.inverse_scale(w, self.start, i), "scale")
+        sizes = list[Value]()
         for weights in self._method.differences:
             difference = w.fsub(slope, total(w, weighted(weights, slopes), i))
-            sizes.append(w.fmul(w.intrinsic("llvm.fabs", w.fmul(factor, difference)), scale))
+            size = w.fmul(w.intrinsic("llvm.fabs", w.fmul(factor, difference)), scale)
+            sizes.append(w.named(size, f"d{LOWER[len(sizes)]}"))
         d3, d4, d5, d6, d7, d8 = sizes
         tolerance, grows = self._method.tolerance, w.fcmp_ordered(">=", own, d8)
         limit = w.select(grows, number(GROWING * tolerance), number(SHRINKING * tolerance))
@@ -99,7 +102,7 @@ def _extrapolated(e: IRBuilder, a: Value, b: Value, c: Value, d: Value, pairs: i
     Two differences that follow each other do not vanish at the same time, so the one that shrinks less counts.
     """
     first, second = e.fdiv(a, c), e.fdiv(b, d)
-    decay = e.select(e.fcmp_ordered(">", first, second), first, second)
+    decay = e.named(e.select(e.fcmp_ordered(">", first, second), first, second), "decay")
     power = e.fmul(decay, decay) if pairs == 2 else decay
     one, two = e.fmul(a, power), e.fmul(b, e.fmul(power, e.intrinsic("llvm.sqrt", decay)))
     size = e.select(e.fcmp_ordered(">", one, two), one, two)
@@ -116,9 +119,10 @@ class AdamsAttempt:
     def __init__(self, method: Adams, emitter: StepEmitter, *, rare: bool) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
         size = emitter.system.size
-        arrays = [emitter.array(size) if rare else emitter.vector() for _ in range(6)]
+        names = ("moved", "left", "predicted", "increment", "partial", "trial_state")
+        arrays = [emitter.array(size, name) if rare else emitter.vector() for name in names]
         self.moved, self.left, self.predicted, self._increment, self._partial, self._trial = arrays
-        self.worst, self._method, self._emitter, self._rare = emitter.scalar(), method, emitter, rare
+        self.worst, self._method, self._emitter, self._rare = emitter.scalar("worst"), method, emitter, rare
         self._error = AdamsError(method, emitter, rare=rare)
 
     def begin(self, lost: Value) -> None:
@@ -152,19 +156,21 @@ class AdamsAttempt:
         )
 
         def predict(w: IRBuilder, i: Index) -> None:
-            increment = w.fmul(h, total(w, to_predict, i))
+            increment = w.named(w.fmul(h, total(w, to_predict, i)), "h_slope")
             store(w, increment, self._increment, i)
             store(w, total(w, to_correct, i), self._partial, i)
             store(w, w.fadd(load(w, self.moved, i), increment), self._trial, i)
 
         def correct(w: IRBuilder, i: Index) -> None:
             slope = w.fma(number(method.newest), load(w, self.predicted, i), load(w, self._partial, i))
-            added, before = w.fma(h, slope, load(w, self.left, i)), load(w, self.moved, i)
-            after = w.fadd(before, added)
+            slope = w.named(slope, "slope")
+            added, before = w.named(w.fma(h, slope, load(w, self.left, i)), "added"), load(w, self.moved, i)
+            after = w.named(w.fadd(w.named(before, "before"), added), "after")
             store(w, after, self.moved, i)
             store(w, w.fsub(added, w.fsub(after, before)), self.left, i)
             self._error.add(w, i, w.fma(h, slope, w.fneg(load(w, self._increment, i))))
 
+        b.comment("Prediction and correction, and the difference of the two.")
         good, size = self.is_good(), emitter.system.size
         for_components(b, size, predict, short=self._rare)
         evaluate = emitter.rates_rarely if self._rare else emitter.rates

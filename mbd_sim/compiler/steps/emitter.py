@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 
+import casadi as ca
+
 from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.lanes import ComponentBuilder, LaneBuilder
 from mbd_sim.compiler.ir.module import Function, Module, Value
@@ -75,7 +77,8 @@ class System:
     """y' = rates(t, y, inputs) with `size` components, of which the first `error_size` count in error estimates.
 
     `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
-    constraints after each step; it neither changes nor stores the components in `unmoved`. If `rates` also
+    constraints after each step; it neither changes nor stores the components in `unmoved`. If it `projects_in_place`,
+    it takes no further argument for the result. If `rates` also
     `reports_conditioning`, it has a second output: where that is negative at the start of a step, the constraints are
     ill-conditioned and each further stage is projected too. The components in `still`, after the first `error_size`
     ones, have the rate zero, and no rate depends on them. Those in `held` have the rate zero, and on those in `unread`
@@ -91,6 +94,7 @@ class System:
     projection: Function | None
     reports_conditioning: bool = False
     projection_takes_inputs: bool = False
+    projects_in_place: bool = False
     unmoved: frozenset[int] = frozenset()
     still: frozenset[int] = frozenset()
     samples: Samples | None = None
@@ -109,13 +113,18 @@ EmitEstimate = Callable[..., None]
 class StepEmitter:
     """Emits the operations of a step on the state `y` (n,), with step size `h` in s, for one method of integration.
 
-    `time` is the address of the time argument, and `largest_error` that of the largest error estimate so far.
+    `time` is the address of the time argument, and `largest_error` that of the largest error estimate so far, unless
+    the emitter `estimates` none.
     """
 
-    def __init__(self, b: IRBuilder, system: System, inputs: Value, h: Value) -> None:
-        """Allocate the arrays; the builder `b` must be in the entry block of a function."""
-        self.b, self.system, self.inputs, self.h = b, system, inputs, h
-        self.y, self.time, self.largest_error = self.vector(), self.scalar(), self.scalar()
+    def __init__(
+        self, b: IRBuilder, system: System, inputs: Value, h: Value, y: Value | None = None, *, estimates: bool = True
+    ) -> None:
+        """Allocate the arrays, but for a `y` that is given; `b` must be in the entry block of a function."""
+        self.b, self.system, self.inputs, self.h, self.estimates = b, system, inputs, h, estimates
+        self.y = self.vector() if y is None else y
+        self.time, self.largest_error = self.scalar("time"), self.scalar()
+        self.history: Value | None = None  # the address of what is kept from step to step, if not behind the inputs
         self.is_estimated: Value = FALSE  # whether the error of this step is estimated
         self.index: Value = integer(0)  # the number of the step
         self.steps: Value = integer(0)  # how many the call takes
@@ -124,36 +133,34 @@ class StepEmitter:
         self.begin: Callable[[], None] | None = None
         self.end: Callable[[Value], None] | None = None
         self._projected = self.vector() if system.projection is not None else None
-        self._conditioning, self._ignored = self.scalar(), self.scalar()
+        self.conditioning, self._ignored = self.scalar("margin"), self.scalar("ignored")
         self._rare = self.scalar(), self.array(system.size), self.array(system.size)
         self._sampled = None if system.samples is None else system.samples.results(b)
         self._scales = list(system.scales) or [1.0] * system.size
-        self._scale_array = self.vector()
-        for index, scale in enumerate(self._scales):
-            store(b, number(scale), self._scale_array, index)
+        self._scale_array = b.constants(self._scales, self.vector, "scales")
 
-    def vector(self) -> Value:
+    def vector(self, name: str = "") -> Value:
         """A new array of the size of the state; only in the entry block."""
-        size = self.system.size
-        return local_array(self.b, size, in_registers=self.system.in_registers, aligned=size > self.b.unrolled)
+        size, in_registers = self.system.size, self.system.in_registers
+        return local_array(self.b, size, in_registers=in_registers, aligned=size > self.b.unrolled, name=name)
 
-    def array(self, size: int) -> Value:
+    def array(self, size: int, name: str = "") -> Value:
         """A new array; only in the entry block."""
-        return local_array(self.b, size, aligned=size > self.b.unrolled)
+        return local_array(self.b, size, aligned=size > self.b.unrolled, name=name)
 
     def any(self, condition: Value) -> Value:
         """Whether a condition holds, for any member if there are several."""
         return self.b.any_lane(condition) if isinstance(self.b, LaneBuilder) else condition
 
-    def scalar(self) -> Value:
+    def scalar(self, name: str = "") -> Value:
         """A new number in memory; only in the entry block."""
-        return local_array(self.b, 1)
+        return local_array(self.b, 1, name=name)
 
     def rates(self, time: Value, state: Value, slopes: Value, *, first: bool = False) -> None:
         """Evaluate the rates into `slopes`; the `first` evaluation of a step reports its conditioning."""
-        self.b.store(time, self.time)
-        reported = [self._conditioning if first else self._ignored] if self.system.reports_conditioning else []
-        self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
+        at = self.b.by_address(time, self.time)
+        reported = [self.conditioning if first else self._ignored] if self.system.reports_conditioning else []
+        self.b.call(self.system.rates, [at, state, self.inputs, slopes, *reported])
 
     def rates_rarely(self, time: Value, state: Value, slopes: Value) -> None:
         """Evaluate the rates in steps that are rare: without another copy of the code where it is inlined elsewhere.
@@ -181,9 +188,11 @@ class StepEmitter:
     def project(self, time: Value, state: Value) -> None:
         """Move a state back to the constraints, in place."""
         if self.system.projection is not None and self._projected is not None:
-            self.b.store(time, self.time)
-            inputs = [self.inputs] if self.system.projection_takes_inputs else []
-            self.b.call(self.system.projection, [self.time, state, *inputs, self._projected])
+            at, inputs = self.b.by_address(time, self.time), [self.inputs] * self.system.projection_takes_inputs
+            if self.system.projects_in_place:
+                self.b.call(self.system.projection, [at, state, *inputs])
+                return
+            self.b.call(self.system.projection, [at, state, *inputs, self._projected])
             if not self.system.unmoved:
                 copy(self.b, self.system.size, self._projected, state)
                 return
@@ -212,7 +221,7 @@ class StepEmitter:
 
     def is_ill_conditioned(self) -> Value:
         """Whether the first evaluation of the step reported ill-conditioned constraints."""
-        return self.b.fcmp_ordered("<", self.b.load(self._conditioning, typ=DOUBLE), number(0.0))
+        return self.b.fcmp_ordered("<", self.b.load(self.conditioning, typ=DOUBLE), number(0.0))
 
     def stage_time(self, t: Value, c: float) -> Value:
         """t + c h."""
@@ -238,6 +247,8 @@ class StepEmitter:
 
         It must be called while `y` is the state at the start of the step. A NaN counts as infinity.
         """
+        if not self.estimates:
+            return lambda *_: None
         fine, coarse = self.scalar(), self.scalar()
 
         def emit(h: Value | None, further: Value | None = None) -> None:
@@ -277,6 +288,8 @@ class StepEmitter:
         return self.b.intrinsic("llvm.sqrt", value)
 
 
+# Emits a function that is not inlined, whose arguments and results have these names for readers of generated C.
+Emit = Callable[[ca.Function, Sequence[str], Sequence[str]], Function]
 EmitStep = Callable[[Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h
 Prepare = Callable[
     [StepEmitter], EmitStep

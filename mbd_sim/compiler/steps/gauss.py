@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
+from mbd_sim.compiler.ir.types import DOUBLE, integer, number
 from mbd_sim.compiler.ir.vectors import Index, add_square, combine, copy, for_each, load, store, weighted
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter
 from mbd_sim.integrators.gauss import Gauss
@@ -27,9 +27,9 @@ class _GaussStep:
 
     def __init__(self, method: Gauss, emitter: StepEmitter) -> None:
         self._method, self._emitter = method, emitter
-        self._start, self._fresh, self._trial = emitter.vector(), emitter.vector(), emitter.vector()
-        self._k = [emitter.vector() for _ in range(method.stages)]
-        self._change, self._before = emitter.scalar(), emitter.scalar()
+        self._start, self._fresh, self._trial = (emitter.vector(name) for name in ("slopes", "fresh", "trial"))
+        self._k = [emitter.vector(f"k{stage + 1}") for stage in range(method.stages)]
+        self._change, self._before = emitter.scalar("change"), emitter.scalar("change_before")
         self._emit_estimate = emitter.estimator(method.estimate, [self._start, *self._k])
         self._swept = emitter.scalar() if isinstance(emitter.b, LaneBuilder) else None
         self._last_change = self._change if self._swept is None else emitter.scalar()
@@ -43,17 +43,14 @@ class _GaussStep:
         b.store(number(0.0), self._change)
         if self._swept is not None:
             b.store(number(0.0), self._swept)
-        entry, again, done = b.block, b.append_basic_block("sweep"), b.append_basic_block("swept")
-        b.branch(again)
-        b.position_at_end(again)
-        count = b.phi(INT)
-        count.add_incoming(integer(1), entry)
-        b.store(b.load(self._change, typ=DOUBLE), self._before)
-        self._sweep(t)
-        more = self._goes_on(count)
-        count.add_incoming(b.add(count, integer(1)), b.block)
-        b.cbranch(emitter.any(more), again, done)
-        b.position_at_end(done)
+
+        def sweep(count: Value) -> Value:
+            b.store(b.load(self._change, typ=DOUBLE), self._before)
+            self._sweep(t)
+            return emitter.any(self._goes_on(count))
+
+        b.comment("Sweeps over the stages, until nothing changes beyond round-off.")
+        b.repeat(integer(1), sweep)
         self._emit_estimate(emitter.h, emitter.square_root(b.load(self._change, typ=DOUBLE)))
         combine(b, size, emitter.y, emitter.y, emitter.h, weighted(self._method.b, self._k))
 
@@ -62,7 +59,7 @@ class _GaussStep:
         emitter, method, b = self._emitter, self._method, self._emitter.b
         b.store(number(0.0), self._last_change)
         for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
-            stage_time, slopes = emitter.stage_time(t, c), self._k[stage]
+            stage_time, slopes = b.named(emitter.stage_time(t, c), f"t{stage + 1}"), self._k[stage]
             combine(b, emitter.system.size, self._trial, emitter.y, emitter.h, weighted(weights, self._k))
             emitter.project_stage(stage_time, self._trial)
             emitter.rates(stage_time, self._trial, self._fresh)

@@ -14,7 +14,7 @@ In a step of a Rosenbrock-W method, functions of the caller solve the linear sys
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -24,8 +24,8 @@ from mbd_sim.compiler.ir.lanes import LaneBuilder, lanes_of
 from mbd_sim.compiler.ir.module import Function, Value
 from mbd_sim.compiler.ir.types import local_array, number
 from mbd_sim.compiler.ir.vectors import Index, combine, copy, for_each, load, store, total, weighted
-from mbd_sim.compiler.steps.emitter import EmitStep, Prepare, StepEmitter
-from mbd_sim.compiler.steps.runge_kutta import explicit_step
+from mbd_sim.compiler.steps.emitter import Emit, Prepare, StepEmitter
+from mbd_sim.compiler.steps.runge_kutta import CalledStep
 from mbd_sim.integrators.rosenbrock import Rosenbrock, RosenbrockW
 from mbd_sim.integrators.tableau import EXPLICIT
 
@@ -47,7 +47,7 @@ class Linearized:
     timeless: bool
 
 
-def emit_linearized(rates: ca.Function, core: slice, emit: Callable[[ca.Function], Function]) -> Linearized:
+def emit_linearized(rates: ca.Function, core: slice, emit: Emit) -> Linearized:
     """Differentiate `rates(t, y, inputs)` exactly; `core` are the components of y that are solved for together."""
     t, y, inputs = (ca.SX.sym(name, rates.nnz_in(index)) for index, name in enumerate(("t", "y", "inputs")))
     g, right = ca.SX.sym("g"), ca.SX.sym("right", y.shape[0])
@@ -71,10 +71,18 @@ def emit_linearized(rates: ca.Function, core: slice, emit: Callable[[ca.Function
         at=emit(
             ca.Function(
                 "linearize", [t, y, inputs, g], [memory.values, ca.densify(matrix), ca.densify(time_rates)], options
-            )
+            ),
+            ("t", "y", "in", "g"),
+            ("memory", "matrix", "time_rates"),
         ),
-        reduce=emit(ca.Function("reduce", [memory.symbols, right], [small], options)),
-        expand=emit(ca.Function("expand", [memory.symbols, right, solution], [full], options)),
+        reduce=emit(
+            ca.Function("reduce", [memory.symbols, right], [small], options), ("memory", "right"), ("reduced",)
+        ),
+        expand=emit(
+            ca.Function("expand", [memory.symbols, right, solution], [full], options),
+            ("memory", "right", "solution"),
+            ("increment",),
+        ),
         core=matrix.shape[0],
         memory_size=memory.values.shape[0],
         timeless=time_rates.nnz() == 0,
@@ -158,13 +166,17 @@ class _RosenbrockStep:
         b, core = emitter.b, linearized.core
         self._method, self._emitter, self._linearized = method, emitter, linearized
         self._solver = emit_dense_solver(b.module, core, lanes=lanes_of(b))
-        self._increments = [emitter.vector() for _ in range(method.stages)]
-        self._trial, self._slopes, self._right, self._time_rates = (emitter.vector() for _ in range(4))
-        self._memory, self._matrix = local_array(b, linearized.memory_size), local_array(b, core * core)
-        self._rows, self._small, self._solution = (local_array(b, core) for _ in range(3))
-        self._g = emitter.scalar()
+        self._increments = [emitter.vector(f"u{stage + 1}") for stage in range(method.stages)]
+        names = ("trial", "slopes", "right", "time_rates")
+        self._trial, self._slopes, self._right, self._time_rates = map(emitter.vector, names)
+        self._memory = local_array(b, linearized.memory_size, name="memory")
+        self._matrix = local_array(b, core * core, name="matrix")
+        self._rows, self._small, self._solution = (
+            local_array(b, core, name=name) for name in ("rows", "reduced", "solution")
+        )
+        self._g = emitter.scalar("g")
         self._emit_estimate = emitter.estimator(method.estimate, self._increments)
-        self._explicit = explicit_step(EXPLICIT["rk4"])(emitter) if emitter.system.reports_conditioning else None
+        self._explicit = CalledStep(EXPLICIT["rk4"], emitter) if emitter.system.reports_conditioning else None
         if isinstance(b, LaneBuilder):
             self._explicit_y, self._explicit_error = emitter.vector(), emitter.scalar()
 
@@ -180,11 +192,11 @@ class _RosenbrockStep:
             return
         with emitter.b.if_else(emitter.is_ill_conditioned(), likely=False) as (ill_conditioned, otherwise):
             with ill_conditioned:
-                self._explicit(t)
+                self._explicit.emit(t, self._slopes)
             with otherwise:
                 self._implicit(t)
 
-    def _members(self, t: Value, b: LaneBuilder, explicit: EmitStep) -> None:
+    def _members(self, t: Value, b: LaneBuilder, explicit: CalledStep) -> None:
         """Take the step both ways if any member needs RK4, and give each member the one it takes alone."""
         emitter, size = self._emitter, self._emitter.system.size
         y, error, explicit_y, explicit_error = emitter.y, emitter.largest_error, self._explicit_y, self._explicit_error
@@ -202,7 +214,7 @@ class _RosenbrockStep:
         with b.if_then(any_condition, likely=False):
             copy(b, size, y, explicit_y)
             copy(b, 1, error, explicit_error)
-            explicit(t)
+            explicit.emit(t, self._slopes)
             for_each(b, size, lambda i: exchange(y, explicit_y, i))
             exchange(error, explicit_error, 0)
         self._implicit(t)
@@ -213,10 +225,9 @@ class _RosenbrockStep:
     def _implicit(self, t: Value) -> None:
         """Linearize, factorize, and solve for the increment of each stage."""
         emitter, method, b, linearized = self._emitter, self._method, self._emitter.b, self._linearized
-        b.store(t, emitter.time)
-        b.store(b.fmul(number(method.gamma), emitter.h), self._g)
+        time, g = b.by_address(t, emitter.time), b.by_address(b.fmul(number(method.gamma), emitter.h), self._g)
         outputs = [self._memory, self._matrix, self._time_rates]
-        b.call(linearized.at, [emitter.time, emitter.y, emitter.inputs, self._g, *outputs])
+        b.call(linearized.at, [time, emitter.y, emitter.inputs, g, *outputs])
         b.call(self._solver.factorize, [self._matrix, self._rows])
         for stage in range(method.stages):
             if stage > 0:
@@ -283,16 +294,17 @@ class PartialFunctions:
     memory_size: int
 
 
-def emit_partial_system(
-    at: ca.Function, solve: ca.Function, emit: Callable[[ca.Function], Function]
-) -> PartialFunctions:
+def emit_partial_system(at: ca.Function, solve: ca.Function, emit: Emit) -> PartialFunctions:
     """Emit the functions of a partial system.
 
     :param at: `at(t, y, inputs, g)` gives the memory (m,) of `solve`.
     :param solve: `solve(memory, r)` gives U with (I - g A) U = r.
-    :param emit: emits or declares a function that is not inlined.
     """
-    return PartialFunctions(emit(at), emit(solve), max(1, at.nnz_out(0)))
+    return PartialFunctions(
+        emit(at, ("t", "y", "in", "g"), ("memory",)),
+        emit(solve, ("memory", "right"), ("increment",)),
+        max(1, at.nnz_out(0)),
+    )
 
 
 def rosenbrock_w_step(method: RosenbrockW, system: PartialFunctions) -> Prepare:
@@ -306,19 +318,18 @@ class _RosenbrockWStep:
     def __init__(self, method: RosenbrockW, system: PartialFunctions, emitter: StepEmitter) -> None:
         b = emitter.b
         self._method, self._emitter, self._system = method, emitter, system
-        self._increments = [emitter.vector() for _ in range(method.stages)]
-        self._trial, self._slopes, self._right = (emitter.vector() for _ in range(3))
-        self._memory = local_array(b, system.memory_size)
-        self._g = emitter.scalar()
+        self._increments = [emitter.vector(f"u{stage + 1}") for stage in range(method.stages)]
+        self._trial, self._slopes, self._right = (emitter.vector(name) for name in ("trial", "slopes", "right"))
+        self._memory = local_array(b, system.memory_size, name="memory")
+        self._g = emitter.scalar("g")
         self._emit_estimate = emitter.estimator(method.estimate, self._increments)
 
     def step(self, t: Value) -> None:
         """Emit the step from time t on."""
         emitter, method, b = self._emitter, self._method, self._emitter.b
         emitter.rates(t, emitter.y, self._slopes, first=True)
-        b.store(t, emitter.time)
-        b.store(b.fmul(number(method.gamma), emitter.h), self._g)
-        b.call(self._system.at, [emitter.time, emitter.y, emitter.inputs, self._g, self._memory])
+        time, g = b.by_address(t, emitter.time), b.by_address(b.fmul(number(method.gamma), emitter.h), self._g)
+        b.call(self._system.at, [time, emitter.y, emitter.inputs, g, self._memory])
         for stage in range(method.stages):
             if stage > 0:
                 stage_slopes(emitter, method, t, stage, self._increments, self._trial, self._slopes)

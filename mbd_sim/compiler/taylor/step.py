@@ -14,7 +14,7 @@ from mbd_sim.compiler.lists.instruction_list import InstructionList
 from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.compiler.steps.emitter import StepEmitter, System
 from mbd_sim.compiler.steps.loop import emit_is_finite, emit_plain_advance
-from mbd_sim.compiler.steps.runge_kutta import ExplicitStep
+from mbd_sim.compiler.steps.runge_kutta import CalledStep
 from mbd_sim.compiler.taylor.builder import series_of, turning_points
 from mbd_sim.compiler.taylor.expansion import TaylorExpansion, expansion
 from mbd_sim.compiler.taylor.history import TaylorHistory
@@ -76,7 +76,7 @@ class _TaylorLoop:
 
     def __init__(self, emitter: StepEmitter, method: Taylor, expand: Function, turns: _Turns | None) -> None:
         self._emitter, self._method, self._expand, self._turns = emitter, method, expand, turns
-        self._history, self._otherwise = TaylorHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
+        self._history, self._otherwise = TaylorHistory(emitter, method), CalledStep(method.otherwise, emitter)
         self._slopes, self._expansion = emitter.vector(), TaylorExpansion(emitter, method)
         self._taken, self._count = emitter.b.alloca(INT), emitter.system.size
         self._offset, self._sums = emitter.scalar(), emitter.array(cells(emitter.b, self._count))

@@ -31,11 +31,10 @@ from mbd_sim.exports.c_code.variables import (
     point_outputs,
     state_variables,
 )
-from mbd_sim.files.text.yaml_writer import mechanism_text
-from mbd_sim.integrators.adams import ADAMS, Adams
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.integrators.between_steps import BetweenSteps
+from mbd_sim.integrators.method import Method
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 from mbd_sim.mechanism.contents import require_two_sided
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Expressed
@@ -194,7 +193,7 @@ class ExportedModel:
     name: str
     mechanism: Mechanism
     equations: Equations
-    methods: tuple[Tableau | Adams, ...]
+    methods: tuple[Method, ...]
     step: float
     states: tuple[Variable, ...]
     inputs: tuple[Variable, ...]
@@ -242,11 +241,11 @@ def export_model(
 ) -> ExportedModel:
     """Trace a mechanism for C code.
 
-    :param method: an explicit method; by default that of the file.
+    :param method: by default that of the file.
     :param step: in s; by default that of the file.
     :param parameters: keys of numbers of the file that stay variable, as for live values: `l`, `parts.rod.mass`.
     :param wrenches: parts on which forces can act.
-    :raises MechanismError: it has one-sided elements, the method is implicit, or a key cannot be a parameter.
+    :raises MechanismError: it has one-sided elements, the method uses series, or a key cannot be a parameter.
     :raises CommandError: there is no such part.
     """
     reason = "cannot be exported, since its steps would end at events that only the simulation locates"
@@ -307,22 +306,20 @@ def _parameter(key: str, start: float) -> Variable:
 
 def _methods(
     mechanism: Mechanism, equations: Equations, inputs: Array, asked: str | None, step: float
-) -> tuple[tuple[Tableau | Adams, ...], list[str]]:
+) -> tuple[tuple[Method, ...], list[str]]:
     """The chosen method, then those that are always exported.
 
-    :raises MechanismError: the method is implicit.
+    :raises MechanismError: the method uses series.
     """
     name = require_method(mechanism, asked)
     choice = choose_method(mechanism, equations, inputs, name, step)
     method, remarks = choice.method, [choice.remark] if choice.remark else []
-    if not isinstance(method, Tableau | Adams):
-        message = f"method {method.name} cannot be exported" + (f": {choice.remark}" if choice.remark else "")
-        rate = f" with steps of less than {step:g} s" if choice.remark else ""
-        raise MechanismError(
-            [Problem(message, f"Choose with --method one of {', '.join([*EXPLICIT, *ADAMS])}{rate}.", key="method")]
-        )
+    if method.uses_series:
+        able = ", ".join(other for other, each in METHODS.items() if not each.uses_series)
+        message = f"method {method.name} cannot be exported, since its series are compiled for this machine"
+        raise MechanismError([Problem(message, f"Choose with --method one of {able}.", key="method")])
     others = [METHODS[other] for other in ALWAYS if other != method.name]
-    return (method, *(other for other in others if isinstance(other, Tableau))), remarks
+    return (method, *others), remarks
 
 
 def _knows_potential(mechanism: Mechanism, equations: Equations, has_parameters: bool) -> bool:

@@ -8,18 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mbd_sim import __version__
-from mbd_sim.compiler.lists.instruction_list import Instructions
-from mbd_sim.compiler.lists.lowering import instruction_count
-from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.steps.adams_history import finest_level
-from mbd_sim.exports.c_code.adams import HISTORY, adams_function
 from mbd_sim.exports.c_code.assembly import ASSEMBLY_DECLARATION, assembly_functions
 from mbd_sim.exports.c_code.functions import c_function, literal, sine_cosine_text
 from mbd_sim.exports.c_code.model import ExportedModel
-from mbd_sim.exports.c_code.steps import StepParts, moving_ranges, sample_functions, step_function
+from mbd_sim.exports.c_code.steps import step_functions
 from mbd_sim.exports.c_code.variables import Variable
-from mbd_sim.integrators.adams import PARTS, Adams
-from mbd_sim.integrators.tableau import Tableau
+from mbd_sim.integrators.method import Method
 
 FLAGS = "-std=c99 -O3 -march=native -ffp-contract=off -fno-math-errno"
 
@@ -92,15 +86,6 @@ SIZES = """\
 #define GIVEN {given}
 """
 
-PROJECTION = """\
-static void project_in_place(double t, double *y, const double *in)
-{
-    double projected[SIZE];
-
-    projection(t, y, in, projected);
-    memcpy(y, projected, sizeof projected);
-}"""
-
 DEFINITIONS = """\
 /* The structures contain doubles and nothing else: if one of these lines does not compile, they have gaps. */
 typedef char state_has_no_gaps[sizeof({name}_state) == SIZE * sizeof(double) ? 1 : -1];
@@ -116,9 +101,9 @@ static void collect(const {name}_inputs *inputs, const {name}_parameters *parame
 }}
 
 typedef void step_function(
-    int64_t index, double t, double t_next, double h, double *y, const double *in, void *memory);
+    int64_t index, double t, double t_next, double h, double *y, const double *in, double *history);
 
-static int take(step_function *step, {name}_state *state, void *memory, const {name}_inputs *inputs,
+static int take(step_function *step, {name}_state *state, void *history, const {name}_inputs *inputs,
     const {name}_parameters *parameters, int64_t index, double t, double t_next, double h)
 {{
     double y[SIZE], in[GIVEN], p[{parameter_size}], zero = 0.0;
@@ -126,7 +111,7 @@ static int take(step_function *step, {name}_state *state, void *memory, const {n
 
     memcpy(y, state, sizeof y);
     collect(inputs, parameters, in, p);
-    step(index, t, t_next, h, y, in, memory);
+    step(index, t, t_next, h, y, in, history);
     for (i = 0; i < SIZE; i++)
         zero += 0.0 * y[i];
     if (!(zero == 0.0))
@@ -187,6 +172,15 @@ int {name}_step_{method}({name}_state *state, {history}const {name}_inputs *inpu
 
     return take(step_{method}, state, {memory}, inputs, parameters, index, t, t_next, h);
 }}"""
+
+HISTORY = """\
+/*
+ * The slopes of earlier steps, for {method}: set it to zero before the first step, and keep it from step to step. It
+ * counts as none if the state, an input or the step size has changed since.
+ */
+typedef struct {{
+    double numbers[{size}];
+}} {name}_history;"""
 
 TANGENT_DECLARATION = """
 /* The derivatives of rates and outputs along a direction of states, inputs and parameters. */
@@ -267,7 +261,7 @@ def _header(model: ExportedModel, tangent: bool, assembly: bool) -> str:
             ("outputs", "What is computed from a state on request.", model.output_variables),
         )
     )
-    if any(isinstance(method, Adams) for method in model.methods):
+    if model.methods[0].keeps_history:
         structures += "\n\n" + _history(model)
     steps = "\n".join(STEP_DECLARATION.format(**_step_words(model, method)) for method in model.methods)
     declared = DECLARATIONS.format(
@@ -286,15 +280,13 @@ def _header(model: ExportedModel, tangent: bool, assembly: bool) -> str:
 
 
 def _history(model: ExportedModel) -> str:
-    method = next(method for method in model.methods if isinstance(method, Adams))
-    size, given = len(model.states), max(1, model.equations.inputs.size)
-    words = {"name": model.name, "method": method.name, "parts": PARTS, "places": PARTS * method.length}
-    return HISTORY.format(size=size, given=given, **words)
+    size = model.methods[0].history_size(len(model.states), model.equations.inputs.size)
+    return HISTORY.format(name=model.name, method=model.methods[0].name, size=size)
 
 
-def _step_words(model: ExportedModel, method: Tableau | Adams) -> dict[str, str]:
+def _step_words(model: ExportedModel, method: Method) -> dict[str, str]:
     """The names in a step function; those of Adams methods have a further argument."""
-    keeps = isinstance(method, Adams)
+    keeps = method.keeps_history
     history = f"{model.name}_history *history, " if keeps else ""
     return {"name": model.name, "method": method.name, "history": history, "memory": "history" if keeps else "0"}
 
@@ -308,37 +300,13 @@ def _structure(name: str, about: str, variables: Sequence[Variable]) -> str:
 
 
 def _source(model: ExportedModel, tangent: bool, assembly: bool) -> str:
-    between, equations = model.between_steps, model.equations
-    held = frozenset[int]() if between is None else between.held
-    parts = StepParts(
-        reports_margin=equations.rates.n_out() > 1,
-        projects=equations.project is not None,
-        samples=between is not None,
-        ranges=moving_ranges(len(model.states), held),
-    )
-    margin = ("margin",) if parts.reports_margin else ()
-    functions = [
-        "/* y' of the equations of motion. */\n"
-        + c_function(arranged(equations.rates), "rates", ("t", "y", "in"), ("out", *margin), ("t",)),
-    ]
-    if equations.project is not None:
-        projected = arranged(equations.project, fused=False)
-        functions += [_with_inputs(projected, "projection"), PROJECTION]
-    if between is not None:
-        functions.append(sample_functions(between))
-    for method in sorted(model.methods, key=lambda method: isinstance(method, Adams)):  # which need the others
-        if isinstance(method, Adams):
-            finest = finest_level(instruction_count(arranged(equations.rates)), len(model.states))
-            scales = equations.scales
-            functions.append(adams_function(method, parts, model.name, equations.inputs.size, finest, scales))
-        else:
-            functions.append(step_function(method, parts))
+    functions = step_functions(model)
     functions += [
         "/* The numbers of the equations that depend on the parameters. */\n"
         + c_function(model.values, "values", ("p",), ("out",)),
         "/* What is computed from a state on request. */\n"
         + c_function(model.outputs, "outputs_of", ("t", "y", "in", "p"), ("out",), ("t",)),
-        _definitions(model, parts),
+        _definitions(model),
     ]
     functions += [PUBLIC_STEP.format(**_step_words(model, method)) for method in model.methods]
     functions += assembly_functions(model, model.start) if assembly else []
@@ -346,7 +314,7 @@ def _source(model: ExportedModel, tangent: bool, assembly: bool) -> str:
     if any("sine_cosine(" in function for function in functions):
         functions.insert(0, sine_cosine_text())
     includes = f'#include "{model.name}.h"\n\n#include <math.h>\n#include <string.h>\n'
-    sizes = SIZES.format(size=len(model.states), given=max(1, equations.inputs.size), inputs=len(model.inputs))
+    sizes = SIZES.format(size=len(model.states), given=max(1, model.equations.inputs.size), inputs=len(model.inputs))
     contraction = "#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#endif\n"
     return f"{includes}\n{contraction}\n{sizes}\n" + "\n\n".join(functions) + "\n"
 
@@ -369,12 +337,9 @@ def _sizes(model: ExportedModel) -> dict[str, int]:
     }
 
 
-def _with_inputs(function: Instructions, name: str) -> str:
-    """A function of (t, y) or (t, y, inputs) as C of (t, y, in)."""
-    return c_function(function, name, ("t", "y", "in"), ("out",), ("t",))
+def _definitions(model: ExportedModel) -> str:
+    reports, projects = model.equations.rates.n_out() > 1, model.equations.project is not None
 
-
-def _definitions(model: ExportedModel, parts: StepParts) -> str:
     def start(kind: str, variables: Sequence[Variable]) -> str:
         """The assignment of the start values of a structure."""
         return "\n".join(f"    {kind}->{one.field} = {literal(one.start)};" for one in variables or (_NONE,))
@@ -391,7 +356,7 @@ def _definitions(model: ExportedModel, parts: StepParts) -> str:
         ),
         inputs=len(model.inputs),
         **_sizes(model),
-        margin=", &margin" if parts.reports_margin else "",
-        declared_margin="    double margin;\n" if parts.reports_margin else "",
-        project="    project_in_place(t, y, in);" if parts.projects else "    (void)t;\n    (void)in;",
+        margin=", &margin" if reports else "",
+        declared_margin="    double margin;\n" if reports else "",
+        project="    project_in_place(t, y, in);" if projects else "    (void)t;\n    (void)in;",
     )

@@ -18,7 +18,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.builders.parts import pose_of, shapes_of
 from mbd_sim.files.schema import shapes as schema
-from mbd_sim.files.schema.contacts import ContactSpec
+from mbd_sim.files.schema.constraints import ContactSpec
 from mbd_sim.files.schema.file import PartSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.values import split_unit

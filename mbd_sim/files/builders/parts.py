@@ -19,6 +19,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import rotation_matrix
 from mbd_sim.files.schema import base, file
 from mbd_sim.files.schema import shapes as schema
+from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.mechanism.elements.parts import Mesh, Part, Shape
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from mbd_sim.mechanism.values.source import Location, Source
@@ -90,15 +91,27 @@ def _mesh_properties(
     source: Source,
     problems: list[Problem],
 ) -> MassProperties:
-    """Mass center and inertia from closed meshes."""
-    from mbd_sim.files.meshes.mesh_solids import of_meshes
-
+    """Mass center and inertia from closed meshes, which are uniform solids of equal density."""
     assert spec.mass
-    try:
-        return of_meshes(meshes, spec.meshes, spec.mass)
-    except InputError as error:
-        problems.append(source.problem_of(location, error))
-        return MassProperties(spec.mass, np.zeros(3), np.zeros((3, 3)))
+    bodies = [_unit_density(mesh, one.solid) for mesh, one in zip(meshes, spec.meshes, strict=True) if one.solid]
+    whole = composite(bodies)
+    if whole.mass:
+        return MassProperties(spec.mass, whole.center, spec.mass * (whole.inertia / whole.mass))
+    remedy = "Give scale factors that are not 0, or 'inertia'."
+    problems.append(source.problem(location, "has meshes without volume", remedy))
+    return MassProperties(spec.mass, np.zeros(3), np.zeros((3, 3)))
+
+
+def _unit_density(mesh: Mesh, spec: file.SolidSpec) -> MassProperties:
+    """The solid of a mesh in the part's frame, with 1 kg/m³."""
+    scale = np.array(mesh.scale)
+    second = np.zeros((3, 3))
+    for (row, column), value in zip(PRODUCTS, spec.moments, strict=True):
+        second[row, column] = second[column, row] = value
+    factor = abs(float(np.prod(scale)))
+    second = factor * np.outer(scale, scale) * second
+    inertia = np.trace(second) * np.eye(3) - second
+    return MassProperties(factor * spec.volume, scale * np.array(spec.center), inertia).placed(mesh.pose)
 
 
 def _given_properties(

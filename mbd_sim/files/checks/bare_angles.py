@@ -60,7 +60,7 @@ def _is_written(source: Source, location: Location) -> bool:
 def is_angle(source: Source, location: Location) -> bool:
     """Whether the value at a location of a file is an angle in rad; a parameter is one if it has the unit of one."""
     from mbd_sim.files.checks.json_schema import unit_at  # with the schema, which few files need here
-    from mbd_sim.files.text.yaml_reader import parse_source
+    from mbd_sim.files.text.yaml_text import parse_source
 
     if location[0] != "parameters":
         return unit_at(source.data, location) == "rad"

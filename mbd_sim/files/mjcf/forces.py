@@ -16,10 +16,9 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.mjcf.compiled_model import odd_polynomial, polynomial, signed, weighted_sum
-from mbd_sim.files.mjcf.joints import SLIDE, has_spring_force
-from mbd_sim.files.mjcf.parts import ModelParts
-from mbd_sim.files.mjcf.tendons import Tendon
-from mbd_sim.files.xml.reading import rows
+from mbd_sim.files.mjcf.couplings import Tendon
+from mbd_sim.files.mjcf.parts import SLIDE, ModelParts, has_spring_force
+from mbd_sim.files.text.xml import rows
 from mbd_sim.mechanism.values.names import in_expression
 
 IN_JOINT, IN_PARENT, _, IN_TENDON, AT_SITE = range(5)  # mjtTrn

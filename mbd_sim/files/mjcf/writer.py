@@ -21,7 +21,6 @@ from mbd_sim.files.mjcf.written_bodies import (
     WrittenBody,
     WrittenJoint,
     add_element,
-    lead_per_radian,
     number,
     placed,
     text,
@@ -78,7 +77,7 @@ def _values(body: WrittenBody, each: WrittenJoint, q: Array, u: Array) -> tuple[
     """qpos and qvel of a joint of MuJoCo, from the coordinates and speeds of ours."""
     joint = each.joint
     if each.single:
-        factor = lead_per_radian(joint) if each.name == f"{joint.name}.travel" else 1.0
+        factor = joint.travel if each.name == f"{joint.name}.travel" else 1.0
         index = each.index
         return factor * q[index : index + 1], factor * u[index : index + 1]
     turn, spin = from_quaternion(q[-4:]), u[-3:]

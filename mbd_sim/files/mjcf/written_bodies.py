@@ -9,7 +9,6 @@ The document has the elements of the MJCF and the list of what it does not conta
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -47,7 +46,7 @@ class WrittenJoint:
     @property
     def limits(self) -> Limits | None:
         """The range of its coordinate."""
-        return self.joint.limits_of(self.index) if self.single and self.joint.type != "screw" else None
+        return self.joint.limits_of(self.index) if self.single and not self.joint.kind.advances else None
 
 
 @dataclass(eq=False)
@@ -162,11 +161,6 @@ def _written_joints(joint: Joint, frame: Pose) -> list[WrittenJoint]:
 def _inverse(one: WrittenJoint) -> WrittenJoint:
     assert one.axis is not None
     return WrittenJoint(one.name, one.kind, one.frame, one.joint, -one.axis, one.index)
-
-
-def lead_per_radian(joint: Joint) -> float:
-    """The travel of a screw for 1 rad, m."""
-    return joint.lead / (2.0 * math.pi)
 
 
 Element = ElementTree.Element

@@ -13,7 +13,7 @@ from typing import assert_never
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.files.mjcf.written_bodies import Document, Element, add_element, lead_per_radian, number, text
+from mbd_sim.files.mjcf.written_bodies import Document, Element, add_element, number, text
 from mbd_sim.mechanism.elements.actuators import (
     Actuator,
     CoordinatePort,
@@ -63,8 +63,8 @@ def add_loops(document: Document) -> None:
             case _:
                 document.leave_out(f"{joint.type} joints that close loops", joint.name)
     for name, written in document.joints.items():
-        if written.joint.type == "screw" and written.kind == "slide":
-            angle, law = written.joint.name, f"0 {number(lead_per_radian(written.joint))} 0 0 0"
+        if written.joint.kind.advances and written.kind == "slide":
+            angle, law = written.joint.name, f"0 {number(written.joint.travel)} 0 0 0"
             _equality(document, "joint", f"{angle}.lead", {"joint1": name, "joint2": angle, "polycoef": law})
 
 

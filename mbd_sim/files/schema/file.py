@@ -23,15 +23,14 @@ from mbd_sim.files.schema.base import (
     Vector,
     written_as,
 )
-from mbd_sim.files.schema.constraints import AnyConstraintSpec
-from mbd_sim.files.schema.contacts import ContactSpec
+from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
 from mbd_sim.files.schema.fields import Acceleration, Mass, MomentOfInertia, Number, PositiveTime, Quantity
 from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.schema.laws import TableSpec
 from mbd_sim.files.schema.sensors import AnySensorSpec, Seed
 from mbd_sim.files.schema.shapes import AnyShapeSpec
-from mbd_sim.files.xml.elements import parse_elements
+from mbd_sim.files.text.xml import parse_elements
 
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.files.sdf.links import Values, direction
 from mbd_sim.files.sdf.scopes import MODEL, Node, Scope, key_of, link_of, world_pose
-from mbd_sim.files.sdf.values import Values, direction
-from mbd_sim.files.xml.elements import Element
-from mbd_sim.files.xml.reading import rows
+from mbd_sim.files.text.xml import Element, rows
 
 TYPES = {
     "fixed": "fixed",

@@ -13,13 +13,11 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.sdf.joints import GEARBOX, gearbox_of, joint_of, mimics_of
-from mbd_sim.files.sdf.links import PRODUCTS, part_of, rotated
+from mbd_sim.files.sdf.links import PRODUCTS, Values, part_of, rotated
 from mbd_sim.files.sdf.scopes import FRAMES, Node, Scope, ScopeReader, key_of, link_of, world_pose
-from mbd_sim.files.sdf.values import Values
 from mbd_sim.files.text.file_limits import file_error
+from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, rows
 from mbd_sim.files.urdf.reader import note_unread, read
-from mbd_sim.files.xml.elements import Element, parse_xml
-from mbd_sim.files.xml.reading import Base, Reading, rows
 from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.values.names import accepted_names, is_name, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin, Source

@@ -27,7 +27,7 @@ from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import unique_name
 
-NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal", "screw": "screw"}
+NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +80,15 @@ class Placement:
         return self.poses[part] @ pose if part in self.poses else pose
 
 
+def native_type(joint: Joint) -> str:
+    """The type of SDF for a joint with all its coordinates; "" if it has none."""
+    return "screw" if joint.kind.advances else NATIVE.get(joint.type, "")
+
+
 def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic]) -> Chain:
     """The joints for a joint of the tree. One of several coordinates that SDF does not know becomes several."""
     inner, outer = (joint.child_pose, joint.parent_pose) if joint.reversed else (joint.parent_pose, joint.child_pose)
-    if joint.type in NATIVE:
+    if native_type(joint):
         return Chain([_native(joint, placement, inner, outer, joint.reversed, mimics)])
     chain, parent = Chain(), joint.inboard
     frame, motions = placement.frame(joint.inboard, inner), motions_of(joint)
@@ -118,7 +123,7 @@ def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic
 
 def written_closing(joint: Joint, placement: Placement) -> WrittenJoint | None:
     """A joint that closes a loop; None if SDF does not know its type."""
-    if joint.type in NATIVE:
+    if native_type(joint):
         return _native(joint, placement, joint.parent_pose, joint.child_pose, False, {})
     if joint.type in ("revolute", "prismatic"):
         axis = WrittenAxis(joint.axis)
@@ -142,10 +147,10 @@ def _native(
             directions[1],
         )  # the first axis is fixed in the parent, the second in the child
         axes = [_axis(joint, name, sign * one, placement, mimics) for name, one in zip(names, turned, strict=True)]
-    elif joint.type == "screw":
+    elif joint.kind.advances:
         axes = [_axis(joint, joint.name, sign * joint.axis, placement, mimics)]
     return WrittenJoint(
-        joint.name, NATIVE[joint.type], parent, child, outer, tuple(axes), joint.lead, joint.effort_limit
+        joint.name, native_type(joint), parent, child, outer, tuple(axes), joint.lead, joint.effort_limit
     )
 
 

@@ -1,1 +1,1 @@
-"""The text of mechanism files: YAML, units, values, parameters, functions."""
+"""The text of mechanism files: YAML, units, values, parameters, functions; XML and meshes of robot descriptions."""

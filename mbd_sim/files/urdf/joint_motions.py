@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import assert_never
@@ -49,7 +48,7 @@ def motions_of(joint: Joint) -> list[Motion]:
         case "revolute" | "prismatic" | "cylindrical" | "universal" | "planar":
             motions = _single_motions(joint)
         case "screw":
-            follower = Mimic(joint.name, joint.lead / (2.0 * math.pi))
+            follower = Mimic(joint.name, joint.travel)
             motions = [
                 *_single_motions(joint),
                 Motion(f"{joint.name}.travel", "prismatic", joint.axis, mimic=follower),
@@ -81,7 +80,7 @@ def _single_motions(joint: Joint) -> list[Motion]:
 
 def _type(joint: Joint, rotation: int) -> str:
     """The URDF type of a rotation, by the index of its coordinate. A screw's range is left out."""
-    return "revolute" if joint.limits_of(rotation) and joint.type != "screw" else "continuous"
+    return "revolute" if joint.limits_of(rotation) and not joint.kind.advances else "continuous"
 
 
 def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from mbd_sim.base.errors import nearest, quoted
+from mbd_sim.files.text.xml import Element, Reading, placed
 from mbd_sim.files.urdf.links import Origins
-from mbd_sim.files.xml.elements import Element
-from mbd_sim.files.xml.reading import Reading, placed
 
 TYPES = {
     "fixed": "fixed",

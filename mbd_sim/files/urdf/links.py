@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.files.xml.elements import Element
-from mbd_sim.files.xml.reading import Reading, placed, pose_of, rows
+from mbd_sim.files.text.xml import Element, Reading, placed, pose_of, rows
 from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.values.source import Location, Origin
 

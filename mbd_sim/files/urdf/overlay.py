@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from mbd_sim.base.errors import MechanismError, nearest, quoted
-from mbd_sim.files.meshes.mesh_files import seen_from
 from mbd_sim.files.text.file_limits import digest_of, read_text
+from mbd_sim.files.text.mesh_files import seen_from
+from mbd_sim.files.text.xml import Base
 from mbd_sim.files.urdf.reader import urdf_source
-from mbd_sim.files.xml.reading import Base
 from mbd_sim.mechanism.values.source import Location, Source
 
 BASES = get_args(Base)

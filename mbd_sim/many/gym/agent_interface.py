@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import CommandError, InputError, listed, nearest, quoted, require_each_once
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.mechanism.actuation import action_bounds
-from mbd_sim.mechanism.contents import channel_names
+from mbd_sim.mechanism.contents import action_bounds, channel_names
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.arguments import positive_count

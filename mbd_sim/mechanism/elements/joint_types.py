@@ -107,6 +107,17 @@ class JointKind:
         return any(not coordinate.rotation and coordinate.direction == "axis" for coordinate in self.coordinates)
 
     @property
+    def advances(self) -> bool:
+        """Whether the joint moves along its axis in proportion to its rotation, by its lead."""
+        return "advance by the lead" in self.loop_conditions
+
+    @property
+    def keeps_line(self) -> bool:
+        """Whether the joint turns about a line that belongs to both parts."""
+        conditions = self.loop_conditions
+        return "parallel axes" in conditions and (self.keeps_point or "point on axis" in conditions)
+
+    @property
     def keeps_point(self) -> bool:
         """Whether a point of one part stays at a point of the other."""
         return "coincident points" in self.loop_conditions

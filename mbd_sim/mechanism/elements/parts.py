@@ -142,6 +142,11 @@ class Joint:
         return JOINT_KINDS[self.type]
 
     @property
+    def travel(self) -> float:
+        """The displacement along its axis for a rotation of 1 rad about it, m: 0, but for a screw."""
+        return self.lead / (2.0 * np.pi) if self.kind.advances else 0.0
+
+    @property
     def splits(self) -> bool:
         """Whether the joint carries a piece of a part."""
         return bool(self.piece)

@@ -4,9 +4,8 @@
 |---|---|
 | `snapping` | the mechanism with exact geometry, and by how much each joint was moved |
 | `guides` | constraints that close loops, as joints of massless parts |
-| `ratios` | couplings that repeat each other |
 | `loop_positions` | a configuration in which all loops are closed as well as their geometry allows |
 | `freedoms` | the freedoms of joints as twists, and the gaps of closing joints |
-| `targets` | where the axes of all joints are to be |
+| `targets` | where the axes of all joints are to be, and the ratios of couplings that repeat each other |
 | `families` | which axes of a loop are meant to be parallel, to coincide, or to meet in a point |
 """

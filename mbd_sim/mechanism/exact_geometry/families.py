@@ -17,7 +17,6 @@ from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.exact_geometry.loop_positions import Placement
 
 Key = tuple[str, int]  # a joint and the number of its axis: 1 for the second one of a universal joint
-LINES = ("revolute", "screw", "cylindrical")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,27 +85,27 @@ def _with_common_axes(
 ) -> Iterator[Family]:
     """The families of joints that are all on a line, or through a point."""
     axes = _axes(around, place)
-    kinds = {joint.type for joint, _ in around} - {"fixed"}
-    by_name, reach = {joint.name: joint.type for joint, _ in around}, size * tolerance
-    if kinds <= {*LINES, "prismatic", "spherical"} and _coincide(axes, by_name, reach, tolerance):
+    by_name, reach = {joint.name: joint for joint, _ in around}, size * tolerance
+    straight = all(one.kind.keeps_line or one.type in ("prismatic", "spherical", "fixed") for one in by_name.values())
+    if straight and _coincide(axes, by_name, reach, tolerance):
         directed = [axis.key for axis in axes if axis.direction.any()]
         yield Family([(directed[0], key) for key in directed[1:]], common="line", joined=tuple(by_name))
-    if kinds <= {"revolute", "universal", "spherical"}:
+    if all(one.kind.keeps_point for one in by_name.values()):
         center = meeting_point(axes)
         if center is not None and all(distance_of(axis, center) <= reach for axis in axes):
             yield Family(common="point", joined=tuple(by_name))
 
 
-def _coincide(axes: Sequence[Axis], kinds: Mapping[str, str], reach: float, angle: float) -> bool:
+def _coincide(axes: Sequence[Axis], joints: Mapping[str, Joint], reach: float, angle: float) -> bool:
     """Whether all axes have the same direction, and all of hinges and all points are on one line."""
-    lines = [axis for axis in axes if kinds[axis.key[0]] in LINES]
+    lines = [axis for axis in axes if joints[axis.key[0]].kind.keeps_line]
     if not lines:
         return False
     line = lines[0]
     directed = [axis for axis in axes if axis.direction.any()]
     if any(np.linalg.norm(np.cross(line.direction, axis.direction)) > angle for axis in directed):
         return False
-    return all(distance_of(line, axis.point) <= reach for axis in axes if kinds[axis.key[0]] != "prismatic")
+    return all(distance_of(line, axis.point) <= reach for axis in axes if joints[axis.key[0]].type != "prismatic")
 
 
 def distance_of(axis: Axis, point: Array) -> float:

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import assert_never
 
 import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.mechanism.elements.joint_types import LoopCondition
 from mbd_sim.mechanism.elements.parts import Joint
+
+ROW_ORDER: tuple[LoopCondition, ...] = (
+    "parallel axes",
+    "equal orientations",
+    "coincident points",
+    "point on axis",
+    "point in plane",
+    "constant angle between axes",
+    "advance by the lead",
+)
 
 
 def rotation_about(axis: Array, point: Array) -> Array:
@@ -31,8 +43,8 @@ def twists_of(joint: Joint, first: Pose, second: Pose) -> list[Array]:
         on_child = coordinate.on_child or coordinate.direction == "second"
         direction = (second if on_child and coordinate.rotation else first).rotation @ joint.direction(coordinate)
         twist = rotation_about(direction, second.position) if coordinate.rotation else translation_along(direction)
-        if joint.type == "screw":
-            twist = twist + translation_along(direction) * joint.lead / (2.0 * np.pi)
+        if coordinate.rotation and joint.travel:
+            twist = twist + translation_along(direction) * joint.travel
         found.append(twist)
     return found
 
@@ -46,7 +58,7 @@ def motion(joint: Joint, q: Array) -> Pose:
         case "prismatic":
             return Pose(axis * q[0], np.eye(3))
         case "screw":
-            return Pose(axis * (q[0] * joint.lead / (2.0 * np.pi)), rot.about(axis, float(q[0])))
+            return Pose(axis * (q[0] * joint.travel), rot.about(axis, float(q[0])))
         case "cylindrical":
             return Pose(axis * q[0], rot.about(axis, float(q[1])))
         case "universal":
@@ -58,7 +70,10 @@ def motion(joint: Joint, q: Array) -> Pose:
             return Pose(zero, rot.from_quaternion(q))
         case "free":
             return Pose(np.asarray(q[:3]), rot.from_quaternion(q[3:]))
-    return Pose(zero, np.eye(3))
+        case "fixed":
+            return Pose(zero, np.eye(3))
+        case _:
+            assert_never(kind)
 
 
 def displaced(joint: Joint, q: Array, change: Array) -> Array:
@@ -78,31 +93,35 @@ def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
     """
     turn, shift = _error(joint, first, second), second.position - first.position
     axis = first.rotation @ joint.axis
-    all_three = np.eye(3)
-    sides = rot.aligning_z(rot.unit(axis))[:, :2].T if joint.axis.any() else all_three
-    none = np.zeros((0, 3))
-    by_turn, by_shift = {
-        "revolute": (sides, all_three),
-        "prismatic": (all_three, sides),
-        "screw": (sides, sides),
-        "cylindrical": (sides, sides),
-        "universal": (none, all_three),
-        "planar": (sides, axis[None, :]),
-        "spherical": (none, all_three),
-        "free": (none, none),
-        "fixed": (all_three, all_three),
-    }[joint.type]
-    rows = np.concatenate([by_turn @ turn, by_shift @ shift])
-    slopes = np.vstack([np.pad(by_turn, ((0, 0), (0, 3))), np.pad(by_shift, ((0, 0), (3, 0)))])
-    if joint.type == "universal":
-        other = second.rotation @ joint.second
-        rows = np.append(rows, axis @ other - joint.axis @ joint.second)
-        slopes = np.vstack([slopes, [*np.cross(other, axis), 0.0, 0.0, 0.0]])
-    if joint.type == "screw":
-        pitch = joint.lead / (2.0 * np.pi)
-        rows = np.append(rows, advance(joint, first, second))
-        slopes = np.vstack([slopes, [*(-pitch * axis), *axis]])
-    return rows, slopes
+    sides = rot.aligning_z(rot.unit(axis))[:, :2].T if joint.axis.any() else np.eye(3)
+    rows, slopes = [np.zeros(0)], [np.zeros((0, 6))]
+
+    def add(directions: Array, error: Array, place: int) -> None:
+        rows.append(directions @ error)
+        slopes.append(np.pad(directions, ((0, 0), (place, 3 - place))))
+
+    for condition in sorted(joint.kind.loop_conditions, key=ROW_ORDER.index):
+        match condition:
+            case "parallel axes":
+                add(sides, turn, 0)
+            case "equal orientations":
+                add(np.eye(3), turn, 0)
+            case "coincident points":
+                add(np.eye(3), shift, 3)
+            case "point on axis":
+                add(sides, shift, 3)
+            case "point in plane":
+                add(axis[None, :], shift, 3)
+            case "constant angle between axes":
+                other = second.rotation @ joint.second
+                rows.append(np.array([axis @ other - joint.axis @ joint.second]))
+                slopes.append(np.array([[*np.cross(other, axis), 0.0, 0.0, 0.0]]))
+            case "advance by the lead":
+                rows.append(np.array([advance(joint, first, second)]))
+                slopes.append(np.array([[*(-joint.travel * axis), *axis]]))
+            case _:
+                assert_never(condition)
+    return np.concatenate(rows), np.concatenate(slopes)
 
 
 def advance(joint: Joint, first: Pose, second: Pose) -> float:
@@ -110,7 +129,7 @@ def advance(joint: Joint, first: Pose, second: Pose) -> float:
     axis, side = first.rotation @ joint.axis, rot.aligning_z(joint.axis)[:, 0]
     start, end = first.rotation @ side, second.rotation @ side
     angle = float(np.arctan2(np.cross(start, end) @ axis, start @ end))
-    found = float(axis @ (second.position - first.position)) - joint.lead * angle / (2.0 * np.pi)
+    found = float(axis @ (second.position - first.position)) - joint.travel * angle
     return found - joint.lead * round(found / joint.lead) if joint.lead else found
 
 
@@ -123,7 +142,7 @@ def displacement(joint: Joint, first: Pose, second: Pose) -> Array:
 
 def _error(joint: Joint, first: Pose, second: Pose) -> Array:
     """The rotation vector (3,) in rad from the first frame to the second one, across a joint's axis if it has one."""
-    if joint.type in ("fixed", "prismatic"):
+    if "equal orientations" in joint.kind.loop_conditions:
         return rot.rotation_vector(rot.to_quaternion(second.rotation @ first.rotation.T))
     one, other = first.rotation @ joint.axis, second.rotation @ joint.axis
     across = np.cross(one, other)

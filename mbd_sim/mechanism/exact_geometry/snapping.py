@@ -22,8 +22,7 @@ from mbd_sim.mechanism.exact_geometry.families import Family, families
 from mbd_sim.mechanism.exact_geometry.freedoms import stacked
 from mbd_sim.mechanism.exact_geometry.guides import guides, with_guides
 from mbd_sim.mechanism.exact_geometry.loop_positions import NEARLY, Loops, Placement
-from mbd_sim.mechanism.exact_geometry.ratios import exact_couplings
-from mbd_sim.mechanism.exact_geometry.targets import Groups, Targets
+from mbd_sim.mechanism.exact_geometry.targets import Groups, Targets, exact_couplings
 from mbd_sim.mechanism.mechanism import Mechanism
 
 ROUND_OFF = 1e-13  # rad, or parts of the size

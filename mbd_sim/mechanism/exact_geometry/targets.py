@@ -1,4 +1,10 @@
-"""Where the axes of joints are to be: what the loops of a mechanism have in common, applied to all of them at once."""
+"""What the digits of a mechanism file mean: where the axes of joints are to be, and the ratios of couplings.
+
+What the loops of a mechanism have in common is applied to all of them at once. Couplings may repeat each other but for
+the digits of their ratios: with coordinates q, couplings are C q = v, and repeat each other if there is a y with
+yᵀ C = 0 and yᵀ v = 0. Where these are zero only nearly, the entries of C and v are changed as little as possible; those
+that are zero stay so.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +15,13 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.mechanism.elements.parts import Joint
-from mbd_sim.mechanism.exact_geometry.families import LINES, Axis, Family, Key, axes_of, meeting_point
+from mbd_sim.mechanism.elements.constraints import Constraint, Coupling
+from mbd_sim.mechanism.elements.parts import Joint, Move
+from mbd_sim.mechanism.exact_geometry.families import Axis, Family, Key, axes_of, meeting_point
 from mbd_sim.mechanism.exact_geometry.freedoms import advance, twists_of
 from mbd_sim.mechanism.exact_geometry.loop_positions import Placement
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.expression import TimeExpression
 
 
 class Groups:
@@ -116,23 +125,23 @@ class Targets:
         """The origins of both frames, so that the joint is at a position that it allows."""
         gap = second.position - first.position
         axis = first.rotation @ joint.axis
-        match joint.type:
-            case "revolute" | "universal" | "spherical":
-                shared = self._on_common(joint, 0.5 * (first.position + second.position), axis)
-                return shared, shared
-            case "prismatic" | "cylindrical" | "screw":
-                along = axis * float(axis @ gap)
-                across = 0.5 * (gap - along)
-                places = [first.position + across, second.position - across]
-                if joint.type == "screw":
-                    half = 0.5 * axis * advance(joint, first, second)
-                    places = [places[0] + half, places[1] - half]
-                if joint.type in LINES:
-                    places = [self._on_common(joint, at, axis) for at in places]
-                return places[0], places[1]
-            case "planar":
-                half = 0.5 * axis * float(axis @ gap)
-                return first.position + half, second.position - half
+        conditions, kind = joint.kind.loop_conditions, joint.kind
+        if kind.keeps_point:
+            shared = self._on_common(joint, 0.5 * (first.position + second.position), axis)
+            return shared, shared
+        if "point on axis" in conditions:
+            along = axis * float(axis @ gap)
+            across = 0.5 * (gap - along)
+            places = [first.position + across, second.position - across]
+            if kind.advances:
+                half = 0.5 * axis * advance(joint, first, second)
+                places = [places[0] + half, places[1] - half]
+            if kind.keeps_line:
+                places = [self._on_common(joint, at, axis) for at in places]
+            return places[0], places[1]
+        if "point in plane" in conditions:
+            half = 0.5 * axis * float(axis @ gap)
+            return first.position + half, second.position - half
         return first.position, second.position
 
     def _on_common(self, joint: Joint, at: Array, axis: Array) -> Array:
@@ -179,3 +188,57 @@ def _at_angle(axis: Array, second: Array, cosine: float) -> Array:
     across = rot.unit(second - axis * float(axis @ second))
     found: Array = cosine * axis + np.sqrt(max(0.0, 1.0 - cosine**2)) * across
     return found
+
+
+def exact_couplings(mechanism: Mechanism, nearly: float, round_off: float) -> dict[str, tuple[Constraint, Move]]:
+    """The couplings of which a ratio changes, and by which part, by their names.
+
+    :param nearly: a singular value that counts as zero within the digits of a file, and `round_off` what is zero.
+    """
+    found = [one for one in mechanism.constraints if isinstance(one, Coupling) and _is_linear(one)]
+    if len(found) < 2:
+        return {}
+    columns = list(dict.fromkeys(name for one in found for name in one.factors))
+    rows, scaled = _equilibrated(np.array([[one.factors.get(name, 0.0) for name in columns] for one in found]))
+    left, sizes, _ = np.linalg.svd(scaled)
+    sizes = np.pad(sizes, (0, len(found) - len(sizes)))
+    stresses = left[:, sizes < nearly]
+    values = np.array([one.value.at(0.0) for one in found])
+    offsets = rows * values
+    if np.abs(stresses.T @ np.column_stack([scaled, offsets])).max(initial=0.0) <= round_off:
+        return {}
+    parts = _relative_changes(scaled, stresses)
+    of_values = _relative_changes(offsets[:, None], stresses)[:, 0]
+    share = np.abs(offsets) / (np.max(np.abs(offsets)) or 1.0)  # a value may be a small difference of large ones
+    changed: dict[str, tuple[Constraint, Move]] = {}
+    for one, part, of_value, value, of_largest in zip(found, parts, of_values, values, share, strict=True):
+        largest = float(np.max(np.abs([*part, of_value * of_largest])))
+        if largest > round_off:
+            factors = {name: one.factors[name] * (1.0 + part[columns.index(name)]) for name in one.factors}
+            offset = TimeExpression(repr(float(value * (1.0 + of_value))), {}) if of_value else one.value
+            changed[one.name] = dataclasses.replace(one, factors=factors, value=offset), Move(0.0, largest)
+    return changed
+
+
+def _is_linear(coupling: Coupling) -> bool:
+    return coupling.law is None and coupling.play is None and not coupling.value.variables
+
+
+def _equilibrated(matrix: Array) -> tuple[Array, Array]:
+    """The factors (m,) of the rows, and the matrix (m, n) with rows and columns whose entries are about 1 or 0."""
+    used, (count, _) = np.nonzero(matrix), matrix.shape
+    unknown = np.zeros((len(used[0]), sum(matrix.shape)))  # the logarithms of the factors of rows and columns
+    entries = np.arange(len(unknown))
+    unknown[entries, used[0]] = unknown[entries, count + used[1]] = 1.0
+    factors = np.exp(np.linalg.lstsq(unknown, -np.log(np.abs(matrix[used])), rcond=None)[0])
+    return factors[:count], factors[:count, None] * matrix * factors[count:]
+
+
+def _relative_changes(matrix: Array, stresses: Array) -> Array:
+    """The parts (m, n) by which the entries change so that all combinations `stresses` (m, k) of the rows are zero."""
+    changes = np.zeros_like(matrix)
+    for number, column in enumerate(matrix.T):
+        used = column != 0.0
+        change = -np.linalg.lstsq(stresses[used].T, stresses.T @ column, rcond=None)[0]
+        changes[used, number] = change / column[used]
+    return changes

@@ -28,7 +28,7 @@ class Origin:
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `text` is the YAML that was read, and None after a conversion from another `format`. `yaml_writer.mechanism_text`
+    `text` is the YAML that was read, and None after a conversion from another `format`. `yaml_text.mechanism_text`
     writes YAML from which alone the mechanism can be built again, after a conversion with `comments` at the top.
     `data` may have been `changed` since they were read.
     `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such

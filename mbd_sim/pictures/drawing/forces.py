@@ -14,7 +14,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
-from mbd_sim.mechanism.actuation import line_ports
+from mbd_sim.mechanism.contents import line_ports
 from mbd_sim.mechanism.elements.actuators import LinePort
 from mbd_sim.mechanism.elements.constraints import Distance
 from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring

@@ -412,7 +412,7 @@ def _drive(page: Page, placed: PlacedJoint) -> list[SheetPath]:
     if not placed.joint.drive:
         return []
     along = unit_or_zero(page.direction(placed.axis))
-    if placed.joint.type in ("prismatic", "cylindrical", "screw") and along.any():
+    if (placed.joint.kind.slides_along_axis or placed.joint.kind.advances) and along.any():
         side = left_of(along) if left_of(along)[1] > 0.0 else -left_of(along)
         at = page.project(placed.mover_frame.position) + 20.0 * side
         heads = [arrow_head(at + sign * 18.0 * along, sign * along, DRIVE) for sign in (1.0, -1.0)]

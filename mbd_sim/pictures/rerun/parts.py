@@ -12,7 +12,7 @@ from mbd_sim.base.errors import counted, listed
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import quaternions
-from mbd_sim.files.meshes.mesh_files import mesh_path
+from mbd_sim.files.text.mesh_files import mesh_path
 from mbd_sim.mechanism.elements.parts import GROUND, Mesh
 from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.forces import weight

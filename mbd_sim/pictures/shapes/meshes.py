@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.files.meshes.mesh_files import MeshError, mesh_path, read_scene, read_triangles
+from mbd_sim.files.text.mesh_files import MeshError, mesh_path, read_scene, read_triangles
 from mbd_sim.mechanism.elements.parts import Mesh, Part
 from mbd_sim.mechanism.mechanism import Mechanism
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import aligning_z
-from mbd_sim.mechanism.actuation import line_ports
+from mbd_sim.mechanism.contents import line_ports
 from mbd_sim.mechanism.elements.constraints import (
     Cable,
     Clutch,

@@ -13,7 +13,7 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError, DivergedError, InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.recordings.mcap.writer import McapWriter
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import Message

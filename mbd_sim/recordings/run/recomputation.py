@@ -209,7 +209,7 @@ class Recomputation:
         if start.inputs is None or not self.as_recorded:
             changes = {key: value for key, value in live.items() if simulation.live[key] != value}
             if changes:
-                simulation.set_live(changes)
+                simulation.set_live(changes, reassemble=True)
                 simulation.reset()
         if self.as_recorded:
             rest = start.start_energy, live, start.samples, start.history
@@ -261,7 +261,7 @@ class Recomputation:
         current = self.simulation.live
         known = self._live_of(dict(zip(recorded.labels, recorded.values.tolist(), strict=True)))
         if any(current[key] != value for key, value in known.items()):
-            self.simulation.set_live(known)
+            self.simulation.set_live(known, reassemble=True)  # if it was, at the time; else the loops stay closed
 
     def _live_of(self, recorded: Mapping[str, float]) -> dict[str, float]:
         """The live values of the simulation with recorded ones; in a changed run, those that had been given."""

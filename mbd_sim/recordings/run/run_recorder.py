@@ -10,7 +10,7 @@ from typing import Self
 
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.recordings.mcap.durable_file import OPEN_FILES
 from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic, offered_qos_profiles

@@ -16,7 +16,7 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError, listed, require_each_once
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.mechanism.actuation import command_bounds
+from mbd_sim.mechanism.contents import command_bounds
 from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism

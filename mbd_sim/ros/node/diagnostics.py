@@ -231,7 +231,7 @@ class Diagnostics:
         elif limited := now.limited - self._last.limited:
             problem = (
                 f"{limited} commands in the last second were beyond the limits of their joints, and have been reduced. "
-                "Command positions within 'limits', and velocities up to 'velocity_limit'"
+                "Command positions within 'limits', velocities up to 'velocity_limit', and efforts up to 'effort_limit'"
             )
         return self._status("commands", problem or "OK", bool(problem), {
             "accepted": str(subscriptions.accepted),

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from mbd_sim.base.errors import InputError, listed, nearest
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.files.urdf.writer import ControlTopics, control_blocks, floating_joints
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.events import robot_description

@@ -129,7 +129,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         with BuildProgress(self, f"reading {parameters['mechanism']}"):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
-        given = parameters.add_live(lambda: simulation.live, lambda new: self.stepping_thread.set_live(new))
+        given = parameters.add_live(lambda: simulation.live, self._set_live)
         self._apply_initial(given)
         self._unknown_parameters = parameters.finish()
         self.commands = command_buffer(parameters, simulation)
@@ -242,8 +242,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         :raises CommandError, ValueError: one does not fit, or the loops cannot be closed with them.
         """
         if changes:
-            self.simulation.set_live(changes)
+            self.simulation.set_live(changes, reassemble=True)
             self.simulation.reset()
+
+    def _set_live(self, changes: Mapping[str, float]) -> str:
+        return self.stepping_thread.set_live(changes, reassemble=self.parameters["reassemble"])
 
     def _begin_at_start(self) -> StateValues | None:
         """Begin the run at the start that the parameters give, and return it.

@@ -68,6 +68,11 @@ PARAMETERS = (
     ParameterSpec(
         "sensor_seed", -1, "whole number that selects the noise of all sensors; -1: from the mechanism file", -1, 10**15
     ),
+    ParameterSpec(
+        "reassemble", False,
+        "whether a live value that would open loops assembles the mechanism anew from where it is, or is refused",
+        live=True,
+    ),
     ParameterSpec("step_count", 1, "steps taken by one call of ~/step", 1, 1_000_000, live=True),
     ParameterSpec("step_on_command", False, "while paused, each command triggers step_count steps", live=True),
     ParameterSpec("reset_rewinds_clock", False, "whether ~/reset sets /clock back to zero", live=True),

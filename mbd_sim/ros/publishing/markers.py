@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mbd_sim.base.geometry import pose as geometry
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import aligning_z, to_quaternion
-from mbd_sim.files.meshes.mesh_files import resource_uri
+from mbd_sim.files.text.mesh_files import resource_uri
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
 from mbd_sim.pictures.shapes import palette, solids
 from mbd_sim.pictures.shapes.extent import Extent, extent_of

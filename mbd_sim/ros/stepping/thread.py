@@ -19,6 +19,52 @@ from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
 from mbd_sim.simulation.run.simulation import Simulation
 
+P = ParamSpec("P")
+
+
+class RequestQueue(Generic[P]):
+    """Functions to call in the serving thread, in the order of their submission."""
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        """`wake` is called after each submission, to interrupt the serving thread's sleep."""
+        self._wake = wake
+        self._requests: SimpleQueue[tuple[Callable[P, None], threading.Event]] = SimpleQueue()
+
+    def submit(self, action: Callable[P, None]) -> threading.Event:
+        """Add a request and return at once; the event is set when it has been served."""
+        done = threading.Event()
+        self._requests.put((action, done))
+        self._wake()
+        return done
+
+    def call(self, action: Callable[P, None], server: threading.Thread, *, await_start: bool = False) -> None:
+        """Add a request and wait until the serving thread has served it, or has ended.
+
+        :param await_start: wait also for a thread that has not started yet; otherwise it serves the request later.
+        """
+        done = self.submit(action)
+        while not done.wait(0.1):
+            if not server.is_alive() and not (await_start and server.ident is None):
+                return
+
+    def serve_next(self, *args: P.args, **kwargs: P.kwargs) -> bool:
+        """Serve the oldest request; False if there is none."""
+        try:
+            action, done = self._requests.get_nowait()
+        except Empty:
+            return False
+        try:
+            action(*args, **kwargs)
+        finally:
+            done.set()
+        return True
+
+    def serve_all(self, *args: P.args, **kwargs: P.kwargs) -> None:
+        """Serve all requests that wait."""
+        while self.serve_next(*args, **kwargs):
+            pass
+
+
 WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is shorter
 FAST_BATCH = 1000  # most steps between requests
 REPEAT_PERIOD = 0.5  # s of real time between repeated states while paused, for subscribers that join later
@@ -95,17 +141,19 @@ class SteppingThread:
         """Take some steps while paused; returns the problem, or "" on success."""
         return self.between_steps(lambda: self._step_paused(steps))
 
-    def set_live(self, changes: Mapping[str, float]) -> str:
+    def set_live(self, changes: Mapping[str, float], *, reassemble: bool = False) -> str:
         """Change live values of the mechanism; returns the problem, and then nothing has changed, or "" on success.
 
-        The new values are validated in the calling thread. Changes from several threads are applied one after another.
+        With `reassemble`, lengths in closed loops may change: see `Simulation.set_live`. Values are validated in the
+        calling thread. Changes from several threads are applied one after another.
         """
         with self._live_lock:
             try:
-                prepared = self.simulation.prepare_live(changes)
+                prepared = self.simulation.prepare_live(changes, reassemble=reassemble)
             except CommandError as error:
                 return str(error)
-            return self.between_steps(self.run.live_change(prepared))
+            change = self.run.live_change(prepared)
+            return self.between_steps(lambda: self._set_live(change))
 
     def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
         """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success.
@@ -298,6 +346,13 @@ class SteppingThread:
             self._show_change(Due.NEW, began)
         return problem
 
+    def _set_live(self, change: Callable[[], str]) -> str:
+        began, before = time.perf_counter(), self.simulation.state.tobytes()
+        problem = change()
+        if self.simulation.state.tobytes() != before:  # the mechanism has been assembled anew
+            self._show_change(Due.ALL, began)
+        return problem
+
     def _show_change(self, due: Due, began: float) -> None:
         """Hand out a snapshot after a change that began at a time in s of the steady clock."""
         self._output.emit(due)
@@ -318,49 +373,3 @@ class SteppingThread:
         if self._output.last_emitted != self.ticks:
             self._output.emit(Due.STATE | Due.CLOCK)  # markers and the Rerun scene follow with the next repeated state
         return ""
-
-
-P = ParamSpec("P")
-
-
-class RequestQueue(Generic[P]):
-    """Functions to call in the serving thread, in the order of their submission."""
-
-    def __init__(self, wake: Callable[[], None]) -> None:
-        """`wake` is called after each submission, to interrupt the serving thread's sleep."""
-        self._wake = wake
-        self._requests: SimpleQueue[tuple[Callable[P, None], threading.Event]] = SimpleQueue()
-
-    def submit(self, action: Callable[P, None]) -> threading.Event:
-        """Add a request and return at once; the event is set when it has been served."""
-        done = threading.Event()
-        self._requests.put((action, done))
-        self._wake()
-        return done
-
-    def call(self, action: Callable[P, None], server: threading.Thread, *, await_start: bool = False) -> None:
-        """Add a request and wait until the serving thread has served it, or has ended.
-
-        :param await_start: wait also for a thread that has not started yet; otherwise it serves the request later.
-        """
-        done = self.submit(action)
-        while not done.wait(0.1):
-            if not server.is_alive() and not (await_start and server.ident is None):
-                return
-
-    def serve_next(self, *args: P.args, **kwargs: P.kwargs) -> bool:
-        """Serve the oldest request; False if there is none."""
-        try:
-            action, done = self._requests.get_nowait()
-        except Empty:
-            return False
-        try:
-            action(*args, **kwargs)
-        finally:
-            done.set()
-        return True
-
-    def serve_all(self, *args: P.args, **kwargs: P.kwargs) -> None:
-        """Serve all requests that wait."""
-        while self.serve_next(*args, **kwargs):
-            pass

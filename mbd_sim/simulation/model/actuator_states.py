@@ -31,8 +31,7 @@ class ActuatorEnergies:
     stored: float
     residual: float
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +56,7 @@ class ActuatorState:
     friction_loss: float
     energies: ActuatorEnergies
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +74,7 @@ class CylinderEnergies:
     stored: float
     residual: float
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +97,7 @@ class CylinderState:
     throttling_loss: float
     energies: CylinderEnergies
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 AnyActuatorState = ActuatorState | CylinderState

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import CommandError, InputError, MechanismError, Problem, nearest, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import location_of, matching, number_at, value_of, values_of, with_values
-from mbd_sim.files.mechanism_cache import cached, records_digest
+from mbd_sim.files.load import cached, records_digest
 from mbd_sim.files.text.values import parse_value
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location, value_at
@@ -151,7 +151,8 @@ class PreparedValues:
     """Validated changes of live values: the changes, all live values after them, and the values (n,) in the inputs.
 
     The changes include those of values that follow the given ones. `given` are all values that have been given, from
-    which the others follow; `mechanism` is the one with these values.
+    which the others follow; `mechanism` is the one with these values. With `reassemble`, a mechanism whose
+    loops they would open is assembled anew.
     """
 
     changes: Mapping[str, float]
@@ -159,6 +160,7 @@ class PreparedValues:
     current: Mapping[str, float]
     inputs: Array
     mechanism: Mechanism
+    reassemble: bool = False
 
 
 class LiveParameters:
@@ -386,14 +388,10 @@ class LiveValues:
         )
 
 
-def require_closed(changes: Mapping[str, float], gap: float, before: float) -> None:
-    """Refuse changes that open loops.
+def opens_loops(gap: float, before: float) -> bool:
+    """Whether a change of live values opens loops too far for the next step to close them.
 
-    :param gap: the largest violation of the constraints in position with the changes, m or 1.
-    :param before: the same without them.
-    :raises CommandError: the gap is too large for the next step to close it.
+    :param gap: the largest violation of the constraints in position with the change, m or 1.
+    :param before: the same without it.
     """
-    if gap > max(LARGEST_GAP, 10.0 * before):
-        raise CommandError(
-            f"{', '.join(changes)}: this would open the loops by {gap:.3g}", "Start again with the new value."
-        )
+    return gap > max(LARGEST_GAP, 10.0 * before)

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
-from mbd_sim.base.collection_pause import paused_collection
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, LOSS_STATES
-from mbd_sim.files.mechanism_cache import cached
+from mbd_sim.files.load import cached
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import LiveParameters
 from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, require_method, store_prepared
@@ -428,7 +427,7 @@ def build_model(
     # All that traces and compiles: a start with a stored model needs none of it.
     from mbd_sim.simulation.model.builder import build, can_be_stored, one_sided_model
 
-    with paused_collection(), interruptible_tracing():
+    with interruptible_tracing():
         built = build(mechanism, name, trace, given_step)
     if key is not None and can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)

@@ -1,6 +1,7 @@
-"""New states of a simulation between two steps: at time zero, with positions by name, or given as numbers.
+"""New states of a simulation between two steps: at time zero, with positions by name, or with other live values.
 
-With positions and speeds given by name, the new state has them, and all loops are closed. States are refused in which
+With positions and speeds given by name, the new state has them, and all loops are closed. With other lengths, the
+mechanism is assembled anew from where it is. States are refused in which
 parts are inside each other, or beyond stops, ropes and other one-sided constraints.
 """
 
@@ -19,6 +20,7 @@ from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.state import recorded_state
 
@@ -252,6 +254,87 @@ def moved(model: Model, memory: KernelMemory, positions: Mapping[str, float], sp
     require_outside(model, time, y, inputs)
     model.keep_accounts(time, before, y, inputs)
     return y
+
+
+LARGEST_MOVE = 0.2  # of the natural sizes of coordinates, between two configurations on the way to other lengths
+LEAST_PART = 2.0**-12  # of a change of live values, that is tried when larger parts cannot be assembled
+
+
+class NotAssembledError(CommandError):
+    """The loops cannot be closed with other live values; up to the `part` of their change they can."""
+
+    def __init__(self, part: float) -> None:
+        super().__init__("the loops cannot be closed with these values")
+        self.part = part
+
+
+def reassembled(model: Model, time: float, y: Array, inputs: Array, new: Array) -> Array:
+    """The state with the live values among new inputs, assembled anew from where the mechanism is.
+
+    Configurations follow the change of the values in parts, each the nearest one to that before, so that the mechanism
+    does not pass over into another way of assembling it. The speeds are those of least kinetic energy of their change.
+
+    :param time: in s.
+    :param inputs: those at the state y.
+    :raises NotAssembledError: somewhere on the way there is no near configuration that closes the loops.
+    :raises CommandError: parts would be inside each other or beyond a stop.
+    """
+    from mbd_sim.dynamics.constraints.assembly import close_nearby, nearest_speeds
+    from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
+
+    constraints, where = model.equations.constraints, model.input_layout.values
+    sizes, first, last = np.array(coordinate_sizes(model.mechanism, model.mechanism.step)), inputs[where], new[where]
+    moved, done, part = y.copy(), 0.0, 1.0
+    while done < 1.0:
+        reached = min(done + part, 1.0)
+        values = last if reached == 1.0 else first + reached * (last - first)
+        closure, trial = close_nearby(constraints.with_values(values), time, moved[model.q_range]), moved.copy()
+        trial[model.q_range] = closure.q
+        distance = np.max(np.abs(model.coordinates(trial) - model.coordinates(moved)) / sizes, initial=0.0)
+        if part > LEAST_PART and not (closure.closed and distance <= LARGEST_MOVE):
+            part *= 0.5
+            continue
+        if not closure.closed:
+            raise NotAssembledError(done)
+        moved, done = trial, reached
+    q = moved[model.q_range]
+    moved[model.u_range] = nearest_speeds(constraints.with_values(last), time, q, y[model.u_range])
+    require_outside(model, time, moved, new)
+    return moved
+
+
+def with_live(
+    model: Model, memory: KernelMemory, live: Mapping[str, float], prepared: PreparedValues
+) -> tuple[Array, Array, str]:
+    """The present state and inputs with prepared live values: see `Simulation.set_live`.
+
+    :param live: the present values.
+    :returns: the state and the inputs, and what to say of a mechanism that was assembled anew.
+    :raises CommandError: the values would open loops, or the mechanism cannot be assembled with them from here.
+    """
+    time, y, before = memory.now
+    inputs = before.copy()
+    inputs[model.input_layout.values] = prepared.inputs
+    gap = model.violation(time, y, inputs).position
+    if not opens_loops(gap, model.violation(time, y, before).position):
+        return y.copy(), inputs, ""
+    names = ", ".join(prepared.changes)
+    if not prepared.reassemble:
+        remedy = "Start again with the new value, or let the mechanism be assembled anew: reassemble=True."
+        raise CommandError(f"{names}: this would open the loops by {gap:.3g}", remedy)
+    try:
+        found = reassembled(model, time, y, before, inputs)
+    except NotAssembledError as error:
+        reached = ", ".join(
+            f"{key} = {live[key] + error.part * (value - live[key]):.6g}" for key, value in prepared.changes.items()
+        )
+        message = f"{names}: from this configuration the loops can be closed only up to about {reached}"
+        raise CommandError(message, "Give a value before that, or move the mechanism first.") from error
+    moves = model.coordinates(found) - model.coordinates(y)
+    largest = int(np.argmax(np.abs(moves)))
+    name = model.coordinate_names[largest]
+    unit = model.mechanism.coordinate(name).unit
+    return found, inputs, f"assembled anew: {name} moves by {moves[largest]:.4g} {unit}"
 
 
 def checked_steps(steps: int | None) -> int:

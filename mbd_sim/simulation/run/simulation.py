@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NoReturn, Self, TypeVar, Unpack
 
 import numpy as np
 
-from mbd_sim.base.collection_pause import paused_collection
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
@@ -18,7 +18,7 @@ from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.simulation.model.commands import Command, Efforts, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
-from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues, require_closed
+from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues
 from mbd_sim.simulation.model.model import Model, build_model
 from mbd_sim.simulation.run.arguments import (
     SimulationOptions,
@@ -29,7 +29,7 @@ from mbd_sim.simulation.run.arguments import (
     step_count,
     step_size,
 )
-from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started
+from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started, with_live
 from mbd_sim.simulation.run.events import ChangedValues, EventKind
 from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs, RunListener, RunReports
 from mbd_sim.simulation.run.present_state import PresentState
@@ -147,14 +147,12 @@ class Simulation(PresentState):
 
         :raises MechanismError: with all problems of the file.
         """
-        with paused_collection():
-            return cls(load_mechanism(mechanism), **options)
+        return cls(load_mechanism(mechanism), **options)
 
     @classmethod
     def from_text(cls, text: str, **options: Unpack[SimulationOptions]) -> Self:
         """Load and build a mechanism from YAML text."""
-        with paused_collection():
-            return cls(parse_mechanism(text), **options)
+        return cls(parse_mechanism(text), **options)
 
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
@@ -393,24 +391,28 @@ class Simulation(PresentState):
         """Command all channels (n,) in the order of `command_map.names`, with finite numbers, from the next step on."""
         self._inputs.set_commands(values)
 
-    def set_live(self, changes: Mapping[str, float | str]) -> None:
+    def set_live(self, changes: Mapping[str, float | str], *, reassemble: bool = False) -> None:
         """Change live values from the next step on. The energy audit does not include the resulting change of energy.
 
         Live values that have not been given themselves follow the others, as their formulas in the file say.
 
         :param changes: numbers in SI units, or texts with units such as `"30 deg"`, by their keys.
-
-        :raises CommandError: an unknown key, a value that does not fit, or one that would open loops; nothing is
-            changed then.
+        :param reassemble: where a change would open loops, assemble the mechanism anew from where it is: the nearest
+            configuration, with the speeds of least kinetic energy of their change.
+        :raises CommandError: an unknown key, a value that does not fit, or one that would open loops, with `reassemble`
+            one with which they cannot be closed from here; nothing is changed then.
         """
-        self.apply_live(self.prepare_live(changes))
+        self.apply_live(self.prepare_live(changes, reassemble=reassemble))
 
-    def prepare_live(self, changes: Mapping[str, float | str]) -> PreparedValues:
+    def prepare_live(self, changes: Mapping[str, float | str], *, reassemble: bool = False) -> PreparedValues:
         """The first, slow half of `set_live`: validate changes. It changes nothing and may run in any thread.
 
         :raises CommandError: an unknown key, or a value that does not fit.
         """
-        return self._live.prepare(changes)
+        prepared = self._live.prepare(changes)
+        if reassemble and self.model.row_names:
+            _ = self.model.equations  # derived here, if the model is from the cache
+        return replace(prepared, reassemble=reassemble)
 
     def apply_live(self, prepared: PreparedValues) -> None:
         """The second, fast half of `set_live`; no other change may have been applied since `prepare_live`.
@@ -419,17 +421,18 @@ class Simulation(PresentState):
 
         :raises CommandError: the change would open loops in the present state; nothing is changed then.
         """
-        inputs, y = self._memory.inputs.copy(), self.y.copy()
-        inputs[self.model.input_layout.values] = prepared.inputs
-        gap = self.model.violation(self.time, self.y, inputs).position
-        require_closed(prepared.changes, gap, self.violation.position)
+        y, inputs, told = with_live(self.model, self._memory, self.live, prepared)
         before = self.energies.total
         self.model.keep_accounts(self.time, self.y, y, self._memory.inputs, inputs)
         self._memory.inputs[:], self._memory.y[:] = inputs, y
         self._live.apply(prepared)
         self.start_energy += self.energies.total - before
         self._memory.settle()
+        if told:
+            self._sensors.restart(keep=True)
         self._reports.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.live))
+        if told:
+            self._reports.report(EventKind.NOTE, told)
         self._live.limit(self.effort_map)
         self.set_efforts(self._inputs.efforts.copy())
 

@@ -3,8 +3,7 @@
 | module | contents |
 |---|---|
 | `loci` | a simulation set to an equilibrium; eigenvalues over values of the file |
-| `plots` | Bode plots, root loci and stability maps as pictures |
-| `mode_animation` | a mode as an animation of the mechanism |
+| `plots` | Bode plots, root loci and stability maps as pictures; a mode as an animation of the mechanism |
 
 The linear systems themselves are in `mbd_sim.analysis`. docs/linear_analysis.md shows everything in use.
 """
@@ -18,8 +17,7 @@ from mbd_sim.studies.linear_analysis.loci import (
     set_to_equilibrium,
     to_equilibrium,
 )
-from mbd_sim.studies.linear_analysis.mode_animation import animate_mode
-from mbd_sim.studies.linear_analysis.plots import draw_bode, draw_locus
+from mbd_sim.studies.linear_analysis.plots import animate_mode, draw_bode, draw_locus
 
 __all__ = [
     "EigenvalueLocus",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions, casadi_functions
+from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions, casadi_functions, one_step, trajectory
 from mbd_sim.studies.optimization.identification import Identification, ParameterEstimate, identify
 from mbd_sim.studies.optimization.measured_runs import MeasuredRun
 from mbd_sim.studies.optimization.sensitivities import Derivatives, Sensitivities, SensitivityModel, sensitivities
-from mbd_sim.studies.optimization.trajectories import one_step, trajectory
 
 __all__ = [
     "CasadiFunctions",

@@ -19,7 +19,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import rotation_vector
 from mbd_sim.dynamics.constraints.start import rheonomic
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.mechanism.actuation import has_actuator_states
+from mbd_sim.mechanism.contents import has_actuator_states
 from mbd_sim.mechanism.elements.actuators import Base
 from mbd_sim.mechanism.elements.joint_types import STATES, CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint, Part

@@ -19,7 +19,7 @@ from mbd_sim.mechanism.contents import has_one_sided, require_no_commanded_drive
 from mbd_sim.mechanism.elements.contacts import Cam
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
-from mbd_sim.studies.symbolic.algebra.equation_limits import MAX_INSTRUCTIONS, too_large
+from mbd_sim.studies.symbolic.algebra.polynomial import MAX_INSTRUCTIONS, too_large
 from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol, SymbolicValues, symbolic_values, with_forces_alone
 from mbd_sim.studies.symbolic.constraints import (
     SymbolicConstraint,
@@ -169,7 +169,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     for coordinate in coordinates:
         define_unit_quaternion(algebra, coordinate)
     if values is not None:
-        from mbd_sim.studies.symbolic.algebra.formula_polynomials import polynomials
+        from mbd_sim.studies.symbolic.algebra.evaluation import polynomials
 
         names |= {parameter.symbol: parameter.latex for parameter in values.symbols}
         inputs.append(polynomials(algebra, values))

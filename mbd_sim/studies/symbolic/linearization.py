@@ -22,8 +22,8 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.mechanism.contents import has_one_sided
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.equation_limits import MAX_OPERATIONS
-from mbd_sim.studies.symbolic.algebra.short_numbers import shortest_numbers
+from mbd_sim.studies.symbolic.algebra.names import shortest_numbers
+from mbd_sim.studies.symbolic.algebra.polynomial import MAX_OPERATIONS
 from mbd_sim.studies.symbolic.coordinates import Coordinate
 from mbd_sim.studies.symbolic.equations import SymbolicEquations
 from mbd_sim.studies.symbolic.equilibrium import NEAR, constrained_equilibrium, free_equilibrium, states_at_rest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, assert_never
 
 import casadi as ca
 import numpy as np
@@ -25,7 +25,7 @@ from mbd_sim.dynamics.lagrange import MassMoments, spatial_inertia, with_springs
 from mbd_sim.dynamics.measurements import exact_values, measured_values
 from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs, transmitted_wrenches
 from mbd_sim.dynamics.terms import link_accelerations, weight
-from mbd_sim.mechanism.elements.actuators import LinePort, WrenchPort
+from mbd_sim.mechanism.elements.actuators import CoordinatePort, LinePort, SumPort, WrenchPort
 from mbd_sim.mechanism.elements.sensors import (
     ORIENTATION,
     AnySensor,
@@ -224,8 +224,13 @@ def _reactions(
     elements = element_forces(traced.mechanism, traced.links, traced.motions, traced.poses, variables)
     applied = AppliedWrenches(traced.links, traced.motions, traced.poses)
     for number, actuator in enumerate(traced.mechanism.actuators):
-        if isinstance(actuator.port, LinePort | WrenchPort):
-            add_effort(applied, actuator.port, port_motion(traced, actuator), efforts[number])
+        match actuator.port:
+            case LinePort() | WrenchPort():
+                add_effort(applied, actuator.port, port_motion(traced, actuator), efforts[number])
+            case CoordinatePort() | SumPort():
+                pass  # act within joints
+            case _:
+                assert_never(actuator.port)
     wrenches = [
         ca.sparsify(one + more + unit @ multipliers)
         for one, more, unit in zip(elements.wrenches, applied.wrenches, rows.wrenches, strict=True)

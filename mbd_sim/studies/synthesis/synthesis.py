@@ -14,8 +14,8 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.checks.override import values_of, with_values
-from mbd_sim.files.meshes.mesh_files import with_meshes_seen_from
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.mesh_files import with_meshes_seen_from
+from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.studies.kinematic_analysis.curve import require_reached, sampled, traced_curve
 from mbd_sim.studies.kinematic_analysis.drive_line import DriveLine
@@ -23,8 +23,7 @@ from mbd_sim.studies.kinematic_analysis.loads import couplers_and_followers, dri
 from mbd_sim.studies.kinematic_analysis.motion import driven_motion
 from mbd_sim.studies.kinematic_analysis.picture import draw_motion
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem, is_rotation
-from mbd_sim.studies.synthesis.goals import EffortGoal, FunctionGoal, Goal, PathGoal
-from mbd_sim.studies.synthesis.problem import DesignProblem, least_peak
+from mbd_sim.studies.synthesis.problem import DesignProblem, EffortGoal, FunctionGoal, Goal, PathGoal, least_peak
 
 Norm = Literal["rms", "peak"]
 MOST_STEPS = 200

@@ -10,7 +10,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.cli.main import main
 from mbd_sim.cli.studies.linearize import settled
-from mbd_sim.studies.linear_analysis.mode_animation import mode_shapes
+from mbd_sim.studies.linear_analysis.plots import mode_shapes
 from test.studies.linear_analysis.columns import COLUMN
 
 

@@ -24,7 +24,7 @@ def triple():
 
 def ours():
     """A function of the builder: its text, its arguments, and what makes types, integers and numbers."""
-    module = Module(triple())
+    module = Module(triple(), IRBuilder)
     function = Function(module, FunctionType(VOID, [POINTER, DOUBLE, DOUBLE, INT]), "f")
     b = IRBuilder(function.append_basic_block("entry"))
     return module, b, function.args, str, integer, number
@@ -113,7 +113,7 @@ def test_branches():
 
 
 def test_a_function_has_a_name_of_its_own():
-    module = Module(triple())
+    module = Module(triple(), IRBuilder)
     Function(module, FunctionType(VOID, []), "f")
     with pytest.raises(ValueError, match="the function 'f' is defined twice"):
         Function(module, FunctionType(DOUBLE, []), "f")
@@ -129,7 +129,7 @@ def test_wrong_types_are_refused_when_the_text_is_read():
 
 
 def test_lanes_widen_what_is_the_same_for_all_members():
-    function = Function(Module(triple()), FunctionType(VOID, [POINTER, DOUBLE]), "f")
+    function = Function(Module(triple(), IRBuilder), FunctionType(VOID, [POINTER, DOUBLE]), "f")
     b = LaneBuilder(function.append_basic_block("entry"), 4)
     array, x = function.args
     y = b.load(array, typ=DOUBLE)

@@ -38,7 +38,7 @@ def test_it_solves_the_full_system(name):
         shift = np.zeros(len(y))
         shift[index] = size * (1.0 + abs(y[index]))
         jacobian[:, index] = (rates(t, y + shift) - rates(t, y - shift)) / (2.0 * shift[index])
-    linearized = emit_linearized(equations.rates, slice(nq, nq + nv), emit=lambda function: function)
+    linearized = emit_linearized(equations.rates, slice(nq, nq + nv), emit=lambda function, *_: function)
     memory, matrix, time_rates = linearized.at(t, y, efforts, g)
     x = np.linalg.solve(np.array(matrix), np.array(linearized.reduce(memory, right)).ravel())
     found = np.array(linearized.expand(memory, right, x)).ravel()

@@ -14,9 +14,9 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.cli.main import main
 from mbd_sim.exports.c_code.model import export_model
 from mbd_sim.exports.fmu import archive
-from mbd_sim.exports.fmu.archive import write_fmu
-from mbd_sim.exports.fmu.description import entries
+from mbd_sim.exports.fmu.archive import entries, write_fmu
 from mbd_sim.files.load import load_mechanism, parse_mechanism
+from mbd_sim.integrators.methods import METHODS
 from test.generators.sampled_arm import sampled_arm
 
 fmpy = pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")
@@ -86,6 +86,15 @@ def test_co_simulation_has_the_bits_of_the_simulation(loop):
     assert np.array_equal([result[name][-1] for name in loop.names], simulation.y)
     assert result["kinetic_energy"][-1] == simulation.energies.kinetic
     assert simulation.energies.work_applied != 0.0
+
+
+@pytest.mark.parametrize("method", [name for name, one in METHODS.items() if not (one.explicit or one.uses_series)])
+def test_implicit_methods_have_the_bits_of_the_simulation(method, tmp_path):
+    unit = Unit(tmp_path, load_mechanism("double_rod"), method=method)
+    result = fmpy.simulate_fmu(unit.extracted, stop_time=0.2, output_interval=0.01, output=unit.names)
+    simulation = Simulation(unit.mechanism, method=method)
+    simulation.run(until=0.2)
+    assert np.array_equal([result[name][-1] for name in unit.names], simulation.y)
 
 
 def test_model_exchange_agrees_to_the_tolerance_of_the_solver(loop):

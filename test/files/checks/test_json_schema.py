@@ -9,7 +9,7 @@ import pytest
 from mbd_sim.files.checks.json_schema import json_schema, known_keys, known_types
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.text.library import shipped
-from mbd_sim.files.text.yaml_reader import parse_source
+from mbd_sim.files.text.yaml_text import parse_source
 from test.generators.mechanism_texts import PENDULUM, changed, problems_of
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())

@@ -12,8 +12,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.files.checks.json_schema import json_schema
 from mbd_sim.files.checks.override import matching, value_of, with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.yaml_reader import parse_source
-from mbd_sim.files.text.yaml_writer import mechanism_text, yaml_text
+from mbd_sim.files.text.yaml_text import mechanism_text, parse_source, yaml_text
 from test.files.urdf.test_overlay import FIVE_BAR
 
 CHAIN = """mechanism: chain

@@ -9,7 +9,7 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.packages import MissingPackageError
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.files.mjcf.reader import mjcf_source
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from test.files.mjcf.models import EQUALITIES, FORCES, LINKS
 
 BODY = '<body name="b"><joint name="j"/><geom name="g" size="0.1"/></body>'

@@ -8,7 +8,7 @@ import pytest
 from mbd_sim import Kinematics
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from test.files.sdf.models import PENDULUM, ROBOT
 from test.generators.mechanisms import accelerations, derived
 

@@ -1,10 +1,16 @@
 """Mechanisms found by path and by shipped name."""
 
+import argparse
+import pkgutil
+from pathlib import Path
+
 import pytest
 
+import mbd_sim.files
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.cli.main import command
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.files.text.library import config_directory, find, shipped
+from mbd_sim.files.text.library import READ_SUFFIXES, config_directory, find, shipped
 from test.generators.mechanisms import KINDS, SHIPPED
 from test.generators.shipped_features import features
 
@@ -84,3 +90,33 @@ def test_a_folder_is_refused(tmp_path, monkeypatch):
     (tmp_path / "rigs").mkdir()
     monkeypatch.chdir(tmp_path)
     assert refusal("rigs").message == "is a folder"
+
+
+ROOT = Path(mbd_sim.files.__file__).parents[2]
+FOLDERS = [Path(folder.module_finder.path) / folder.name for folder in pkgutil.iter_modules(mbd_sim.files.__path__)]
+IMPORTED, EXPORTED = (
+    [path.name for path in FOLDERS if (path / f"{name}.py").exists()] for name in ("reader", "writer")
+)
+
+
+@pytest.mark.parametrize("name", IMPORTED)
+def test_the_suffix_the_help_and_the_pages_name_each_format_that_is_read(name):
+    """A new importer fails here until it is complete."""
+    parser = argparse.ArgumentParser()
+    command("convert").add_arguments(parser)
+    assert f".{name}" in READ_SUFFIXES
+    assert name.upper() in parser.format_help()
+    assert any(name in page.stem for page in (ROOT / "docs").glob("*.md"))
+    assert (ROOT / "test" / "files" / name / "test_reader.py").exists()
+
+
+@pytest.mark.parametrize("name", EXPORTED)
+def test_each_format_that_is_written_can_be_chosen(name):
+    parser = argparse.ArgumentParser()
+    command("convert").add_arguments(parser)
+    assert parser.parse_args(["double_rod", "--to", name]).to == name
+    assert (ROOT / "test" / "files" / name / "test_writer.py").exists()
+
+
+def test_three_formats_are_read_and_written():
+    assert IMPORTED == EXPORTED == ["mjcf", "sdf", "urdf"]

@@ -8,7 +8,7 @@ import pytest
 
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.yaml_reader import parse_source
+from mbd_sim.files.text.yaml_text import parse_source
 from mbd_sim.mechanism.values.source import dotted
 from test.generators.mechanism_texts import PENDULUM, changed, problem_of, problems_of
 

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbd_sim.files.text.library import shipped
-from mbd_sim.files.text.yaml_reader import UNPRINTABLE, parse_source
-from mbd_sim.files.text.yaml_writer import yaml_text
+from mbd_sim.files.text.yaml_text import UNPRINTABLE, parse_source, yaml_text
 
 
 @pytest.mark.parametrize("path", shipped().values(), ids=shipped())

@@ -9,7 +9,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text
 from test.generators.urdf_robots import arm, quadruped
 
 FIVE_BAR = """<robot name="five_bar">
@@ -240,7 +240,7 @@ def test_the_json_schema_lets_a_file_with_a_urdf_leave_out_what_the_urdf_has():
     import jsonschema
 
     from mbd_sim.files.checks.json_schema import json_schema
-    from mbd_sim.files.text.yaml_reader import parse_source
+    from mbd_sim.files.text.yaml_text import parse_source
 
     validator = jsonschema.Draft202012Validator(json_schema())
     text = "urdf: a.urdf\nbase: free\njoints: {elbow: {position: 30 deg}}"

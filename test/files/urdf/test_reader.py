@@ -10,8 +10,7 @@ from mbd_sim.base.errors import MechanismError, NoInertiaError
 from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.yaml_reader import parse_source
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.yaml_text import mechanism_text, parse_source
 from test.generators.mechanisms import accelerations, random_state
 from test.generators.urdf_robots import arm, energies, quadruped
 from test.oracles import kane

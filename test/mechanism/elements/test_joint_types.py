@@ -7,12 +7,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.constraints.rows import branch_checks, joint_frames, loop_equations
 from mbd_sim.dynamics.kinematics.bodies import BodySymbols
 from mbd_sim.dynamics.kinematics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.kinematics.links import build_links
+from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.schema.joints import AnyJointSpec
+from mbd_sim.files.sdf.writer import to_sdf
 from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, JointType, LoopCondition
 from mbd_sim.pictures.drawing import draw
@@ -120,6 +122,18 @@ def test_it_has_a_form_in_urdf(type_, simulations):
     robot = ElementTree.fromstring(to_urdf(simulations[type_].mechanism))
     found = [joint.get("type") for joint in robot.findall("joint") if joint.get("name", "").startswith("joint")]
     assert found == URDF_TYPES[type_]
+
+
+@pytest.mark.parametrize("type_", JOINT_KINDS)
+@pytest.mark.parametrize("write", [to_sdf, to_mjcf])
+def test_it_moves_alike_when_another_format_is_read_back(type_, write, simulations):
+    mechanism = simulations[type_].mechanism
+    read = parse_mechanism(write(mechanism).text)
+    assert sum(len(joint.coordinate_names) for joint in read.joints.values()) >= 1 + JOINT_KINDS[type_].nv
+    one, other = Simulation(mechanism), Simulation(read)
+    for simulation in (one, other):
+        simulation.run(until=0.2)
+    np.testing.assert_allclose(*(found.poses()["body"].position for found in (one, other)), atol=1e-9)
 
 
 @pytest.mark.parametrize("type_", JOINT_KINDS)

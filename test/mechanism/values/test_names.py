@@ -16,7 +16,7 @@ from mbd_sim.files.checks.override import matching, with_values
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.sdf.writer import to_sdf
-from mbd_sim.files.text.yaml_writer import yaml_text
+from mbd_sim.files.text.yaml_text import yaml_text
 from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.names import in_expression, is_name, reference, split_assignment, split_key, split_names

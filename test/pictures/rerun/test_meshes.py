@@ -5,7 +5,7 @@ import io
 import numpy as np
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.files.meshes.mesh_files import mesh_path, resource_uri
+from mbd_sim.files.text.mesh_files import mesh_path, resource_uri
 from mbd_sim.pictures.rerun.parts import RERUN_READS, part_entities
 from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
 from mbd_sim.pictures.shapes.meshes import undrawn_meshes

@@ -436,6 +436,28 @@ def test_live_values_and_wrenches_are_reported_with_their_tick(make):
     assert (events[1].payload.part, events[1].payload.inputs[:3].tolist()) == ("rod", [3.0, 0.0, 0.0])
 
 
+def test_a_length_in_a_loop_changes_in_a_node_as_in_a_script():
+    simulation = Simulation.from_file("four_bar", live=["parameters.crank"])
+    script = simulation.copy()
+    stepping_thread = SteppingThread(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(), paused=True)
+    stepping_thread.start()
+    stepping_thread.step(20)
+    assert "reassemble=True" in stepping_thread.set_live({"parameters.crank": 0.6})
+    assert stepping_thread.set_live({"parameters.crank": 0.6}, reassemble=True) == ""
+    assert "can be closed only up to" in stepping_thread.set_live({"parameters.crank": 9.0}, reassemble=True)
+    stepping_thread.step(20)
+    stepping_thread.stop()
+    script.step(20)
+    script.set_live({"parameters.crank": 0.6}, reassemble=True)
+    script.step(20)
+    assert simulation.state.tobytes() == script.state.tobytes()
+    items = collected(stepping_thread)
+    texts = [item.text for item in items if isinstance(item, Event)]
+    assert texts[0] == "live values: parameters.crank = 0.6" and texts[1].startswith("assembled anew: ")
+    shown = [item for item in items if isinstance(item, Snapshot) and item.ticks == 20 and not item.repeated]
+    assert len(shown) == 2 and shown[0].point.state.tobytes() != shown[1].point.state.tobytes()
+
+
 def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
     stepping_thread = make(paused=True)
     stepping_thread.start()

@@ -50,9 +50,16 @@ def slipping(friction, static, time):
     return start, (0.5 * RATE * (time**2 - start**2) - friction * MASS * G * (time - start)) / MASS
 
 
-@pytest.mark.parametrize("height", [0.0, 0.1, 0.15])
 @pytest.mark.parametrize(
-    ("friction", "static", "count"), [(0.3, 0.3, 2), (0.2, 0.3, 2), (0.0, 0.3, 2), (0.3, 0.3, 3), (0.2, 0.3, 3)]
+    ("friction", "static", "count", "height"),
+    [
+        (0.3, 0.3, 2, 0.0),
+        (0.2, 0.3, 2, 0.15),
+        (0.0, 0.3, 2, 0.1),
+        (0.3, 0.3, 3, 0.15),
+        (0.2, 0.3, 3, 0.0),
+        (0.2, 0.3, 3, 0.1),
+    ],
 )
 def test_pads_in_a_line_slip_at_the_sum_of_their_limits(friction, static, count, height):
     simulation = pads(friction, static, count, height)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -302,36 +300,6 @@ def test_a_given_start_is_where_the_energy_audit_starts(sim):
     sim.run(until=1.0)
     assert abs(sim.energies.residual) < 1e-11
     assert abs(sim.energies.work_applied) > 0.1
-
-
-def imported_by(statement):
-    """The modules that are loaded in a new interpreter after a statement."""
-    code = f"{statement}; import sys; print(' '.join(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return set(done.stdout.split())
-
-
-def test_importing_the_package_loads_nothing_heavy():
-    loaded = imported_by("import mbd_sim")
-    assert "mbd_sim" in loaded
-    assert not loaded & {
-        "mbd_sim.base.errors",
-        "rclpy",
-        "rerun",
-        "scipy",
-        "casadi",
-        "numpy",
-        "llvmlite",
-        "pydantic",
-        "mcap",
-        "pyarrow",
-    }
-
-
-def test_simulation_needs_no_ros_and_no_viewer():
-    loaded = imported_by("from mbd_sim import Simulation; Simulation.from_file('rod_pendulum').step()")
-    assert {"numpy", "llvmlite"} <= loaded
-    assert not loaded & {"rclpy", "rerun", "mcap", "pyarrow", "matplotlib", "scipy", "dask"}
 
 
 def test_all_public_names_exist():

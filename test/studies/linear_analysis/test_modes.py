@@ -6,8 +6,8 @@ from PIL import Image
 
 from mbd_sim import Simulation
 from mbd_sim.analysis.linear.linearization import modes
-from mbd_sim.studies.linear_analysis import animate_mode, mode_animation, to_equilibrium
-from mbd_sim.studies.linear_analysis.mode_animation import mode_shapes
+from mbd_sim.studies.linear_analysis import animate_mode, plots, to_equilibrium
+from mbd_sim.studies.linear_analysis.plots import mode_shapes
 
 
 def test_modes_of_a_chain_of_masses_and_springs():
@@ -34,12 +34,12 @@ def test_modes_and_shapes_agree_in_a_loop():
 
 
 def test_a_mode_is_animated(tmp_path, monkeypatch):
-    monkeypatch.setattr(mode_animation, "CYCLE", 4)
+    monkeypatch.setattr(plots, "CYCLE", 4)
     sim = Simulation.from_file("rod_pendulum")
     to_equilibrium(sim)
     (shape,) = mode_shapes(sim.linearize())
     amplitude = animate_mode(sim, shape, tmp_path / "mode.gif")
-    assert 0.05 < amplitude < 1.001 * mode_animation.LARGEST_ANGLE
+    assert 0.05 < amplitude < 1.001 * plots.LARGEST_ANGLE
     with Image.open(tmp_path / "mode.gif") as film:
         frames = [np.array(film.convert("RGB")) for number in range(film.n_frames) if film.seek(number) is None]
     assert film.n_frames == 4 or len(frames) >= 3  # equal frames are merged

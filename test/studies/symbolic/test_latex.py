@@ -11,8 +11,7 @@ import sympy as sp
 from mbd_sim.cli.main import main
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.studies.symbolic import to_latex
-from mbd_sim.studies.symbolic.algebra.names import exact_number, number, write
-from mbd_sim.studies.symbolic.algebra.short_numbers import shortest_numbers
+from mbd_sim.studies.symbolic.algebra.names import exact_number, number, shortest_numbers, write
 from mbd_sim.studies.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows
 from mbd_sim.studies.symbolic.latex_elements import sensor_rows
 from test.generators.mechanisms import KINDS

@@ -3,12 +3,14 @@
 # ruff: noqa: E741  # the letters are those of the textbooks
 
 import functools
+from typing import get_args
 
 import numpy as np
 import sympy as sp
 
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.base.geometry.rotation import from_quaternion
+from mbd_sim.mechanism.elements.sensors import AnySensor
 from mbd_sim.studies.symbolic import symbolic_equations, sympy, to_latex
 
 TURNED = "rotate: {axis: [0, 1, 0], angle: 90 deg}"
@@ -29,6 +31,7 @@ actuators:
   small: {{type: dc_motor, joint: x, torque_constant: 0.1, resistance: 0.5, control: voltage, lead: 20 mm}}
 sensors:
   imu: {{type: imu, at: rod.board, orientation: {{}}}}
+  plain: {{type: accelerometer, at: rod.board}}
   load: {{type: force_torque, joint: theta}}
   encoder: {{type: encoder, joint: theta, counts: 1024, index: 0.1}}
   scale: {{type: encoder, joint: x, resolution: 0.1 mm}}
@@ -121,7 +124,8 @@ def measured_formulas(text, states, keys=None):
 def test_sensors_of_a_cart_with_a_pendulum():
     random = np.random.default_rng(4)
     seen = [(random.uniform(0.2, 1.2, size=2), random.normal(size=2)) for _ in range(5)]  # the wall is
-    measured_formulas(CART, seen, ())
+    found = measured_formulas(CART, seen, ())
+    assert {type(one.sensor) for one in found.sensors} == set(get_args(AnySensor))
 
 
 def test_their_textbook_lines():

@@ -17,6 +17,7 @@ from math import lcm
 from typing import Any
 
 from mbd_sim.base.errors import MbdSimError
+from mbd_sim.mechanism.mechanism import Mechanism
 
 Monomial = tuple[tuple[int, int], ...]  # (generator, exponent), by generator
 Polynomial = dict[Monomial, Fraction]
@@ -340,3 +341,17 @@ def _square_free(number: int) -> tuple[int, int]:
             outside *= divisor
         divisor += 1
     return outside, number
+
+
+MAX_INSTRUCTIONS = 20_000
+MAX_TERMS = 200  # of one entry before simplification
+MAX_OPERATIONS = 400  # of one entry after simplification
+MAX_TOTAL_OPERATIONS = 1500  # of all entries after simplification
+
+
+def too_large(mechanism: Mechanism, why: str) -> MbdSimError:
+    """The error that equations are too long."""
+    return MbdSimError(
+        f"{mechanism.name}: the equations of motion are too long to read: {why}. Use a smaller mechanism, or make "
+        "some of its joints fixed or driven."
+    )

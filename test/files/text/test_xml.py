@@ -4,7 +4,7 @@ import pytest
 
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.files.xml.elements import mended, slips_of
+from mbd_sim.files.text.xml import mended, root_tag, slips_of
 
 LINK = '<link name="l"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
 JOINT = '<joint name="j" type="continuous"><parent link="base"/><child link="l"/><axis xyz="0 1 0"/></joint>'
@@ -60,3 +60,18 @@ def test_a_color_of_five_numbers_is_not_drawn_and_noted():
     mechanism = parse_mechanism(URDF.replace('<link name="l">', f'<link name="l">{visual}'))
     assert mechanism.parts["l"].shapes[0].color is None
     assert any(note.startswith("colors without four numbers") and "line 3" in note for note in mechanism.source.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "tag"),
+    [
+        ('<robot name="a"/>', "robot"),
+        ('\ufeff<?xml version="1.0"?>\n<!-- <sdf> -->\n<mujoco><worldbody/></mujoco>', "mujoco"),
+        ("<sdf><not closed", "sdf"),
+        ("<!-- never closed", ""),
+        ("<", ""),
+        ("<robot>\ud800</robot>", ""),
+    ],
+)
+def test_only_the_root_element_is_read(text, tag):
+    assert root_tag(text) == tag

@@ -9,9 +9,8 @@ import pytest
 from mbd_sim import MechanismError, Simulation, load_mechanism, parse_mechanism
 from mbd_sim.base.geometry.rotation import about
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.files.meshes.mesh_files import MeshError
-from mbd_sim.files.meshes.mesh_solids import solid
-from mbd_sim.files.text.yaml_writer import mechanism_text
+from mbd_sim.files.text.mesh_files import MeshError, solid
+from mbd_sim.files.text.yaml_text import mechanism_text
 from test.generators import mesh_files
 
 FACES = np.array([(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4), (2, 6, 7), (2, 7, 3), (0, 4, 6),

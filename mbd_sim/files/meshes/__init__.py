@@ -1,1 +1,0 @@
-"""Files of meshes: where they are, and the solids that they enclose."""

@@ -1,0 +1,286 @@
+"""The files of meshes: where they are, the surfaces that trimesh reads from them, and the solids that these enclose.
+
+A mesh is named as URDFs write it: by a `package://` URI, a `file://` URI or a path. A part with a mass and without an
+inertia gets center and inertia from its closed meshes; the `solid` of each is written into the data of the file, so
+that a recording and a converted file do not depend on the file of the mesh.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlparse
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError, listed
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.packages import require_packages
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.source import Source
+
+
+def mesh_path(uri: str, source: str) -> Path | None:
+    """The file of a mesh, or None if there is none on this machine.
+
+    A package is searched in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, and then among the folders that contain the
+    mechanism's file, beside them and above them.
+
+    :param source: the file of the mechanism, from whose folder relative paths count.
+    """
+    return next((path for path in _candidates(uri, Path(source).absolute().parent) if _is_file(path)), None)
+
+
+def resource_uri(uri: str, source: str) -> str:
+    """The URI under which other programs find a mesh; empty if its file is not on this machine.
+
+    A `package://` URI that ROS can resolve stays as it is, so that it is valid on other machines too; anything else
+    becomes the `file://` URI of the file.
+    """
+    path = mesh_path(uri, source)
+    if path is None:
+        return ""
+    known = [path for path in _installed(uri) if _is_file(path)] if uri.startswith("package://") else []
+    return uri if known else path.absolute().as_uri()
+
+
+def seen_from(uri: str, source: str, folder: Path | None) -> str:
+    """The URI of a mesh for a mechanism file in another folder, or anywhere on this machine if `folder` is None.
+
+    One that would be found there as well stays as it is.
+    """
+    path = mesh_path(uri, source)
+    if path is None and "://" not in uri:
+        path = Path(source).absolute().parent / uri
+    if path is None or uri.startswith("file://") or any(_is_file(known) for known in _installed(uri)):
+        return uri
+    if folder is None:
+        return path.resolve().as_uri()
+    elsewhere = mesh_path(uri, str(folder / "any"))
+    if elsewhere is not None and elsewhere.samefile(path):
+        return uri
+    return os.path.relpath(path, folder.absolute())
+
+
+def with_meshes_seen_from(mechanism: Mechanism, folder: Path | None) -> Mechanism:
+    """The mechanism with URIs of meshes for a file in another folder; see `seen_from`.
+
+    In the text of a mechanism file, which is kept as it was written, they stay.
+    """
+    source = mechanism.source
+    uris = {mesh.file: "" for part in mechanism.parts.values() for mesh in part.meshes}
+    uris = {uri: seen_from(uri, source.file, folder) for uri in uris}
+    if all(uri == new for uri, new in uris.items()):
+        return mechanism
+    parts = {
+        name: replace(part, meshes=tuple(replace(mesh, file=uris[mesh.file]) for mesh in part.meshes))
+        for name, part in mechanism.parts.items()
+    }
+    if source.text is None or source.changed:
+        given = {
+            name: part | {"meshes": [mesh | {"file": uris[mesh["file"]]} for mesh in part["meshes"]]}
+            for name, part in source.data["parts"].items()
+            if part.get("meshes")
+        }
+        source = replace(source, data={**source.data, "parts": {**source.data["parts"], **given}})
+    return replace(mechanism, parts=parts, source=source)
+
+
+def _candidates(uri: str, folder: Path) -> Iterator[Path]:
+    scheme, _, rest = uri.partition("://")
+    if not rest:
+        yield folder / uri
+    elif scheme == "file":
+        yield Path(unquote(urlparse(uri).path))
+    elif scheme in ("package", "model"):
+        package, _, inner = rest.partition("/")
+        yield from _installed(uri)
+        for root in (*_folders("ROS_PACKAGE_PATH"), folder, *folder.parents):
+            yield root / package / inner
+            if root.name == package:
+                yield root / inner
+
+
+def _installed(uri: str) -> Iterator[Path]:
+    """Where the packages of a ROS 2 environment would have the file of a `package://` URI."""
+    package, _, inner = uri.partition("://")[2].partition("/")
+    if not package:
+        return
+    for prefix in _folders("AMENT_PREFIX_PATH"):
+        yield prefix / "share" / package / inner
+
+
+def _folders(variable: str) -> list[Path]:
+    return [Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a NUL in it
+        return False
+
+
+FORMATS = (".dae", ".glb", ".gltf", ".obj", ".stl")  # of the files that are read
+
+
+class MeshError(InputError):
+    """The file of a mesh cannot be read."""
+
+
+def read_triangles(path: Path) -> Array:
+    """All triangles (n, 3, 3) of a mesh in the axes of its file, in m if the file states its unit.
+
+    :raises MeshError: the file cannot be read, or has no triangles.
+    :raises MissingPackageError: trimesh is not installed, or what it needs for this file.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise MeshError(f"its format is none of {', '.join(FORMATS)}")
+    found = np.asarray(read_scene(path).to_mesh().triangles, dtype=float)
+    if not len(found) or not np.all(np.isfinite(found)):
+        raise MeshError("it contains no triangles, or some that are not finite", "Export the mesh again")
+    return found
+
+
+def read_scene(path: Path) -> Any:
+    """The scene of a file in m. The vertical axis that a COLLADA file declares is ignored, as in RViz.
+
+    :raises MeshError: the file cannot be read.
+    :raises MissingPackageError: trimesh is not installed, or what it needs for this file.
+    """
+    require_packages("trimesh", purpose="Reading this mesh")
+    if path.suffix.lower() == ".dae":
+        require_packages("collada", purpose="Reading this mesh")
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        stated = path.suffix.lower() == ".dae" and scene.units not in (None, "meters")
+        return scene.convert_units("meters") if stated else scene
+    except Exception as error:  # trimesh raises what its readers raise
+        first = (str(error).splitlines() or [""])[0]
+        message = f"it cannot be read as {path.suffix.lower()[1:].upper()}: {first or type(error).__name__}"
+        raise MeshError(message, "Export the mesh again") from error
+
+
+PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx, yy, zz, xy, xz, yz
+UNITLESS = (".stl", ".obj")  # files that do not state their unit
+LARGE = 5.0  # m, radius of gyration beyond which such a file is rather in mm
+FLAT = 1e-12  # volume, relative to the cube of the size, below which a surface encloses nothing
+
+
+def with_mesh_solids(source: Source) -> Source:
+    """The source with the solids of the meshes from which parts get center and inertia.
+
+    A part is a point mass, with a remark, where a mesh encloses no solid.
+    """
+    parts = source.data.get("parts") if isinstance(source.data, dict) else None
+    if not isinstance(parts, dict):
+        return source
+    remarks, changed = [], dict(parts)
+    for name, part in parts.items():
+        if not _needs_solids(part):
+            continue
+        if part.get("center") is not None:
+            remarks.append(f"{name} is a point mass at its 'center', as its mesh counts only without it. {_REMEDY}")
+            continue
+        changed[name], remark = _with_solids(str(name), part, source.file)
+        remarks.append(remark)
+    if changed == parts:
+        return replace(source, remarks=(*source.remarks, *remarks))
+    comments = source.comments if source.text is None else (f"From {Path(source.file).name} and its meshes.",)
+    return replace(
+        source,
+        data={**source.data, "parts": changed},
+        text=None,
+        comments=comments,
+        other_files=None,
+        remarks=(*source.remarks, *(remark for remark in remarks if remark)),
+    )
+
+
+_REMEDY = "Give its 'inertia'."
+_SCALE = "give 'scale: [0.001, 0.001, 0.001]'"
+
+
+def _needs_solids(part: Any) -> bool:
+    """Whether meshes are all that says how the mass of a part is distributed."""
+    if not isinstance(part, dict) or part.get("inertia") is not None or part.get("mass") in (None, 0):
+        return False
+    meshes, shapes = part.get("meshes"), [part.get("shape"), *(part.get("shapes") or ())]
+    massive = any(isinstance(shape, dict) and shape.get("mass") != 0 for shape in shapes)
+    return isinstance(meshes, list) and any(map(_has_file, meshes)) and all(map(_has_file, meshes)) and not massive
+
+
+def _has_file(mesh: Any) -> bool:
+    return isinstance(mesh, dict) and isinstance(mesh.get("file"), str)
+
+
+def _with_solids(name: str, part: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]:
+    """A part whose meshes have solids, or else zero inertia; and a remark."""
+    found, defects, large = [], [], []
+    for mesh in part["meshes"]:
+        try:
+            found.append(mesh if mesh.get("solid") is not None else {**mesh, "solid": _solid_of(mesh["file"], file)})
+        except InputError as error:
+            defects.append(f"{mesh['file']} ({str(error).rstrip('.')})")
+            continue
+        radius = math.sqrt(max(found[-1]["solid"]["moments"][:3]) / found[-1]["solid"]["volume"])
+        if radius > LARGE and mesh.get("scale") is None and mesh["file"].lower().endswith(UNITLESS):
+            large.append(f"{mesh['file']} (radius of gyration {radius:.3g} m)")
+    if not defects:
+        remark = f"{name} has a large mesh, {listed(large)}. Its file states no unit, so it is in m: for mm, {_SCALE}."
+        return {**part, "meshes": found}, remark if large else ""
+    reason = f"no solid is known of {listed(defects)}"
+    return {**part, "inertia": [0.0, 0.0, 0.0]}, f"{name} is a point mass at its origin: {reason}. {_REMEDY}"
+
+
+def _solid_of(uri: str, file: str) -> dict[str, Any]:
+    path = mesh_path(uri, file)
+    if path is None:
+        raise MeshError("not found")
+    return solid(read_triangles(path))
+
+
+def solid(triangles: Array) -> dict[str, Any]:
+    """Volume, center and second moments ∫ x y dV about it of what closed surfaces (n, 3, 3) enclose.
+
+    They are added up over the tetrahedra between each triangle and a point. One with the edges a, b, c from that point
+    has the volume V = a·(b × c)/6, and ∫ r rᵀ dV = V/20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ) with s = a + b + c.
+
+    :raises MeshError: the surface has an edge where it ends or changes its sides, or encloses no volume.
+    """
+    if not _is_closed(triangles):
+        raise MeshError("its surface is not closed, or has triangles that are turned over")
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    size = float(np.max(high - low))
+    edges = (triangles - (low + high) / 2.0) / size  # without units, and near 1
+    volumes = np.einsum("ij,ij->i", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6.0
+    sums = edges.sum(axis=1)
+    volume = math.fsum(volumes)
+    if abs(volume) <= FLAT:
+        raise MeshError("it encloses no volume")
+    center = np.einsum("i,ij->j", volumes, sums) / (4.0 * volume)
+    squares = np.einsum("iaj,iak->ijk", edges, edges) + np.einsum("ij,ik->ijk", sums, sums)
+    moments = np.einsum("i,ijk->jk", volumes, squares) / (20.0 * volume) - np.outer(center, center)
+    volume, moments = abs(volume) * size**3, abs(volume) * size**5 * moments
+    return {
+        "volume": float(volume),
+        "center": ((low + high) / 2.0 + size * center).tolist(),
+        "moments": [float(moments[index]) for index in PRODUCTS],
+    }
+
+
+def _is_closed(triangles: Array) -> bool:
+    """Whether each edge is run through in both directions equally often, so that the surface has no boundary."""
+    _, corner = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    corners = corner.reshape(-1, 3).astype(np.int64)
+    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    count = int(corners.max()) + 1
+    keys, way = np.minimum(starts, ends) * count + np.maximum(starts, ends), np.sign(ends - starts)
+    _, edge = np.unique(keys, return_inverse=True)
+    return not np.any(np.bincount(edge.ravel(), weights=way))

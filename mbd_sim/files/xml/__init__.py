@@ -1,1 +1,0 @@
-"""Elements of XML files, with their lines."""

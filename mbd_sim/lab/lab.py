@@ -1,0 +1,94 @@
+"""The lab: a session, its page, and the watch on its file, put together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mbd_sim.base.packages import require_packages
+from mbd_sim.lab.bench import Bench
+from mbd_sim.lab.editing import FileWatch
+from mbd_sim.lab.page import Page, Theme
+from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session import Session
+from mbd_sim.mechanism.mechanism import Mechanism
+
+
+class Lab:
+    """The page of a mechanism; it runs until it is closed.
+
+    >>> from mbd_sim import load_mechanism
+    >>> from mbd_sim.lab.lab import Lab
+    >>> with Lab(load_mechanism("four_bar"), port=0) as lab:  # doctest: +SKIP
+    ...     input(lab.url)
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        theme: Theme = "light",
+        running: bool = True,
+        drive: str | None = None,
+        record: Path | None = None,
+    ) -> None:
+        """Build the mechanism, start its session, and open the server.
+
+        :param drive: a joint: positions only are shown, moved by it, and no part needs a mass.
+        :param host: where it listens; other machines can connect with the token in `url` if it is not the loopback.
+        :param port: 0: a free one.
+        :param record: an .mcap file that is recorded from the start.
+        :raises MechanismError: with all problems of the file.
+        :raises MissingPackageError: viser is not installed.
+        """
+        require_packages("viser", purpose="The lab")
+        self._drive = drive
+        self.session = Session(self._bench(mechanism), running=running and drive is None)
+        if record is not None:
+            self.session.record(record)
+        self.page = Page(self.session, host=host, port=port, theme=theme, check=self._checked)
+        self._watch: FileWatch | None = None
+        file = Path(mechanism.source.file) if mechanism.source.file else None
+        if file is not None and file.is_file():
+            self._watch = FileWatch(file, self._bench, self._adopt, self.page.refuse)
+            self._watch.start()
+        self.session.start()
+
+    @property
+    def url(self) -> str:
+        """The address of the page."""
+        return self.page.url
+
+    def close(self) -> None:
+        """Close the page, and complete the recording."""
+        if self._watch is not None:
+            self._watch.stop()
+        self.page.stop()
+        self.session.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _bench(self, mechanism: Mechanism) -> Bench:
+        return Bench.of(mechanism) if self._drive is None else PositionBench.driven(mechanism, self._drive)
+
+    def _adopt(self, bench: Bench) -> None:
+        self.page.accept()
+        self.session.ask("adopt", lambda session: session.adopt(bench))
+
+    def _checked(self) -> str:
+        from mbd_sim.studies.report.cached_report import cached_report
+        from mbd_sim.studies.report.text import report_text
+
+        if self._drive is not None:
+            return "Positions only: masses and forces have no effect."
+
+        return report_text(cached_report(self.session.bench.simulation.mechanism))

@@ -1,0 +1,190 @@
+"""What the sliders of a page change: live values, efforts and commands, in the units of the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import yaml
+
+from mbd_sim.base.errors import InputError
+from mbd_sim.files.checks.override import location_of
+from mbd_sim.files.text.units import si_factor
+from mbd_sim.files.text.values import split_unit
+from mbd_sim.lab.bench import Bench
+from mbd_sim.lab.positions import PositionBench
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.source import value_at
+from mbd_sim.pictures.shapes.joints import weight
+from mbd_sim.simulation.run.simulation import Simulation
+
+Kind = Literal["drive", "value", "effort", "command"]
+STEPS = 400  # of a slider from end to end
+GRAVITY = 20.0  # m/s²
+COMMANDS: Mapping[str, tuple[str, float]] = {  # unit and range of a command, by its channel
+    "voltage": ("V", 24.0),
+    "current": ("A", 10.0),
+    "position": ("", 3.1416),
+    "velocity": ("", 20.0),
+}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A number that can change: its `value` in the file or at the start, and the ends of its slider, in `unit`.
+
+    `factor` makes SI units of it.
+    """
+
+    kind: Kind
+    group: str
+    key: str
+    label: str
+    unit: str
+    factor: float
+    value: float
+    low: float
+    high: float
+
+    @property
+    def step(self) -> float:
+        """The step of the slider: a round number."""
+        return float(f"{(self.high - self.low) / STEPS:.0e}")
+
+    def apply(self, bench: Bench, shown: float) -> None:
+        """Give the mechanism a value in `unit`.
+
+        :raises CommandError: it does not fit.
+        """
+        match self.kind:
+            case "value":
+                bench.change(self.key, shown * self.factor)
+            case "effort":
+                bench.simulation.set_efforts({self.key: shown * self.factor})
+            case "command":
+                name, _, channel = self.key.rpartition(".")
+                command: Any = {channel: shown * self.factor} if name else shown * self.factor
+                bench.simulation.set_commands({name or channel: command})
+            case "drive":
+                raise AssertionError("the session moves the drive")
+
+
+def settings_of(bench: Bench, size: float) -> list[Setting]:
+    """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m."""
+    if isinstance(bench, PositionBench):
+        return [_drive(bench, size), *(one for one in _values(bench.simulation, size) if one.group == "Parameters")]
+    return [*_commands(bench.simulation), *_values(bench.simulation, size), *_efforts(bench.simulation, size)]
+
+
+def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
+    """The changed values as the file has them; `shown` are values by key, in their units."""
+    data: dict[Any, Any] = {}
+    for setting in settings:
+        value = shown.get(setting.key, setting.value)
+        if setting.kind != "value" or value == setting.value:
+            continue
+        here = data
+        *sections, last = _steps(setting.key)
+        for section in sections:
+            here = here.setdefault(section, {})
+        here[last] = f"{value:.12g} {setting.unit}" if setting.unit else float(f"{value:.12g}")
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True) if data else "# as in the file\n"
+
+
+def _steps(key: str) -> list[Any]:
+    name, bracket, index = key.partition("[")
+    return [*name.split("."), *([int(index.rstrip("]"))] if bracket else [])]
+
+
+def _drive(bench: PositionBench, size: float) -> Setting:
+    """The position of the driven joint: a turn to both sides, or the length of the mechanism."""
+    name, start = bench.drive, bench.position
+    joints = bench.simulation.mechanism.joints.values()
+    rotates = any(
+        coordinate.rotation
+        for joint in joints
+        for own, coordinate in zip(joint.coordinate_names, joint.kind.coordinates, strict=True)
+        if own == name
+    )
+    factor, end, unit = (math.radians(1.0), 360.0, "deg") if rotates else (1.0, _round(size), "m")
+    shown = start / factor
+    return Setting("drive", "Drive", name, name, unit, factor, shown, _round(shown - end), _round(shown + end))
+
+
+def _commands(simulation: Simulation) -> Iterator[Setting]:
+    values = simulation.inputs[simulation.model.input_layout.commands].tolist()
+    for name, value in zip(simulation.command_map.names, values, strict=True):
+        unit, end = COMMANDS.get(name.rpartition(".")[2], ("", 100.0))
+        low, high = min(-end, value), max(end, value)
+        yield Setting("command", "Commands", name, name, unit, 1.0, value, low, high)
+
+
+def _efforts(simulation: Simulation, size: float) -> Iterator[Setting]:
+    mechanism = simulation.mechanism
+    full = weight(mechanism, size)
+    for joint in mechanism.joints.values():
+        if joint.drive:
+            continue
+        for name, coordinate in zip(joint.coordinate_names, joint.kind.coordinates, strict=True):
+            end = joint.effort_limit or _round(full * (0.5 * size if coordinate.rotation else 1.0))
+            unit = "N*m" if coordinate.rotation else "N"
+            yield Setting("effort", "Efforts", name, name, unit, 1.0, 0.0, -end, end)
+
+
+def _values(simulation: Simulation, size: float) -> Iterator[Setting]:
+    mechanism = simulation.mechanism
+    for key, value in simulation.live.items():
+        text = _written(mechanism, key)
+        unit, factor = "", 1.0
+        if isinstance(text, str):
+            number, unit = split_unit(text)
+            if not _is_number(number):
+                continue  # a formula: it follows other values
+            factor = si_factor(unit) if unit else 1.0
+        shown = float(f"{value / factor:.12g}")
+        group, label = _named(key)
+        low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size)
+        yield Setting("value", group, key, label, unit, factor, shown, low, high)
+
+
+def _written(mechanism: Mechanism, key: str) -> Any:
+    try:
+        return value_at(mechanism.source.data, location_of(mechanism, key))
+    except InputError:
+        return None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _named(key: str) -> tuple[str, str]:
+    """The folder of a setting, and its label there."""
+    section, _, rest = key.partition(".")
+    if section.startswith("gravity"):
+        return "Gravity", "xyz"[int(key[8])]
+    return section.capitalize(), rest
+
+
+def _range(mechanism: Mechanism, key: str, value: float, size: float) -> tuple[float, float]:
+    """Sensible ends of a slider."""
+    if key.startswith("gravity"):
+        return -max(GRAVITY, abs(value)), max(GRAVITY, abs(value))
+    if value == 0.0:
+        scale = weight(mechanism, size)
+        return 0.0, _round(scale * size * (0.1 if key.endswith("damping") else 1.0))
+    if key.startswith("parameters."):
+        ends = sorted((0.25 * value, 2.0 * value))
+        return _round(ends[0]), _round(ends[1])
+    return min(0.0, _round(4.0 * value)), max(0.0, _round(4.0 * value))
+
+
+def _round(value: float) -> float:
+    """A value with two digits."""
+    return float(f"{value:.1e}")
