@@ -19,6 +19,7 @@ ARGS ?=
 .PHONY: setup run test tests lint style types gallery docs bench figures clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
+	@scripts/browser
 
 $(VENV)/ready: setup.py scripts/setup_venv
 	scripts/setup_venv $(VENV)

@@ -106,15 +106,13 @@ class Bench:
             energy = simulation.start_energy + after - before
             simulation.restore(y, simulation.steps, start_energy=energy)
 
-    def change(self, key: str, value: float) -> None:
-        """Change a live value, in SI units; where that opens loops, the mechanism is assembled again from where it is.
+    def apply(self, prepared: PreparedValues) -> None:
+        """Change live values; where that opens loops, the mechanism is assembled again from where it is.
 
-        :raises CommandError: the value does not fit, or the loops cannot be closed with it.
+        :raises CommandError: the loops cannot be closed with them; nothing is changed then.
         """
-        simulation = self.simulation
-        prepared = simulation.prepare_live({key: value})
         try:
-            simulation.apply_live(prepared)
+            self.simulation.apply_live(prepared)
         except CommandError as error:
             if "open the loops" not in error.message:
                 raise
@@ -122,10 +120,21 @@ class Bench:
 
     def _assemble_again(self, prepared: PreparedValues) -> None:
         """Continue from the nearest state in which the loops are closed with new values; the energy account goes on."""
+        from mbd_sim.dynamics.constraints.assembly import close_nearby
+
         simulation, point = self.simulation, self.simulation.snapshot()
         model, inputs = simulation.model, point.inputs.copy()
         inputs[model.input_layout.values] = prepared.inputs
-        y = state_with(model, simulation.time, point.state, prepared.inputs, StateValues())
+        constraints = model.equations.constraints.with_values(prepared.inputs)
+        closure = close_nearby(constraints, simulation.time, point.state[model.q_range])
+        if not closure.closed:
+            gap, keys = float(np.max(np.abs(closure.gaps))), ", ".join(prepared.changes)
+            raise CommandError(
+                f"{keys}: the loops cannot be closed: a gap of {gap:.3g} m remains", "Choose another value."
+            )
+        y = point.state.copy()
+        y[model.q_range] = closure.q
+        y = state_with(model, simulation.time, y, prepared.inputs, StateValues())  # with speeds that fit
         require_outside(model, simulation.time, y, inputs)
         change = model.energies(simulation.time, y, 0.0, inputs).total - simulation.energies.total
         live = {**point.live, **prepared.current}

@@ -22,6 +22,7 @@ from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.history import History
 from mbd_sim.lab.positions import PositionBench
 from mbd_sim.recordings.run.run_recorder import RunRecorder
+from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
 
 PICTURES = 60.0  # frames per second of real time
@@ -90,6 +91,7 @@ class Session:
         self.running, self.speed, self.show_reactions = running, 1.0, False
         self.reading: Callable[[Bench], float] | None = None
         self.message, self.generation, self.turns = "", 1, 0
+        self.edition = 0  # counts changes of live values
         self._clock = clock
         self._waiting: dict[str, Request] = {}
         self._lock, self._wake, self._stopped = threading.Lock(), threading.Event(), threading.Event()
@@ -177,13 +179,23 @@ class Session:
         if point is not None:
             self.pause()
             self.bench.simulation.restore(point)
+            self.edition += 1
             self._note(f"wound back to {self.bench.simulation.time:.6g} s")
 
     def change(self, key: str, value: float) -> None:
-        """Change a live value, in SI units: see `Bench.change`."""
-        self.bench.change(key, value)
-        self._note(f"slider {key} = {value!r}")
+        """Change a live value, in SI units: see `Bench.apply`."""
+        self.apply(self.bench.simulation.prepare_live({key: value}))
+
+    def apply(self, prepared: PreparedValues) -> None:
+        """Change live values that were prepared in this `edition` of the session: see `Bench.apply`."""
+        self.bench.apply(prepared)
+        self.edition += 1
+        self._note("sliders: " + ", ".join(f"{key} = {value!r}" for key, value in prepared.changes.items()))
         self.message = ""
+
+    def tell(self, message: str) -> None:
+        """Show a message on all pages."""
+        self.message = message
 
     def drive_to(self, position: float) -> None:
         """Pause, and move the driven joint of a mechanism of positions: see `PositionBench.drive_to`."""
@@ -203,7 +215,7 @@ class Session:
         except MbdSimError as error:
             self.message = f"the file was read again; the motion begins at its start: {error}"
         self.end_recording()
-        self.bench, self.generation = bench, self.generation + 1
+        self.bench, self.generation, self.edition = bench, self.generation + 1, self.edition + 1
         self.history.clear()
         self.samples.rows.clear()
         self.reading = None
@@ -304,7 +316,7 @@ class Session:
             if model.contact_readings.placed
             else np.empty((0, 6)),
             energies=np.array(tuple(simulation.energies)),
-            positions=model.coordinates(simulation.y),
+            positions=model.coordinates(simulation.state),
             speeds=simulation.u.copy(),
             reactions={name: one.force.copy() for name, one in reactions.items()},
             pull=pull,

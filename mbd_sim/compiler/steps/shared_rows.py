@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import DenseSolver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import load, loop, store
 
 REFINEMENTS = 5  # each of which divides the error by the ratio of the pivots to `SOFTNESS`

@@ -10,8 +10,8 @@ import math
 
 import casadi as ca
 
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.vectors import Index, for_each, load, store
 from mbd_sim.compiler.lists.instruction_list import Graph, GraphBuilder, InstructionList, Output, is_leaf
 from mbd_sim.compiler.lists.schedule import arranged
