@@ -12,7 +12,7 @@ import sys
 from collections.abc import Collection, Sequence
 
 from mbd_sim import __version__
-from mbd_sim.base.errors import MbdSimError, quoted
+from mbd_sim.base.errors import MbdSimError, nearest, quoted
 from mbd_sim.base.packages import missing_package
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.completion import complete, line_to_complete
@@ -70,6 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parser = build_parser(typed)
         complete(parser)
+        if typed and typed[0] not in COMMANDS:
+            parser.error(f"there is no command '{typed[0]}'. {nearest(typed[0], COMMANDS)}")
         options = parser.parse_args(arguments)
         find_temporary_folder(options)
         with Waiting(options.command, getattr(options, "quiet", False)):

@@ -175,6 +175,12 @@ def test_the_package_runs_as_a_module():
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"mbd_sim {__version__}\n"
 
 
+def test_a_wrong_command_is_answered_with_the_nearest(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["chek", "four_bar"])
+    assert "there is no command 'chek'. Did you mean 'check'?" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("text", "words"), [("x", "is not a number"), ("-1", "is not a positive number")])
 def test_wrong_numbers_are_usage_errors(capsys, text, words):
     with pytest.raises(SystemExit, match="2"):

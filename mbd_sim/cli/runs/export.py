@@ -18,7 +18,7 @@ from mbd_sim.cli.shared.plot_options import (
 )
 from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
 from mbd_sim.recordings.views import export, plots
-from mbd_sim.recordings.views.panels import panels
+from mbd_sim.recordings.views.panels import panels, require_names
 
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +53,7 @@ def _plot(options: argparse.Namespace) -> int:
     plots.require_plot(options.out)
     style = chosen_style(options, options.out)
     names = shown_plots(options, options.out)
+    require_names(names)  # before anything is run
     with recorded_run(options.recording, options, reactions="reactions" in names) as path:
         table = read_run_table(path, options.quiet, options.recording)
     chosen = panels(table, names, plotted_coordinates(options, options.out), degrees=options.deg)

@@ -8,19 +8,13 @@ import webbrowser
 from pathlib import Path
 
 from mbd_sim.base.errors import CommandError, NoInertiaError
+from mbd_sim.base.packages import require_packages
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 
-DESCRIPTION = (
-    "Open a page in the browser on which the mechanism runs: play, pause, step, wind back, move sliders, drag parts, "
-    "plot, record. Save the file in any editor, and the page follows. The page listens on this machine only, unless "
-    "--host is given; then the printed address contains a token. Ctrl-C ends it."
-)
-
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
     add_mechanism(parser)
     add_set(parser)
     parser.add_argument("--port", type=int, default=8080, help="default 8080; 0: any that is free")
@@ -45,8 +39,6 @@ def _execute(options: argparse.Namespace) -> int:
 
     :raises CommandError: the port is not possible.
     """
-    from mbd_sim.base.packages import require_packages
-
     require_packages("viser", purpose="The lab")
     if not 0 <= options.port <= 65535:
         raise CommandError(f"there is no port {options.port}", "Give one from 1024 to 65535, or 0.")
@@ -79,4 +71,12 @@ def _execute(options: argparse.Namespace) -> int:
     return 0
 
 
-COMMANDS = {"lab": Command(DESCRIPTION, _add_arguments, _execute)}
+COMMANDS = {
+    "lab": Command(
+        "Open a page in the browser on which the mechanism runs: play, pause, step, wind back, move sliders, drag "
+        "parts, plot, record. Save the file in any editor, and the page follows. The page listens on this machine "
+        "only, unless --host is given; then the printed address contains a token. Ctrl-C ends it.",
+        _add_arguments,
+        _execute,
+    ),
+}

@@ -58,7 +58,8 @@ def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
     try:
         found = set_to_equilibrium(simulation, number=number)
     except InputError as error:
-        raise InputError(error.args[0], "Give --at start, or --at with a time in s up to which it runs.") from None
+        remedy = "Give --at start, or --at with a time in s up to which it runs."
+        raise InputError(f"--at {options.at}: {error.message.removeprefix(f'{number}: ')}", remedy) from None
     return simulation, f"{_state_text(simulation, 'at the equilibrium')}\n{equilibrium_text(simulation, found)}"
 
 
