@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
-from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, LinePort
 from mbd_sim.mechanism.elements.constraints import is_one_sided
 from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
@@ -25,6 +24,9 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import Expressed, Varying
 from mbd_sim.mechanism.values.source import Location
+
+if TYPE_CHECKING:  # few mechanisms have actuators
+    from mbd_sim.mechanism.elements.actuators import Actuator, LinePort
 
 
 def commanded_drives(mechanism: Mechanism) -> Mapping[str, CommandedDrive]:
@@ -83,6 +85,8 @@ def command_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> It
     Positions are bounded by the `limits` of a joint and velocities by its `velocity_limit`; for a drive, by its own.
     The first command of an actuator is bounded by its `command_range` as well.
     """
+    from mbd_sim.mechanism.elements.actuators import CoordinatePort
+
     position, speed = (-math.inf, math.inf), math.inf
     if isinstance(taker, CommandedDrive):
         position, speed = (taker.lower, taker.upper), taker.velocity_limit
@@ -102,13 +106,15 @@ def action_bounds(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> Ite
     """The command bounds within the range of what commands a motor or a valve: beyond it, commands have no effect."""
     for channel, bounds in zip(taker.channels, command_bounds(mechanism, taker), strict=True):
         lower, upper = bounds
-        if isinstance(taker, Actuator) and channel == taker.control:
+        if not isinstance(taker, CommandedDrive) and channel == taker.control:
             lower, upper = max(lower, -taker.output_limit), min(upper, taker.output_limit)
         yield lower, upper
 
 
 def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
     """The lines along which actuators act, by the name of the actuator."""
+    from mbd_sim.mechanism.elements.actuators import LinePort
+
     return {actuator.name: actuator.port for actuator in mechanism.actuators if isinstance(actuator.port, LinePort)}
 
 
