@@ -19,6 +19,7 @@ ARGS ?=
 .PHONY: setup run test tests lint style types gallery docs bench figures clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
+	@scripts/browser
 
 $(VENV)/ready: setup.py scripts/setup_venv
 	scripts/setup_venv $(VENV)
@@ -50,7 +51,7 @@ types: $(VENV)/ready
 	$(BIN)/mypy
 
 gallery: $(VENV)/ready
-	$(BIN)/python -m mbd_sim.pictures.drawing.gallery docs $(ARGS)
+	$(BIN)/python docs/gallery_pictures.py docs $(ARGS)
 	$(if $(ARGS),,$(BIN)/python scripts/animations)
 
 # Warnings are errors. NOTEBOOKS=off leaves out the outputs of the tutorials, which `make test` executes as well.

@@ -79,7 +79,7 @@ class _Hand:
     def follow(self, q: Array, target: Array) -> Array:
         """The coordinates (nq,) near q, with loops closed, for which the point is close to the target (3,).
 
-        Gauss-Newton along the directions that the constraints leave free, shortened until loops close and the gap falls.
+        Gauss-Newton along the directions that the constraints leave free, until the gap does not fall any more.
         """
         for _ in range(ITERATIONS):
             gap = target - self._place(q)
@@ -105,7 +105,7 @@ class _Hand:
         return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
 
     def _closer(self, q: Array, step: Array, target: Array, gap: float) -> Array | None:
-        """The configuration after a step or a shorter one, in which the gap is clearly smaller; None if there is none."""
+        """The configuration after a step or a shorter one, in which the gap is smaller; None: there is none."""
         from mbd_sim.dynamics.constraints.assembly import close_nearby
 
         for _ in range(HALVINGS):

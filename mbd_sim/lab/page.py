@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mbd_sim.base.errors import MbdSimError
+from mbd_sim.lab.background import Preparer
 from mbd_sim.lab.keep import motion_html
 from mbd_sim.lab.plots import Plots, readings_of
 from mbd_sim.lab.safety import Gate, guarded
@@ -65,9 +66,11 @@ class Page:
             self.server = viser.ViserServer(host=host, port=port, label="mbd_sim lab", verbose=False)
         self.server._websock_server.unregister_handler(_messages.ShareUrlRequest)  # it would open a tunnel
         self._generation = 0
+        self._preparer = Preparer(session)
         self._touched: dict[str, float] = {}
         self._lock, self._stopped = threading.RLock(), threading.Event()
         self._problem = self._note = ""
+        self._report: tuple[Any, str] | None = None
         self._build()
         self._thread = threading.Thread(target=self._run, name="lab_page", daemon=True)
         self._thread.start()
@@ -83,6 +86,7 @@ class Page:
         """Close the page and the server."""
         self._stopped.set()
         self._thread.join()
+        self._preparer.stop()
         self.server.stop()
 
     def refuse(self, problem: str) -> None:
@@ -145,14 +149,15 @@ class Page:
             if self._check is not None:
                 with gui.add_folder("What `mbd_sim check` says", expand_by_default=False):
                     report = gui.add_markdown("…")
-                threading.Thread(target=self._report, args=(report,), daemon=True).start()
+                threading.Thread(target=self._find_report, args=(report,), daemon=True).start()
 
-    def _report(self, shown: Any) -> None:
+    def _find_report(self, shown: Any) -> None:
+        """Find what `check` says; it is shown with the next texts."""
         assert self._check is not None
         try:
-            shown.content = f"```text\n{self._check()}\n```"
+            self._report = (shown, f"```text\n{self._check()}\n```")
         except MbdSimError as error:
-            shown.content = f"```text\n{error}\n```"
+            self._report = (shown, f"```text\n{error}\n```")
 
     def _build_run(self, gui: Any) -> None:
         ask = self.session.ask
@@ -228,8 +233,7 @@ class Page:
         if setting.kind == "drive":
             self.session.ask("drive", lambda session: session.drive_to(shown * setting.factor))
         elif setting.kind == "value":
-            key, value = setting.key, shown * setting.factor
-            self.session.ask(f"value {key}", lambda session: session.change(key, value))
+            self._preparer.ask(setting.key, shown * setting.factor)
         else:
             self.session.ask(f"{setting.kind} {setting.key}", lambda session: setting.apply(session.bench, shown))
 
@@ -314,7 +318,7 @@ class Page:
             else:
                 session.bench.pull_to(target)
 
-        self.session.ask("drag", request)
+        self.session.ask(f"drag {phase}", request)  # a start and an end are never replaced by a move
 
     def _run(self) -> None:
         last, told = -1, 0.0
@@ -335,6 +339,9 @@ class Page:
 
     def _tell(self, frame: Frame) -> None:
         """Update texts, plots and sliders."""
+        if self._report is not None:
+            shown, text = self._report
+            shown.content, self._report = text, None
         self._plots.show(self.session.samples)
         low, high = frame.span
         high = max(high, low + 1e-3)

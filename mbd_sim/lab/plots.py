@@ -35,7 +35,7 @@ def readings_of(bench: Bench) -> dict[str, Reading]:
     for name, state in simulation.actuators().items():
         for quantity in _numbers(state):
             found[f"{quantity} of {name}"] = partial(_of_actuator, name, quantity)
-    for sensor in simulation.mechanism.sensors or ():
+    for sensor in simulation.mechanism.sensors:
         found[f"sensor {sensor.name}"] = partial(_measured, sensor.name)
     return found
 
@@ -59,7 +59,7 @@ def _measured(name: str, bench: Bench) -> float:
 
 def _numbers(state: Any) -> list[str]:
     fields = getattr(state, "__dataclass_fields__", None) or getattr(state, "_fields", ())
-    return [name for name in fields if isinstance(getattr(state, name), float)]
+    return [name for name in fields or () if isinstance(getattr(state, name), float)]
 
 
 class Plots:

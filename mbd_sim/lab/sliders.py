@@ -60,7 +60,7 @@ class Setting:
         """
         match self.kind:
             case "value":
-                bench.change(self.key, shown * self.factor)
+                bench.simulation.set_live({self.key: shown * self.factor}, reassemble=True)
             case "effort":
                 bench.simulation.set_efforts({self.key: shown * self.factor})
             case "command":
@@ -80,22 +80,24 @@ def settings_of(bench: Bench, size: float) -> list[Setting]:
 
 def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
     """The changed values as the file has them; `shown` are values by key, in their units."""
-    data: dict[Any, Any] = {}
+    changed = [one for one in settings if one.kind == "value" and shown.get(one.key, one.value) != one.value]
+    lists = {one.key.partition("[")[0] for one in changed if "[" in one.key}
+    data: dict[str, Any] = {}
     for setting in settings:
-        value = shown.get(setting.key, setting.value)
-        if setting.kind != "value" or value == setting.value:
+        name, bracket, _ = setting.key.partition("[")
+        if setting not in changed and not (bracket and name in lists):
             continue
+        value = float(f"{shown.get(setting.key, setting.value):.12g}")
+        entry = f"{value:.12g} {setting.unit}" if setting.unit else value
+        *sections, last = name.split(".")
         here = data
-        *sections, last = _steps(setting.key)
         for section in sections:
             here = here.setdefault(section, {})
-        here[last] = f"{value:.12g} {setting.unit}" if setting.unit else float(f"{value:.12g}")
+        if bracket:
+            here.setdefault(last, []).append(entry)  # the file has the whole list
+        else:
+            here[last] = entry
     return yaml.safe_dump(data, sort_keys=False, allow_unicode=True) if data else "# as in the file\n"
-
-
-def _steps(key: str) -> list[Any]:
-    name, bracket, index = key.partition("[")
-    return [*name.split("."), *([int(index.rstrip("]"))] if bracket else [])]
 
 
 def _drive(bench: PositionBench, size: float) -> Setting:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.equations import SLIDING, FrictionElement
 from mbd_sim.dynamics.contact_functions import OneSidedFunctions
@@ -188,8 +188,8 @@ class OneSidedMotion:
         closed = inputs[self._equations.inputs.one_sided][layout.closed]
         for gap in range(layout.gaps):
             if closed[gap] and not guards[gap] >= -BARELY:
-                raise ValueError(
-                    f"these accelerations require '{rows[gap].name}' to pull, which it cannot. Request others."
+                raise InputError(
+                    f"these accelerations require '{rows[gap].name}' to pull, which it cannot", "Request others."
                 )
         for element, guard, slides in zip(
             contacts.frictions, guards[layout.gaps :], self._slides(inputs), strict=False

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import DenseSolver, emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import INT, element, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.lists.lowering import instruction_count, lower

@@ -7,10 +7,9 @@ the rows that are chosen as a basis.
 
 from __future__ import annotations
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import DenseSolver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import INT, element, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import load, loop, store
 
 

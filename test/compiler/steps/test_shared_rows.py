@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import IRBuilder, integer
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType
-from mbd_sim.compiler.ir.types import integer
 from mbd_sim.compiler.steps.shared_rows import emit_shared_solver
 
 
