@@ -5,6 +5,7 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -151,15 +152,8 @@ def _emit_loaded(b: IRBuilder, active: ActiveRows, solve: Function, arguments: l
     loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in active.loads) else 1, once)
 
 
-def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, watches: bool) -> Function:
-    """Emit `void name(mask, matrix, right, solution)` of double pointers; `watches` is that of `emit_solved`."""
-    n = active.rows
-    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
-    function.linkage = "internal"
-    mask, matrix, right, solution = function.args
-    b = IRBuilder(function.append_basic_block("entry"))
-    share = emit_shared_solver(module, n, active.solver)
-    small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
+def _emit_choice(b: IRBuilder, n: int, mask: Value) -> tuple[Callable[[Value], Value], Value, Value]:
+    """The active row of an index, of which those of the basis come first, their number, and that of all."""
     chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
 
@@ -175,7 +169,19 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
     loop(b, 0, n, lambda i: choose(i, ">"))
     basis = b.load(count, typ=INT)
     loop(b, 0, n, lambda i: choose(i, "<"))
-    size = b.load(count, typ=INT)
+    return chosen_row, basis, b.load(count, typ=INT)
+
+
+def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, watches: bool) -> Function:
+    """Emit `void name(mask, matrix, right, solution)` of double pointers; `watches` is that of `emit_solved`."""
+    n = active.rows
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
+    function.linkage = "internal"
+    mask, matrix, right, solution = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    share = emit_shared_solver(module, n, active.solver)
+    small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
+    chosen_row, basis, size = _emit_choice(b, n, mask)
 
     def gather_column(j: Value) -> None:
         source, target = b.mul(chosen_row(j), integer(n)), b.mul(j, integer(n))
