@@ -51,7 +51,7 @@ types: $(VENV)/ready
 	$(BIN)/mypy
 
 gallery: $(VENV)/ready
-	$(BIN)/python -m mbd_sim.pictures.drawing.gallery docs $(ARGS)
+	$(BIN)/python docs/gallery_pictures.py docs $(ARGS)
 	$(if $(ARGS),,$(BIN)/python scripts/animations)
 
 # Warnings are errors. NOTEBOOKS=off leaves out the outputs of the tutorials, which `make test` executes as well.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 
-from mbd_sim.cli.main import COMMANDS, build_parser
+from mbd_sim.cli.main import build_parser
 
 HEADER = """# Command line
 
@@ -20,7 +20,7 @@ def pages() -> dict[str, str]:
     """The page by its name in `docs/generated/`."""
     lines = [HEADER]
     for name, parser in subparsers(build_parser()).items():
-        lines += [f"## {name}\n", f"{_cells(COMMANDS[name].DESCRIPTION)}\n", *_usage(parser)]
+        lines += [f"## {name}\n", f"{_cells(parser.description or '')}\n", *_usage(parser)]
         for group in parser._action_groups:
             shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
             if shown:

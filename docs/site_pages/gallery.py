@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from itertools import groupby
 
+from gallery_pictures import WATCH, Entry, description, entries
+
 from mbd_sim.files.text.library import shipped
-from mbd_sim.pictures.drawing.gallery import WATCH, Entry, description, entries
 from site_pages.links import DOCS
 
 HEADER = """# Gallery

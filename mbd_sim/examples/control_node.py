@@ -8,8 +8,9 @@ import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
@@ -95,6 +96,31 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """The message that answers a state: by default the efforts of `control`."""
         efforts = self.control(time, q, u)
         return JointState(name=self.names, effort=np.asarray(efforts, dtype=float).tolist())
+
+
+class TargetNode(ControlNode):
+    """The parameter `targets`, which are taken in turn for `period` s each, may be changed during the run."""
+
+    LOWEST, HIGHEST = -np.inf, np.inf  # target
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.add_on_set_parameters_callback(self._check_targets)
+        self.period = float(self.get_parameter("period").value)
+
+    def target(self, number: int) -> float:
+        """The target of a period by its number from 0 on."""
+        targets = self.get_parameter("targets").value
+        return float(targets[number % len(targets)])
+
+    def _check_targets(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            values = np.array(parameter.value if parameter.name == "targets" else [max(self.LOWEST, 0.0)])
+            allowed = np.isfinite(values) & (values >= self.LOWEST) & (values <= self.HIGHEST)
+            if not (values.size and np.all(allowed)):
+                reason = f"give at least one target, each finite and from {self.LOWEST:g} to {self.HIGHEST:g}"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
 
 
 def declare(node: Node, parameters: Sequence[ParameterSpec]) -> None:

@@ -22,8 +22,7 @@ import numpy as np
 
 from mbd_sim.base import disk_cache
 from mbd_sim.base.errors import MechanismError, Problem, few_suggestions, quoted
-from mbd_sim.files.text.file_limits import digest_of_file, read_text
-from mbd_sim.files.text.library import find
+from mbd_sim.files.text.library import digest_of_file, find, read_text
 from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:

@@ -1,15 +1,30 @@
-"""What a mechanism contains: drives that follow commands, commands and their ranges, one-sided elements, actuators."""
+"""What a mechanism contains: commands and their ranges, one-sided elements, actuators, expressions of forces."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import assert_never
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, LinePort
 from mbd_sim.mechanism.elements.constraints import is_one_sided
+from mbd_sim.mechanism.elements.forces import (
+    AppliedEffort,
+    AppliedForce,
+    AppliedPotential,
+    Bushing,
+    Damper,
+    ForceElement,
+    Spring,
+)
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
+from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.expression import TimeExpression
+from mbd_sim.mechanism.values.laws import Expressed, Varying
+from mbd_sim.mechanism.values.source import Location
 
 
 def commanded_drives(mechanism: Mechanism) -> Mapping[str, CommandedDrive]:
@@ -100,3 +115,39 @@ def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
 def has_actuator_states(mechanism: Mechanism) -> bool:
     """Whether the motion depends on states of actuators: currents, pressures, integrals, or what a servo holds."""
     return any(actuator.has_states for actuator in mechanism.actuators)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceExpression:
+    """An expression of a force, its location in the file, and the joint or spring of whose elongation it may be."""
+
+    location: Location
+    expression: TimeExpression
+    stretched: Joint | Spring | None = None
+
+
+def expressions_of_forces(mechanism: Mechanism) -> Iterator[ForceExpression]:
+    """The expressions of the forces of a mechanism."""
+    return force_expressions(mechanism.joints.values(), mechanism.force_elements)
+
+
+def force_expressions(joints: Iterable[Joint], elements: Iterable[ForceElement]) -> Iterator[ForceExpression]:
+    """The expressions of springs in joints, and of force elements."""
+    for joint in joints:
+        if isinstance(joint.spring, Expressed | Varying):
+            yield ForceExpression(("joints", joint.name, "spring", "force"), joint.spring.force, joint)
+    for element in elements:
+        match element:
+            case Spring(name=name, law=Expressed(force=force) | Varying(force=force)):
+                yield ForceExpression(("forces", name, "force"), force, element)
+            case AppliedForce(name=name, vector=vector):
+                for index, expression in enumerate(vector):
+                    yield ForceExpression(("forces", name, "vector", index), expression)
+            case AppliedEffort(name=name, effort=effort):
+                yield ForceExpression(("forces", name, "effort"), effort)
+            case AppliedPotential(name=name, energy=energy):
+                yield ForceExpression(("forces", name, "energy"), energy)
+            case Spring() | Damper() | Bushing():
+                pass
+            case _:
+                assert_never(element)

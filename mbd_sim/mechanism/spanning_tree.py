@@ -152,17 +152,6 @@ def _forest(joints: Mapping[str, Joint], preferred: Sequence[str]) -> frozenset[
 ROUND_OFF = 1e-13  # of an inertia, relative to the largest that the mass could have in the joint
 
 
-def ends_without_inertia(parts: Mapping[str, Part], joints: Mapping[str, Joint], tree: SpanningTree) -> list[str]:
-    """The joints that move nothing but one part of a loop, which has no inertia in some motion of the joint.
-
-    Such as a particle on the axis of a hinge. The coordinate of such a joint has no equation of motion of its own.
-    """
-    carriers = {inboard(joints[name], part) for name, part in tree.outboard.items()}
-    closed = {part for name in tree.closing for part in (joints[name].parent, joints[name].child)}
-    ends = [(joints[name], parts[part]) for name, part in tree.outboard.items() if part in closed - carriers]
-    return [joint.name for joint, part in ends if not joint.drive and moves_no_inertia(joint, part)]
-
-
 def inboard(joint: Joint, outboard: str) -> str:
     """The other part of a joint."""
     return joint.parent if outboard == joint.child else joint.child

@@ -41,7 +41,7 @@ COMMANDS = {
     "view double_rod --save v.rrd": "pip install rerun-sdk",
     "rerun-with double_rod --set l=0.5 --plot p.png": "pip install matplotlib",
     "sweep double_rod --vary l=0.5:1:2 --out t.parquet": "The table of a sweep needs pyarrow",
-    "sweep double_rod --vary l=0.5:1:2 --plot p.png": "A plot of a sweep needs matplotlib",
+    "sweep double_rod --vary l=0.5:1:2 --plot p.png": "A picture of plots needs matplotlib",
 }
 
 

@@ -1,6 +1,7 @@
 """The command `mbd_sim`, as it is typed."""
 
 import errno
+import importlib
 import json
 import os
 import subprocess
@@ -11,7 +12,8 @@ import pytest
 
 from mbd_sim import __version__
 from mbd_sim.cli.main import COMMANDS, main
-from mbd_sim.cli.mechanisms import list_mechanisms
+from mbd_sim.cli.mechanisms import reference
+from mbd_sim.cli.shared.command import Command
 
 FAR = """mechanism: far
 parts: {wheel: {mass: 1, inertia: [1, 1, 1]}}
@@ -141,26 +143,42 @@ def test_the_command_itself_prints_the_schema_and_urdf():
 
 def test_every_module_of_cli_is_a_command():
     folder = Path(sys.modules[main.__module__].__file__).parent
-    modules = {path.stem for path in folder.glob("*/*.py") if path.parent.name != "shared"} - {"__init__"}
-    assert {command.__name__.rpartition(".")[2] for command in COMMANDS.values()} == modules
+    modules = {f"{path.parent.name}.{path.stem}" for path in folder.glob("*/*.py") if path.parent.name != "shared"}
+    assert {module for module, _ in COMMANDS.values()} == {name for name in modules if not name.endswith("__init__")}
+    for module in {module for module, _ in COMMANDS.values()}:
+        own = {name for name, (other, _) in COMMANDS.items() if other == module}
+        assert set(importlib.import_module(f"mbd_sim.cli.{module}").COMMANDS) == own
 
 
-@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["wrong"]])
 def test_help_loads_nothing_heavy(arguments):
     heavy = ["rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic", "rich", "yaml", "mcap"]
     code = (
         "import sys; from mbd_sim.cli.main import main\n"
-        f"try: main({[*arguments, '--help']!r})\n"
+        f"try: main({arguments!r})\n"
         f"except SystemExit: print('loaded', [name for name in {heavy!r} if name in sys.modules])"
     )
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert printed.startswith(f"usage: mbd_sim{' ' * bool(arguments)}{''.join(arguments)} ")
     assert printed.endswith("loaded []\n")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name, capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main([name, "--help"])
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"usage: mbd_sim {name} ") and ".\n\n" in printed
 
 
 def test_the_package_runs_as_a_module():
     command = [sys.executable, "-m", "mbd_sim", "--version"]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"mbd_sim {__version__}\n"
+
+
+def test_a_wrong_command_is_answered_with_the_nearest(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["chek", "four_bar"])
+    assert "there is no command 'chek'. Did you mean 'check'?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("text", "words"), [("x", "is not a number"), ("-1", "is not a positive number")])
@@ -211,7 +229,7 @@ def test_a_full_disk_is_reported_and_a_defect_is_not_hidden(number, handled, mon
     def fail(_):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(list_mechanisms, "execute", fail)
+    monkeypatch.setitem(reference.COMMANDS, "list", Command("", lambda parser: None, fail))
     if handled:
         assert main(["list"]) == 1
         assert capsys.readouterr().err.startswith("cannot read or write: No space left on device.")

@@ -56,7 +56,7 @@ def test_a_flat_parallelogram_starts_along_one_of_its_branches(speed, given, rat
 
 def test_members_of_an_ensemble_start_as_they_would_alone():
     mechanism = parse_mechanism(FLAT.replace("MORE", ""))
-    angles = 0.05 * np.arange(-7, 13)
+    angles = 0.05 * np.arange(-7, 13, 3)
     ensemble = Ensemble(mechanism, [{"joints.main.position": angle} for angle in angles.tolist()])
     for index, angle in enumerate(angles):
         alone = Simulation(mechanism, set={"joints.main.position": float(angle)})

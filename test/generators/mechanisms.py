@@ -26,7 +26,7 @@ KINDS = (
     "air_spring", "balancing_pendulum", "gas_engine", "upright_wheel", "stick_slip", "quadratic_drag", "pencil", "knife_edge",
     "rack_and_pinion", "insect_on_sphere", "atwood", "arm", "snap_through", "universal_pendulum", "screw_press",
     "cylindrical_slider", "follower_force", "slider_crank", "a04_bricard", "spring_chain",
-    "bennett", "double_rod", "four_bar", "rotating_frame_mass", "scissor_lift", "spherical_top", "stewart",
+    "bennett", "double_rod", "four_bar", "rotating_frame_mass", "scissor_lift", "spherical_top",
 )  # fmt: skip
 
 CART_PENDULUM = """

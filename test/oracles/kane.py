@@ -27,8 +27,14 @@ from test.oracles.kane_rows import constrained_velocities
 GROUND = "ground"
 
 
-def cross_matrix(v):
+def skew(v):
+    """The matrix of the cross product with v (3,)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def axial(matrix):
+    """The vector (3,) of the skew part of a matrix."""
+    return 0.5 * np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
 
 
 @dataclass
@@ -42,14 +48,12 @@ class PartMotion:
     @property
     def omega(self):
         """Angular velocity in the part's axes: Rᵀ R' = ω×."""
-        spin = self.rotation.d[0].T @ self.rotation.d[1]
-        return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+        return axial(self.rotation.d[0].T @ self.rotation.d[1])
 
     @property
     def alpha(self):
         """Angular acceleration in the part's axes: Rᵀ R'' = ω× ω× + α×."""
-        spin = self.rotation.d[0].T @ self.rotation.d[2]
-        return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+        return axial(self.rotation.d[0].T @ self.rotation.d[2])
 
 
 SIZES = {
@@ -81,7 +85,7 @@ def _driven(expression, t):
 
 
 def _turn(axis, x):
-    k = cross_matrix(axis)
+    k = skew(axis)
     turned = np.eye(3) + np.sin(x.d[0]) * k + (1.0 - np.cos(x.d[0])) * k @ k
     return Jet(np.zeros(3)), Jet(turned, turned @ k * x.d[1], turned @ (k @ k * x.d[1] ** 2 + k * x.d[2]))
 
@@ -100,7 +104,7 @@ def _ball(p, omega, omega_rate):
 
     p1 = rates(p, omega)
     jet = Jet(p, p1, rates(p1, omega) + rates(p, omega_rate))
-    k, w = jet.linear(lambda v: cross_matrix(v[1:])), jet.linear(lambda v: v[0])
+    k, w = jet.linear(lambda v: skew(v[1:])), jet.linear(lambda v: v[0])
     return Jet(np.eye(3)) + (w * k + k @ k).linear(lambda m: 2.0 * m)
 
 
@@ -308,11 +312,6 @@ def bushing_wrenches(bushing, moving):
     return found, 0.5 * z @ bushing.stiffness @ z
 
 
-def skew(v):
-    """The matrix of the cross product with v (3,)."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
 RANK = 1e-9  # singular values below this fraction of the largest count as zero
 
 
@@ -385,13 +384,10 @@ def actuator_forces(mechanism, q, u, moving, driving):
     forces, wrenches = np.zeros(nv), []
     for actuator in mechanism.actuators:
         commands, states = driving[actuator.name]
-        if isinstance(actuator.port, CoordinatePort):
-            row = mechanism.coordinate_names.index(actuator.port.coordinate)
-            position = positions.get(actuator.port.coordinate, 0.0)
-            forces[row] += actuator_effort(actuator, commands, states, position, u[row])
-            continue
-        if isinstance(actuator.port, SumPort):
-            terms = [(mechanism.coordinate_names.index(name), name, c) for name, c in actuator.port.factors.items()]
+        if isinstance(actuator.port, CoordinatePort | SumPort):
+            one = isinstance(actuator.port, CoordinatePort)
+            factors = {actuator.port.coordinate: 1.0} if one else actuator.port.factors
+            terms = [(mechanism.coordinate_names.index(name), name, c) for name, c in factors.items()]
             x, v = sum(c * positions.get(name, 0.0) for _, name, c in terms), sum(c * u[row] for row, _, c in terms)
             for row, _, factor in terms:
                 forces[row] += factor * actuator_effort(actuator, commands, states, x, v)
@@ -465,9 +461,8 @@ def equations(mechanism, q, u, efforts, t=0.0, driving=None):
         for at in (spring.first, spring.second):  # one end of a spring with mass is fixed; a third of it moves
             if at.part == GROUND or not spring.mass:
                 continue
-            partial = np.array([_velocity_of(m, at)[1] - _velocity_of(without_speeds, at)[1] for m in unit]).reshape(
-                nv, 3
-            )
+            at_rest = _velocity_of(without_speeds, at)[1]
+            partial = np.array([_velocity_of(m, at)[1] - at_rest for m in unit]).reshape(nv, 3)
             frame = moving[at.part]
             forces -= partial @ (frame.origin.d[2] + frame.rotation.d[2] @ at.point) * spring.mass / 3.0
             mass += partial @ partial.T * spring.mass / 3.0

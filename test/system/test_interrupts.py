@@ -105,6 +105,12 @@ def test_an_interrupt_while_a_program_imports_prints_nothing(tmp_path: Path, pro
             assert b"Traceback" not in output
 
 
+def ended(program: str) -> tuple[int, str, str]:
+    """The exit code of a program, and what it prints to its output and to its errors."""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
 LATE_IMPORT = """
 import signal, sys, types
 from mbd_sim.programs import command
@@ -121,11 +127,10 @@ sys.exit(command.late.main())
 
 
 def test_an_interrupt_that_a_library_replaces_by_an_import_error_prints_nothing() -> None:
-    done = subprocess.run([sys.executable, "-c", LATE_IMPORT], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    assert ended(LATE_IMPORT) == (130, "", "")
     failing = LATE_IMPORT.replace("signal.raise_signal(signal.SIGINT)", "raise KeyboardInterrupt")
-    done = subprocess.run([sys.executable, "-c", failing], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and "ImportError: no module named datetime" in done.stderr
+    code, _, errors = ended(failing)
+    assert code == 1 and "ImportError: no module named datetime" in errors
 
 
 LOST = """
@@ -147,8 +152,7 @@ sys.exit(command.tracing.main())
 
 
 def test_an_interrupt_while_casadi_traces_ends_a_command_quietly() -> None:
-    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    assert ended(LOST) == (130, "", "")
 
 
 DESTROYED = """
@@ -175,8 +179,7 @@ sys.exit(command.dropping.main())
 
 
 def test_a_signal_within_a_destructor_ends_a_command_quietly() -> None:
-    done = subprocess.run([sys.executable, "-c", DESTROYED], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (143, "", "")
+    assert ended(DESTROYED) == (143, "", "")
 
 
 AGAIN = """
@@ -203,8 +206,7 @@ sys.exit(code)
 def test_further_signals_while_and_after_a_program_ends_change_nothing_but_the_number(late: str) -> None:
     for kind, expected in (("node", 0), ("command", 128 + signal.Signals[late])):
         text = AGAIN.format(kind=kind, late=late)
-        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stdout, done.stderr) == (expected, "finished\n", "")
+        assert ended(text) == (expected, "finished\n", "")
 
 
 AT_EXIT = """
@@ -223,8 +225,7 @@ sys.exit(node.ending.main())
 
 
 def test_signals_at_the_end_of_the_interpreter_change_nothing() -> None:
-    done = subprocess.run([sys.executable, "-c", AT_EXIT], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert ended(AT_EXIT) == (0, "", "")
 
 
 PROGRAMS = {

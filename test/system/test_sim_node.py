@@ -93,20 +93,12 @@ def test_efforts_by_order_and_by_name_change_the_motion(tmp_path: Path) -> None:
 def test_bad_commands_are_rejected_whole_counted_and_leave_the_motion_untouched(tmp_path: Path) -> None:
     with running(tmp_path, command_timeout=0) as (process, listener):
         listener.ready_to_command()
-        bad_orders = [[1.0], [1.0, 2.0, 3.0], [math.nan, 1.0], [1.0, math.inf], []]
-        for data in bad_orders:
+        for data in ([1.0], [math.nan, 1.0]):
             listener.by_order.publish(Float64MultiArray(data=data))
-        for name, effort in [
-            (["elbw"], [1.0]),
-            (["elbow", "knee"], [1.0, 1.0]),
-            (["elbow"], [math.nan]),
-            (["elbow"], []),
-            (["elbow", "elbow"], [1.0, 2.0]),
-            (["shoulder", "elbow"], [1.0]),
-        ]:
+        for name, effort in ((["elbw"], [1.0]), (["elbow"], [math.nan]), (["shoulder", "elbow"], [1.0])):
             listener.by_name.publish(JointState(name=name, effort=effort))
         listener.until(lambda: "rejected" in process.text, "a warning")
-        sent = 11
+        sent = 5
 
         def counted() -> bool:  # warnings come once a second at most: one more message each time shows the count
             nonlocal sent

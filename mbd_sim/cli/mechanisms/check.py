@@ -4,30 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbd_sim.base.errors import CommandError, NoInertiaError, listed
 from mbd_sim.base.plain_output import print_file
+from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism, print_undrawn_meshes
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
-
-if TYPE_CHECKING:
-    from mbd_sim.base.errors import NoInertiaError
-    from mbd_sim.mechanism.mechanism import Mechanism
-
-HELP = "report parts, joints, degrees of freedom, constraints and energies of a mechanism"
-DESCRIPTION = (
-    "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies. The status is 1 "
-    "if it has problems, or if its dynamics is not defined because something has no mass."
-)
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.studies.report.cached_report import cached_report
+from mbd_sim.studies.report.text import kinematic_text, report_text
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
-    add_set(
-        parser, "change a value of the mechanism file, such as l=0.16 or joints.elbow.position='30 deg'; repeatable"
-    )
+    add_set(parser)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     parser.add_argument(
         "--inertia",
@@ -57,17 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cost", action="store_true", help="add the number of instructions per time step, by kind")
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Print the report, or the equations as LaTeX.
 
     :raises CommandError: options that have no effect.
     """
-    from mbd_sim.studies.report.cached_report import cached_report
-
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
-        raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex")
+        raise CommandError("--numbers and --symbols choose what --latex prints", "Give one of them, with --latex.")
     if options.no_linearization and not options.latex:
-        raise CommandError("--no-linearization chooses what --latex prints: give it with --latex")
+        raise CommandError("--no-linearization chooses what --latex prints", "Give it with --latex.")
     mechanism = changed_mechanism(options)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):
@@ -103,8 +92,6 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
 
 
 def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
-    from mbd_sim.studies.report.text import report_text
-
     if options.json:
         print(json.dumps(content, indent=2))
         return 0
@@ -147,7 +134,6 @@ def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argp
     from mbd_sim.analysis.mechanics.kinematics import Kinematics
     from mbd_sim.studies.report.elements import inertia_report, inertia_text
     from mbd_sim.studies.report.mechanism_report import kinematic_report
-    from mbd_sim.studies.report.text import kinematic_text
 
     if options.latex or options.cost:
         raise error
@@ -164,3 +150,13 @@ def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argp
     if options.inertia and not options.json:
         print(f"\n{inertia_text(content['inertia'])}")
     return 1
+
+
+COMMANDS = {
+    "check": Command(
+        "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies. The "
+        "status is 1 if it has problems, or if its dynamics is not defined because something has no mass.",
+        _add_arguments,
+        _execute,
+    ),
+}

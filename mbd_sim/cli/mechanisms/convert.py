@@ -1,31 +1,33 @@
-"""`mbd_sim convert`: a mechanism in another format."""
+"""`mbd_sim convert` and `mbd_sim urdf`: a mechanism in another format."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
+from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
-
-if TYPE_CHECKING:
-    from mbd_sim.files.mjcf.written_bodies import Written
-    from mbd_sim.mechanism.mechanism import Mechanism
-
-HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF, MJCF or SDF"
-DESCRIPTION = (
-    "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes one "
-    "self-contained mechanism file in YAML; with --to, any mechanism becomes URDF, MJCF or SDF. What the other format "
-    "cannot express is listed in the file and printed to standard error. Paths of meshes become absolute, so that the "
-    "output may be written to any folder."
-)
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.mjcf.writer import to_mjcf
+from mbd_sim.files.mjcf.written_bodies import Written
+from mbd_sim.files.sdf.writer import to_sdf
+from mbd_sim.files.text.mesh_files import with_meshes_seen_from
+from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
+from mbd_sim.files.urdf.writer import left_out, to_urdf
+from mbd_sim.mechanism.mechanism import Mechanism
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _urdf(mechanism: Mechanism) -> Written:
+    return Written(to_urdf(mechanism), left_out(mechanism))
+
+
+WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": to_mjcf, "sdf": to_sdf}
+
+
+def _add_convert(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     parser.add_argument("--to", choices=["yaml", *WRITERS], default="yaml", help="format to write (default: yaml)")
     parser.add_argument(
@@ -36,20 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--expand", action="store_true", help="write out the entries that are repeated with 'for'")
 
 
-def execute(options: argparse.Namespace) -> int:
+def _convert(options: argparse.Namespace) -> int:
     """Print the file.
 
     :raises CommandError: `--expand` with another format.
     """
-    from mbd_sim.files.load import load_mechanism
-    from mbd_sim.files.text.mesh_files import with_meshes_seen_from
-    from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
-
     if options.expand and options.to != "yaml":
-        raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to")
+        raise CommandError(f"--expand has no effect with --to {options.to}", "Leave out one of them.")
     mechanism = with_meshes_seen_from(load_mechanism(options.mechanism, options.base), None)
     if options.to != "yaml":
-        return write_as(mechanism, options.to)
+        return _write_as(mechanism, options.to)
     source = mechanism.source
     if options.expand and source.template is not None:
         print_file(yaml_text(source.data))
@@ -58,7 +56,7 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def write_as(mechanism: Mechanism, to: str) -> int:
+def _write_as(mechanism: Mechanism, to: str) -> int:
     """Print a mechanism in another format, and to standard error what is left out."""
     written = WRITERS[to](mechanism)
     print_file(written.text)
@@ -67,23 +65,23 @@ def write_as(mechanism: Mechanism, to: str) -> int:
     return 0
 
 
-def _urdf(mechanism: Mechanism) -> Written:
-    from mbd_sim.files.mjcf.written_bodies import Written
-    from mbd_sim.files.urdf.writer import left_out, to_urdf
-
-    return Written(to_urdf(mechanism), left_out(mechanism))
+def _print_urdf(options: argparse.Namespace) -> int:
+    return _write_as(load_mechanism(options.mechanism), "urdf")
 
 
-def _mjcf(mechanism: Mechanism) -> Written:
-    from mbd_sim.files.mjcf.writer import to_mjcf
-
-    return to_mjcf(mechanism)
-
-
-def _sdf(mechanism: Mechanism) -> Written:
-    from mbd_sim.files.sdf.writer import to_sdf
-
-    return to_sdf(mechanism)
-
-
-WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": _mjcf, "sdf": _sdf}
+COMMANDS = {
+    "convert": Command(
+        "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes"
+        " one self-contained mechanism file in YAML; with --to, any mechanism becomes URDF, MJCF or SDF. What the "
+        "other format cannot express is listed in the file and printed to standard error. Paths of meshes become "
+        "absolute, so that the output may be written to any folder.",
+        _add_convert,
+        _convert,
+    ),
+    "urdf": Command(
+        "Print the spanning tree of a mechanism as URDF. What URDF cannot express, such as joints that close loops,"
+        " is listed in the file and printed to standard error.",
+        add_mechanism,
+        _print_urdf,
+    ),
+}

@@ -8,21 +8,15 @@ import webbrowser
 from pathlib import Path
 
 from mbd_sim.base.errors import CommandError, NoInertiaError
+from mbd_sim.base.packages import require_packages
+from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 
-HELP = "run, change and take hold of a mechanism on a page in the browser"
-DESCRIPTION = (
-    "Open a page in the browser on which the mechanism runs: play, pause, step, wind back, move sliders, drag parts, "
-    "plot, record. Save the file in any editor, and the page follows. The page listens on this machine only, unless "
-    "--host is given; then the printed address contains a token. Ctrl-C ends it."
-)
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
-    add_set(parser, "change a value of the mechanism file, such as l=0.16; repeatable")
+    add_set(parser)
     parser.add_argument("--port", type=int, default=8080, help="default 8080; 0: any that is free")
     parser.add_argument("--host", default="127.0.0.1", help="listen for other machines too, such as 0.0.0.0")
     parser.add_argument("--no-open", action="store_true", help="only print the address, without opening a browser")
@@ -40,13 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--time", metavar="SECONDS", type=float, default=10.0, help="with --html, default 10")
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Write the page with the motion, or serve the page until Ctrl-C.
 
     :raises CommandError: the port is not possible.
     """
-    from mbd_sim.base.packages import require_packages
-
     require_packages("viser", purpose="The lab")
     if not 0 <= options.port <= 65535:
         raise CommandError(f"there is no port {options.port}", "Give one from 1024 to 65535, or 0.")
@@ -77,3 +69,14 @@ def execute(options: argparse.Namespace) -> int:
             webbrowser.open(lab.url)
         threading.Event().wait()
     return 0
+
+
+COMMANDS = {
+    "lab": Command(
+        "Open a page in the browser on which the mechanism runs: play, pause, step, wind back, move sliders, drag "
+        "parts, plot, record. Save the file in any editor, and the page follows. The page listens on this machine "
+        "only, unless --host is given; then the printed address contains a token. Ctrl-C ends it.",
+        _add_arguments,
+        _execute,
+    ),
+}

@@ -5,30 +5,30 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError, counted
-from mbd_sim.cli.shared.common import ProgressBar, add_method_and_step, add_quiet
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import add_method_and_step, add_quiet
 from mbd_sim.cli.shared.plot_options import add_plot_style, chosen_style
-from mbd_sim.cli.shared.recorded_run import SET_HELP, add_run, recorded_run
+from mbd_sim.cli.shared.progress import ProgressBar
+from mbd_sim.cli.shared.recorded_run import add_run, recorded_run
 from mbd_sim.cli.shared.setup_options import add_set, changes_of
-
-if TYPE_CHECKING:
-    from mbd_sim.recordings.run.changed_run import ChangedRun
-
-HELP = "recompute a recorded run with changed values, and compare the two runs"
-DESCRIPTION = (
-    "Recompute a recorded run under the same commands, but with other values, integration method or time step, and "
-    "report the deviations. If RUN is a mechanism, it is first run without these changes."
+from mbd_sim.recordings.run.changed_run import ChangedRun, ChangedRunFile, compute_changed_run
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.recomputation import Recomputation
+from mbd_sim.recordings.views.plots import (
+    largest_deviations,
+    plot_changed_run,
+    require_plot,
 )
+from mbd_sim.recordings.views.table import coordinate_units
 
 SHOWN = 8  # rows of each table
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_run(parser, changes=False, recomputed=True)
-    add_set(parser, SET_HELP)
+    add_set(parser)
     add_method_and_step(parser, "as recorded")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot both runs: .png, .svg, .pdf or .html")
     add_plot_style(parser)
@@ -36,29 +36,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Recompute, plot and write the run, and print the largest deviations."""
-    from mbd_sim.recordings.views.plots import PLOT_SUFFIXES, require_plot_packages, require_suffix
-
     changes = changes_of(options.changes)
     if not (changes or options.method or options.step):
         raise InputError("rerun-with: no change is given", "Give --set KEY=VALUE, --method or --step.")
     chosen_style(options, options.plot)
-    if options.plot is not None:
-        require_suffix(options.plot, PLOT_SUFFIXES)
-        require_plot_packages(options.plot)
+    require_plot(options.plot)
     with recorded_run(options.recording, options, with_changes=False) as path:
         _recompute(path, options, changes)
     return 0
 
 
 def _recompute(path: Path, options: argparse.Namespace, changes: dict[str, float | str]) -> None:
-    from mbd_sim.recordings.run.changed_run import ChangedRunFile, compute_changed_run
-    from mbd_sim.recordings.run.reader import open_recording
-    from mbd_sim.recordings.run.recomputation import Recomputation
-    from mbd_sim.recordings.views.plots import plot_changed_run
-    from mbd_sim.recordings.views.table import coordinate_units
-
     files = open_recording(path).files
     file = files[0]
     recomputation = Recomputation(file, method=options.method, step=options.step, changes=changes)
@@ -94,8 +84,6 @@ def _descriptions(options: argparse.Namespace, changes: dict[str, float | str]) 
 def _summary(
     run: ChangedRun, name: str, problem: str, change: str, units: Mapping[str, str], written: Sequence[Path]
 ) -> str:
-    from mbd_sim.recordings.views.plots import largest_deviations
-
     lines = [f"{name}: with {change}"]
     if problem:
         lines.append(f"  file             {problem}")
@@ -113,3 +101,13 @@ def _summary(
         if len(rows) > SHOWN:
             lines.append(f"    … and {len(rows) - SHOWN} more")
     return "\n".join([*lines, *(f"  wrote {path}" for path in written)])
+
+
+COMMANDS = {
+    "rerun-with": Command(
+        "Recompute a recorded run under the same commands, but with other values, integration method or time step, "
+        "and report the deviations. If RUN is a mechanism, it is first run without these changes.",
+        _add_arguments,
+        _execute,
+    ),
+}

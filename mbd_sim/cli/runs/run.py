@@ -6,31 +6,19 @@ import argparse
 import math
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from mbd_sim.base.errors import counted
-from mbd_sim.cli.shared.common import (
-    SECONDS,
-    ProgressBar,
-    add_duration,
-    add_mechanism,
-    add_method_and_step,
-    add_quiet,
-    rounded,
-)
-from mbd_sim.cli.shared.recorded_run import SET_HELP
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import add_duration, add_mechanism, add_method_and_step, add_quiet, rounded
+from mbd_sim.cli.shared.progress import SECONDS, ProgressBar
 from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
-
-if TYPE_CHECKING:
-    from mbd_sim.pictures.rerun.viewer import Viewer
-    from mbd_sim.simulation.run.simulation import Simulation
-
-HELP = "run a mechanism as fast as possible, without ROS"
-DESCRIPTION = (
-    "Run a mechanism as fast as possible, without ROS, and report speed, energy residual and final state. The run can "
-    "be recorded, written as a table, plotted, animated, and shown in Rerun."
-)
+from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes, energy_size
+from mbd_sim.pictures.rerun.viewer import Viewer
+from mbd_sim.recordings.messages.journal import publication_schedule
+from mbd_sim.simulation.model.model import UNKNOWN_ENERGY
+from mbd_sim.simulation.run.simulation import Simulation
 
 SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
 CHUNK = 20_000  # steps per call without a viewer
@@ -40,19 +28,18 @@ FLUSH_INTERVAL = (
 VIOLATION_LIMIT = 1e-6  # m and m/s, above which a violated constraint is worth a warning
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_duration(parser)
     add_method_and_step(parser, "from the file")
-    add_set(parser, SET_HELP)
+    add_set(parser)
     add_start(parser)
     add_outputs(parser)
     parser.add_argument("--rerun", metavar="SINK", help="show the run in Rerun: spawn, serve, connect, or a file.rrd")
     add_quiet(parser)
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Run the mechanism, print the summary, and write the files."""
     outputs = RunOutputs(options)
     simulation = build_simulation(options)
@@ -79,7 +66,6 @@ def simulate(
     :raises DivergedError: the state became infinite.
     """
     from mbd_sim.pictures.rerun.viewer import Viewer
-    from mbd_sim.recordings.messages.schedule import publication_schedule
 
     viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
     feed = None if viewer is None else _ViewerFeed(viewer, simulation)
@@ -189,8 +175,6 @@ def _coordinates(simulation: Simulation) -> Iterator[str]:
     That of a velocity is what moves the coordinate by the round-off of its position in the whole run, or what is
     round-off in comparison with the largest velocity of this dimension.
     """
-    from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
-
     names, sizes = simulation.coordinate_names, coordinate_sizes(simulation.mechanism, simulation.step_size)
     positions, speeds = simulation.model.coordinates(simulation.state).tolist(), simulation.u.tolist()
     time = simulation.time or simulation.step_size
@@ -202,9 +186,6 @@ def _coordinates(simulation: Simulation) -> Iterator[str]:
 
 def _energies(simulation: Simulation) -> Iterator[str]:
     """The energy account, with 0 in place of what is round-off in comparison with its largest term."""
-    from mbd_sim.dynamics.layouts.state_scales import energy_size
-    from mbd_sim.simulation.model.model import UNKNOWN_ENERGY
-
     energies = simulation.energies
     size = max(map(abs, energies), default=0.0)
     size = max(size, energy_size(simulation.mechanism, simulation.step_size))
@@ -238,3 +219,13 @@ def _constraints(simulation: Simulation) -> list[str]:
             "  WARNING          a constraint is violated: use a smaller step, or check the redundant constraints"
         )
     return lines
+
+
+COMMANDS = {
+    "run": Command(
+        "Run a mechanism as fast as possible, without ROS, and report speed, energy residual and final state. The "
+        "run can be recorded, written as a table, plotted, animated, and shown in Rerun.",
+        _add_arguments,
+        _execute,
+    ),
+}

@@ -6,14 +6,12 @@ import argparse
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim import __version__
 from mbd_sim.base.errors import counted
 from mbd_sim.base.packages import require_packages
+from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import (
-    COUNT,
-    ProgressBar,
     add_duration,
     add_mechanism,
     add_method_and_step,
@@ -23,22 +21,29 @@ from mbd_sim.cli.shared.common import (
     seed_number,
     text_table,
 )
-
-if TYPE_CHECKING:
-    from mbd_sim.many.sweep.runs import Results
-
-HELP = "run a mechanism many times with varied values"
-DESCRIPTION = (
-    "Run a mechanism many times with varied values: every combination of the given values, random samples, or both."
+from mbd_sim.cli.shared.progress import COUNT, ProgressBar
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.text.yaml_text import mechanism_text
+from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation
+from mbd_sim.many.sweep.runs import (
+    SUFFIXES,
+    Results,
+    Settings,
+    chunks,
+    draw,
+    require_column,
+    result_names,
+    sweep,
+    write,
 )
+from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot, require_suffix
 
 SAMPLES = 1000  # of each run, from which its extremes are taken, unless --every is given
 MAX_PROBLEMS = 5  # printed
 MOST_ROWS, MOST_COLUMNS = 20, 6  # of the table that is printed where no file is written
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     parser.add_argument(
         "--vary",
@@ -99,21 +104,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
-    from mbd_sim.files.load import load_mechanism
-    from mbd_sim.files.text.yaml_text import mechanism_text
-    from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation
-    from mbd_sim.many.sweep.runs import SUFFIXES, Settings, chunks, draw, require_column, result_names, sweep, write
-    from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_suffix
-
     for path in (options.out, options.histories):
         if path is not None:
             require_suffix(path, SUFFIXES)
             require_packages("pyarrow", purpose="The table of a sweep")
-    if options.plot is not None:
-        require_suffix(options.plot, PICTURE_SUFFIXES)
-        require_packages("matplotlib", purpose="A plot of a sweep")
+    require_plot(options.plot, PICTURE_SUFFIXES)
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)
     print_notes(remark for text in options.vary if (remark := bare_variation_remark(text, mechanism)))
@@ -171,3 +168,13 @@ def _table(results: Results, varied: Sequence[str], quantities: Sequence[str]) -
         more.append(counted(others, "column"))
     if more:
         yield f"{' and '.join(more)} more: --out FILE.csv writes all"
+
+
+COMMANDS = {
+    "sweep": Command(
+        "Run a mechanism many times with varied values: every combination of the given values, random samples, or "
+        "both.",
+        _add_arguments,
+        _execute,
+    ),
+}

@@ -1,26 +1,19 @@
-"""`mbd_sim verify`: recompute recorded runs and compare every recorded state."""
+"""`mbd_sim verify` and `mbd_sim recover`: recordings are compared with their recomputation, and repaired."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING
 
-from mbd_sim.base.errors import counted, listed
-from mbd_sim.cli.shared.common import ProgressBar, add_quiet, positive_number
+from mbd_sim.base.errors import InputError, counted, listed
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import MCAP_OR_BAG, add_quiet, add_recordings, positive_number
+from mbd_sim.cli.shared.progress import ProgressBar
 from mbd_sim.cli.shared.recorded_run import add_run, is_recording, recorded_run
-
-if TYPE_CHECKING:
-    from mbd_sim.recordings.run.comparison import Difference, Verification
-
-HELP = "recompute recorded runs and compare them bit for bit"
-DESCRIPTION = (
-    "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare every "
-    "recorded state. If RUN is a mechanism, it is run and recorded first. Checksums, offsets and indexes of the files "
-    "are also checked. The exit code is 1 if any state differs or a file is damaged. A file that was merely truncated "
-    "by a kill is compared up to its end."
-)
+from mbd_sim.recordings.run.paths import RecordingError
+from mbd_sim.recordings.run.recovery import damaged_original, recover, recover_bag
+from mbd_sim.recordings.run.verification import Difference, Verification, verify
 
 NOUNS = {  # singular and plural
     "joint_states": ("joint state", "joint states"),
@@ -37,8 +30,7 @@ NOUNS = {  # singular and plural
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_verify(parser: argparse.ArgumentParser) -> None:
     add_run(parser, several=True, recomputed=True)
     parser.add_argument(
         "--tolerance",
@@ -51,10 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def execute(options: argparse.Namespace) -> int:
+def _verify(options: argparse.Namespace) -> int:
     """Verify all recordings and print a report on each; returns 1 if a state differs or a file is damaged."""
-    from mbd_sim.recordings.run.verification import verify
-
     all_intact = True
     for run in options.recordings:
         with recorded_run(run, options) as path, ProgressBar(f"verify {path.name}", options.quiet) as progress:
@@ -140,3 +130,53 @@ def _difference_text(difference: Difference) -> str:
         f"{difference.topic}, {difference.name}, step {difference.tick}, t = {difference.time:.9g} s: "
         f"recorded {recorded!r} ({recorded.hex()}), computed {computed!r} ({computed.hex()})"
     )
+
+
+def _add_recover(parser: argparse.ArgumentParser) -> None:
+    add_recordings(parser, MCAP_OR_BAG)
+
+
+def _recover(options: argparse.Namespace) -> int:
+    """Recover the recordings and print the contents of each.
+
+    :raises RecordingError: one cannot be read or written, or is not a recording.
+    """
+    for path in options.recordings:
+        try:
+            for file, counts in recover_bag(path) if path.is_dir() else [(path, recover(path))]:
+                print(_report(file, counts))
+        except FileNotFoundError as error:
+            raise RecordingError(f"{path}: there is no such file", "Check the path.") from error
+        except InputError as error:
+            raise RecordingError(f"{path}: {error.message}", error.remedy) from error
+        except (OSError, ValueError, LookupError) as error:
+            raise RecordingError(f"{path}: {error}") from error
+    return 0
+
+
+def _report(path: Path, counts: dict[str, int] | None) -> str:
+    if counts is None:
+        return f"{path}: is complete, nothing to repair"
+    by_topic = ", ".join(f"{count} of {topic}" for topic, count in counts.items() if count)
+    original = damaged_original(path)
+    kept = f"; the damaged file is kept as {original}" if original.exists() else ""
+    return f"{path}: {counted(sum(counts.values()), 'message')} kept{': ' if by_topic else ''}{by_topic}{kept}"
+
+
+COMMANDS = {
+    "verify": Command(
+        "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare "
+        "every recorded state. If RUN is a mechanism, it is run and recorded first. Checksums, offsets and indexes "
+        "of the files are also checked. The exit code is 1 if any state differs or a file is damaged. A file that "
+        "was merely truncated by a kill is compared up to its end.",
+        _add_verify,
+        _verify,
+    ),
+    "recover": Command(
+        "Repair recordings: remove everything after the last complete, undamaged record of each file, and write the"
+        " summary and the indexes that MCAP tools need. If more than an incomplete end is removed, the original is "
+        "kept as FILE.damaged.",
+        _add_recover,
+        _recover,
+    ),
+}

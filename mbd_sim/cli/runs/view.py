@@ -5,28 +5,21 @@ from __future__ import annotations
 import argparse
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import MechanismError, counted
 from mbd_sim.base.packages import require_packages
-from mbd_sim.cli.shared.common import ProgressBar, add_quiet, positive_in, print_notes
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import add_quiet, positive_in, print_notes
+from mbd_sim.cli.shared.progress import ProgressBar
 from mbd_sim.cli.shared.recorded_run import add_run, recorded_run
-
-if TYPE_CHECKING:
-    from mbd_sim.recordings.run.reader import Recording
-    from mbd_sim.recordings.run.recomputation import Recomputation
-
-HELP = "show a run in Rerun"
-DESCRIPTION = (
-    "Show a recorded run, or the run of a mechanism, in Rerun: the moving mechanism with plots and events. If a "
-    "recording contains no mechanism, only the joints are plotted."
-)
+from mbd_sim.recordings.run.reader import Recording, open_recording
+from mbd_sim.recordings.run.recomputation import Recomputation, RecomputeError
+from mbd_sim.recordings.views.table import read_table
 
 RATE = 200.0  # states per second shown by default
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_run(parser)
     parser.add_argument("--save", metavar="FILE.rrd", help="write a file instead of opening a window")
     parser.add_argument(
@@ -56,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Show the run; with `--rerun serve`, until Ctrl-C."""
     from mbd_sim.pictures.rerun.sinks import checked_sink
 
@@ -69,9 +62,7 @@ def execute(options: argparse.Namespace) -> int:
 
 def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
     from mbd_sim.pictures.rerun.scene import DisplayOptions
-    from mbd_sim.recordings.run.reader import open_recording
     from mbd_sim.recordings.views.scene import show_joint_plots, show_run
-    from mbd_sim.recordings.views.table import read_table
 
     recording = open_recording(path)
     on_sent = _serve_until_interrupted if sink == "serve" else _return_at_once
@@ -97,8 +88,6 @@ def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
 
 def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:
     """The simulation of a recorded run, or the reason why there is none."""
-    from mbd_sim.recordings.run.recomputation import Recomputation, RecomputeError
-
     first = next((file for file in recording.files if file.is_run), None)
     if first is None or first.mechanism_text is None:
         return None, "it contains no mechanism"
@@ -115,3 +104,13 @@ def _return_at_once(address: str) -> None:
 def _serve_until_interrupted(address: str) -> None:
     print(f"{address}\nPress Ctrl-C to stop the server.", flush=True)
     threading.Event().wait()
+
+
+COMMANDS = {
+    "view": Command(
+        "Show a recorded run, or the run of a mechanism, in Rerun: the moving mechanism with plots and events. If a"
+        " recording contains no mechanism, only the joints are plotted.",
+        _add_arguments,
+        _execute,
+    ),
+}

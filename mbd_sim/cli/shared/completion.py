@@ -36,6 +36,11 @@ NAMES: dict[str, tuple[tuple[str, ...], str]] = {
 }
 
 
+def line_to_complete() -> list[str]:
+    """The words after the program on the line that a shell asks to complete; empty when none asks."""
+    return os.environ.get("COMP_LINE", "").split()[1:] if "_ARGCOMPLETE" in os.environ else []
+
+
 def complete(parser: argparse.ArgumentParser) -> None:
     """Answer a shell that asks how a command line may continue, and end; otherwise return, without any import."""
     if "_ARGCOMPLETE" not in os.environ:

@@ -5,13 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.mechanism.values.names import split_names
-
-if TYPE_CHECKING:
-    from mbd_sim.recordings.views.panels import PlotStyle
+from mbd_sim.recordings.views.panels import PlotStyle
 
 RUN_PLOTS = "energies", "joints", "residual", "reactions", "sensors", "phase"
 STYLES, THEMES = ("screen", "slide", "paper"), ("light", "dark")
@@ -70,6 +67,16 @@ def shown_plots(options: argparse.Namespace, path: Path | None) -> list[str]:
     return names
 
 
+def require_styled(options: argparse.Namespace, path: Path | None) -> None:
+    """Refuse a style without a plot.
+
+    :raises InputError: `path` is None, and a style is given.
+    """
+    given = [f"--{name}" for name in ("style", "theme") if getattr(options, name)]
+    if path is None and given:
+        raise InputError(f"{', '.join(given)}: nothing is plotted", "Give --plot too.")
+
+
 def chosen_style(options: argparse.Namespace, path: Path | None) -> PlotStyle:
     """The style of the plot that goes to `path`.
 
@@ -77,7 +84,5 @@ def chosen_style(options: argparse.Namespace, path: Path | None) -> PlotStyle:
     """
     from mbd_sim.recordings.views.panels import plot_style
 
-    given = [name for name in ("style", "theme") if getattr(options, name)]
-    if path is None and given:
-        raise InputError(f"{', '.join(f'--{name}' for name in given)}: nothing is plotted", "Give --plot too.")
+    require_styled(options, path)
     return plot_style(path or Path(), options.style or "screen", options.theme or "light")

@@ -5,28 +5,28 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.cli.shared.common import (
     ANY_RECORDING,
     DURATION,
     MCAP_OR_BAG,
-    SECONDS,
-    ProgressBar,
     add_method_and_step,
     positive_in,
-    temporary_file,
+    print_notes,
 )
+from mbd_sim.cli.shared.progress import SECONDS, ProgressBar, temporary_file
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
-
-if TYPE_CHECKING:
-    from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.files.text.library import SUFFIXES, shipped
+from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.recordings.run.run_recorder import RunRecorder
+from mbd_sim.recordings.views.table import RunTable, read_table
+from mbd_sim.simulation.run.simulation import Simulation
 
 OR_MECHANISM = "or a mechanism file, a URDF, MJCF or SDF, or the name of a shipped mechanism, which is run first"
 RECORDING_SUFFIXES = (".mcap", ".db3", ".zstd")
-SET_HELP = "change a value of the mechanism file, such as joints.elbow.damping=0.2 or l='80 cm'; repeatable"
 
 
 def add_run(
@@ -47,7 +47,7 @@ def add_run(
     group.add_argument("--time", type=positive_in("s"), metavar="S", help=f"seconds to simulate (default {DURATION:g})")
     if changes:
         add_method_and_step(group, "from the file")
-        add_set(group, SET_HELP)
+        add_set(group)
     add_start(group)
 
 
@@ -71,8 +71,6 @@ def recorded_run(
         _refuse_setup(run, options, with_changes)
         yield Path(run)
         return
-    from mbd_sim.recordings.run.run_recorder import RunRecorder
-
     with temporary_file(f"{Path(run).stem}.mcap") as path:
         options.mechanism = run
         simulation = build_simulation(options, with_changes=with_changes)
@@ -93,8 +91,6 @@ def is_recording(run: str) -> bool:
 
     :raises InputError: there is neither.
     """
-    from mbd_sim.files.text.library import SUFFIXES, shipped
-
     path = Path(run)
     if path.suffix in RECORDING_SUFFIXES or (path.is_file() and path.suffix not in SUFFIXES):
         return True
@@ -122,3 +118,15 @@ def _refuse_setup(run: str, options: argparse.Namespace, with_changes: bool) -> 
             f"{run} is a recording: {', '.join(given)} would have no effect",
             "Leave it out, or use rerun-with to recompute the run with a change." if with_changes else "Leave it out.",
         )
+
+
+def read_run_table(path: Path, quiet: bool, name: str = "") -> RunTable:
+    """Read a recording's states as a table, with a progress bar; print the notes about them.
+
+    :param name: of the run, where the recording is a temporary file.
+    """
+    recording = open_recording(path)
+    with ProgressBar("read", quiet) as progress:
+        table = read_table(recording, progress.show)
+    print_notes(table.notes)
+    return replace(table, path=Path(name)) if name else table

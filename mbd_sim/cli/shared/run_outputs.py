@@ -7,31 +7,23 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import DivergedError, InputError, counted
-from mbd_sim.cli.shared.common import (
-    COUNT,
-    ProgressBar,
-    positive_in,
-    positive_number,
-    print_undrawn_meshes,
-    read_run_table,
-    temporary_file,
-)
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.cli.shared.common import positive_in, positive_number, print_undrawn_meshes
 from mbd_sim.cli.shared.plot_options import (
     add_coordinates,
     add_plot_style,
     add_show,
     chosen_style,
     plotted_coordinates,
+    require_styled,
     shown_plots,
 )
+from mbd_sim.cli.shared.progress import COUNT, ProgressBar, temporary_file
 from mbd_sim.mechanism.values.names import split_names
-
-if TYPE_CHECKING:
-    from mbd_sim.base.geometry.pose import Pose
-    from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.pictures.shapes.joints import traced_points
+from mbd_sim.simulation.run.simulation import Simulation
 
 RECORDING = ".mcap"
 SIZE = 600, 400  # px, of an animation
@@ -105,23 +97,23 @@ class RunOutputs:
         :raises InputError: a file has another suffix, its folder does not exist, an option has no effect without a
             file, or a package is not installed.
         """
-        from mbd_sim.pictures.drawing import animation as animation_file
-        from mbd_sim.recordings.views import export, panels, plots
-
         self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
         self.written: list[str] = []
-        if options.out is not None:
-            plots.require_suffix(options.out, (RECORDING, *export.SUFFIXES))
-            export.require_packages_for(options.out)
-        self._style, self._shown = chosen_style(options, options.plot), shown_plots(options, options.plot)
-        panels.require_names(self._shown)
-        self._coordinates = plotted_coordinates(options, options.plot)
-        if options.plot is not None:
-            plots.require_suffix(options.plot, plots.PLOT_SUFFIXES)
-            plots.require_plot_packages(options.plot)
+        self._shown, self._coordinates = shown_plots(options, options.plot), plotted_coordinates(options, options.plot)
+        require_styled(options, options.plot)
+        if self.records:
+            from mbd_sim.recordings.views import export, panels, plots
+
+            export.require_table(options.out, RECORDING)
+            plots.require_plot(options.plot)
+            panels.require_names(self._shown)
+            chosen_style(options, options.plot)
         if options.animate is not None:
-            plots.require_suffix(options.animate, animation_file.SUFFIXES)
-            animation_file.require_animation_packages(options.animate)
+            from mbd_sim.pictures.drawing import animation
+            from mbd_sim.recordings.views.plots import require_suffix
+
+            require_suffix(options.animate, animation.SUFFIXES)
+            animation.require_animation_packages(options.animate)
         elif unused := [name for name in ("trace", "pace", "size") if getattr(options, name)]:
             raise InputError(f"--{unused[0]}: nothing is drawn", "Give --animate too.")
         self._pace, self._size = options.pace or 1.0, options.size or SIZE
@@ -152,8 +144,6 @@ class RunOutputs:
     @contextmanager
     def of(self, simulation: Simulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
-        from mbd_sim.pictures.shapes.joints import traced_points
-
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
         least = self._drawn_rate * self._pace * simulation.step_size
@@ -207,6 +197,7 @@ class RunOutputs:
             self._animate(simulation)
 
     def _write_table_and_plot(self, path: Path) -> None:
+        from mbd_sim.cli.shared.recorded_run import read_run_table
         from mbd_sim.recordings.views import export, plots
         from mbd_sim.recordings.views.panels import panels
 
@@ -219,7 +210,7 @@ class RunOutputs:
             self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
         if options.plot is not None:
             chosen = panels(table, self._shown, self._coordinates, degrees=options.deg)
-            plots.draw(options.plot, table, chosen, self._style)
+            plots.draw(options.plot, table, chosen, chosen_style(options, options.plot))
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")
 

@@ -1,4 +1,4 @@
-"""The options that set up a run of a mechanism, `--set`, `--start` and `--effort`, or its export as code."""
+"""The options that set up a run of a mechanism, `--set`, `--start` and `--effort`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, nearest
-from mbd_sim.cli.shared.common import Waiting, add_mechanism, add_method_and_step, print_notes
+from mbd_sim.cli.shared.progress import Waiting
+from mbd_sim.files.checks.override import with_values
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.text.values import parse_value, split_unit
+from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, split_assignment
 
 if TYPE_CHECKING:
-    from mbd_sim.exports.c_code.model import ExportedModel
-    from mbd_sim.mechanism.mechanism import Mechanism
     from mbd_sim.simulation.run.simulation import Simulation
 
 
-def add_set(parser: argparse._ActionsContainer, help_text: str) -> None:
+def add_set(parser: argparse._ActionsContainer) -> None:
     """Declare `--set`."""
+    example = "joints.elbow.damping=0.2 or l='80 cm'"
+    help_text = f"change a value of the mechanism file, such as {example}; repeatable"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help=help_text)
 
 
@@ -39,52 +43,12 @@ def add_start(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_export(parser: argparse.ArgumentParser) -> None:
-    """Declare what is exported as code: see `exported_model`."""
-    add_mechanism(parser)
-    add_method_and_step(parser, "from the file")
-    add_set(parser, "change a value of the mechanism file, such as joints.elbow.position='30 deg'; repeatable")
-    parser.add_argument(
-        "--parameter",
-        action="append",
-        default=[],
-        metavar="KEY",
-        help="a number of the file that stays variable, such as l or parts.rod.mass; repeatable",
-    )
-    parser.add_argument(
-        "--wrench", action="append", default=[], metavar="PART", help="a part on which forces can act; repeatable"
-    )
-
-
-def exported_model(options: argparse.Namespace) -> ExportedModel:
-    """The mechanism that the options describe, traced for code; what is left out is printed as notes.
-
-    :raises MechanismError: it cannot be exported, see `export_model`.
-    """
-    from mbd_sim.exports.c_code.model import export_model
-
-    mechanism = changed_mechanism(options)
-    Waiting.stage("derive the equations")
-    model = export_model(
-        mechanism,
-        method=options.method,
-        step=options.step,
-        parameters=options.parameter,
-        wrenches=options.wrench,
-    )
-    print_notes(model.remarks)
-    return model
-
-
 def changed_mechanism(options: argparse.Namespace) -> Mechanism:
     """The mechanism with the values of `--set`.
 
     :raises InputError: an option is not an assignment.
     :raises MechanismError: with all problems of the file, or of the values.
     """
-    from mbd_sim.files.checks.override import with_values
-    from mbd_sim.files.load import load_mechanism
-
     Waiting.stage("read the mechanism")
     mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
     return with_values(mechanism, changes) if changes else mechanism
@@ -105,8 +69,7 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
     :raises InputError: an option is not an assignment, or names a joint that does not exist.
     :raises MechanismError: the mechanism cannot be built with these values.
     """
-    from mbd_sim.files.load import load_mechanism
-    from mbd_sim.simulation.run.simulation import Simulation
+    from mbd_sim.simulation.run.simulation import Simulation  # not for `check`, whose reports are kept
 
     Waiting.stage("read the mechanism")
     mechanism = load_mechanism(options.mechanism)
@@ -141,7 +104,7 @@ def _value(text: str, option: str) -> Any:
     except ValueError:
         if not text.lstrip().startswith(("[", "{")):
             return text
-    from mbd_sim.files.text.yaml_text import parse_source
+    from mbd_sim.files.text.yaml_text import parse_source  # a warm start reads no YAML
 
     source = parse_source(text, option)
     if source.problems:
@@ -150,8 +113,6 @@ def _value(text: str, option: str) -> Any:
 
 
 def _effort(text: str, mechanism: Mechanism) -> tuple[str, float]:
-    from mbd_sim.files.text.values import parse_value, split_unit
-
     ((name, value),) = _pairs("--effort", [text], "elbow=2.5")
     try:
         if not split_unit(value)[1]:

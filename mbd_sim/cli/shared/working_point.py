@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from typing import TYPE_CHECKING
 
+from mbd_sim.analysis.equilibria.equilibrium import Equilibrium
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import SECONDS, ProgressBar, Waiting, add_mechanism, add_method_and_step, rounded
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, rounded
+from mbd_sim.cli.shared.progress import SECONDS, ProgressBar, Waiting
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
-
-if TYPE_CHECKING:
-    from mbd_sim.analysis.equilibria.equilibrium import Equilibrium
-    from mbd_sim.base.geometry.pose import Array
-    from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
+from mbd_sim.files.text.values import parse_value
+from mbd_sim.recordings.views.table import coordinate_units
+from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.studies.linear_analysis.loci import set_to_equilibrium
 
 SOLVED = 1e-12  # error of a coordinate at an equilibrium, relative to 1 rad or the size of the mechanism
 MOVED = 1e-9  # up to which a coordinate counts as that of the start, relative to the same
@@ -24,7 +26,7 @@ EQUILIBRIUM, START = "equilibrium", "start"
 def add_working_point(parser: argparse.ArgumentParser) -> None:
     """Declare the mechanism, its values and start, and `--at`."""
     add_mechanism(parser)
-    add_set(parser, "a value of the file, such as joints.elbow.damping=0.2 or l=0.8; repeatable")
+    add_set(parser)
     add_start(parser)
     add_method_and_step(parser, "from the file")
     parser.add_argument(
@@ -42,8 +44,6 @@ def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
 
     :raises InputError: `--at` is something else, or there is no equilibrium.
     """
-    from mbd_sim.studies.linear_analysis.loci import set_to_equilibrium
-
     number = _number(options.at)
     time = None if number or options.at == START else _time(options.at)
     simulation = build_simulation(options)
@@ -58,14 +58,13 @@ def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
     try:
         found = set_to_equilibrium(simulation, number=number)
     except InputError as error:
-        raise InputError(error.args[0], "Give --at start, or --at with a time in s up to which it runs.") from None
+        remedy = "Give --at start, or --at with a time in s up to which it runs."
+        raise InputError(f"--at {options.at}: {error.message.removeprefix(f'{number}: ')}", remedy) from None
     return simulation, f"{_state_text(simulation, 'at the equilibrium')}\n{equilibrium_text(simulation, found)}"
 
 
 def equilibrium_text(simulation: Simulation, found: Equilibrium) -> str:
     """How far an equilibrium is from the start, by coordinate, and whether it is stable."""
-    from mbd_sim.recordings.views.table import coordinate_units
-
     units, names = coordinate_units(simulation.mechanism), simulation.coordinate_names
     stability = "stable" if found.stable else f"unstable: motions grow with {found.growth:.4g} 1/s"
     if math.isnan(found.growth):
@@ -91,8 +90,6 @@ def place_text(simulation: Simulation, q: Array) -> str:
 
 
 def _sizes(simulation: Simulation) -> list[float]:
-    from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
-
     return coordinate_sizes(simulation.mechanism, simulation.step_size)
 
 
@@ -110,8 +107,6 @@ def _number(text: str) -> int:
 
 
 def _time(text: str) -> float:
-    from mbd_sim.files.text.values import parse_value
-
     try:
         value = parse_value(text, {}, "s")
     except InputError:

@@ -5,30 +5,38 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import add_mechanism, print_notes, seed_number
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import add_mechanism, print_notes, print_written, seed_number
 from mbd_sim.cli.shared.plot_options import add_show, shown_plots
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
-
-if TYPE_CHECKING:
-    from mbd_sim.base.geometry.pose import Array
-    from mbd_sim.mechanism.mechanism import Mechanism
-    from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
-    from mbd_sim.studies.kinematic_analysis.system import DriveRange
-
-CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
-HELP = "move drives through ranges: positions, velocities, accelerations, dead points, loads"
-DESCRIPTION = (
-    "Move the drives of a mechanism through their ranges and determine everything else from the constraints: "
-    "positions, velocities, accelerations, paths of points, dead points, limit positions, transmission angles and "
-    "mechanical advantage; with --loads also efforts and reactions by inverse dynamics."
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.recordings.views.export import require_table, write_columns
+from mbd_sim.studies.kinematic_analysis.loads import coupler_and_follower, couplers_and_followers, drive_loads
+from mbd_sim.studies.kinematic_analysis.motion import POSITIONS, DrivenMotion, driven_motion
+from mbd_sim.studies.kinematic_analysis.picture import draw_motion, require_groups, require_picture_suffix
+from mbd_sim.studies.kinematic_analysis.system import (
+    DriveRange,
+    bare_range_remark,
+    drive_range,
+    drive_speed,
+    parameter_value,
+    position_count,
+)
+from mbd_sim.studies.kinematic_analysis.text import (
+    chosen_columns,
+    column_limit,
+    exceeded_limits,
+    motion_columns,
+    motion_text,
 )
 
+CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     parser.add_argument(
         "--drive",
@@ -38,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a driven coordinate and its range, such as crank=0:360deg, or crank=0:360deg:73 for 73 positions, or a "
         "value at which it is held; repeatable: as many as the mechanism has degrees of freedom",
     )
-    add_set(parser, "change a value of the mechanism file, such as l=0.16 or parts.rod.mass='2 kg'; repeatable")
+    add_set(parser)
     parser.add_argument(
         "--speed", default="1", metavar="V", help="of the first drive: rad/s, m/s, or 60rpm (default 1)"
     )
@@ -104,30 +112,14 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     add_show(parser, ("mechanism", *CURVES))
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Analyze the motion, print the report, and write the table and the picture."""
-    from mbd_sim.recordings.views.export import SUFFIXES, require_packages_for, write_columns
-    from mbd_sim.recordings.views.plots import require_suffix
-    from mbd_sim.studies.kinematic_analysis.loads import coupler_and_follower, couplers_and_followers, drive_loads
-    from mbd_sim.studies.kinematic_analysis.motion import POSITIONS, driven_motion
-    from mbd_sim.studies.kinematic_analysis.picture import draw_motion, require_groups, require_picture_suffix
-    from mbd_sim.studies.kinematic_analysis.system import drive_speed, position_count
-    from mbd_sim.studies.kinematic_analysis.text import (
-        chosen_columns,
-        column_limit,
-        exceeded_limits,
-        motion_columns,
-        motion_text,
-    )
-
     limits = [column_limit(text) for text in options.limit]
     show = shown_plots(options, options.plot)
     require_groups(show)
     if options.plot is not None:
         require_picture_suffix(options.plot)
-    if options.out is not None:
-        require_suffix(options.out, SUFFIXES)
-        require_packages_for(options.out)
+    require_table(options.out)
     mechanism = changed_mechanism(options)
     given = _ranges(options.drive, mechanism)
     drives = {one.name: (one.start, one.stop) for one, _ in given}
@@ -160,9 +152,7 @@ def execute(options: argparse.Namespace) -> int:
         write_columns(options.out, columns, about)
     if options.plot is not None:
         draw_motion(options.plot, motion, options.point, pins, loads, show=show)
-    for path in (options.out, options.plot):
-        if path is not None:
-            print(f"wrote {path}")
+    print_written(options.out, options.plot)
     return 1 if exceeded else 0
 
 
@@ -175,8 +165,6 @@ def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
 
 def _ranges(texts: Sequence[str], mechanism: Mechanism) -> list[tuple[DriveRange, int | None]]:
     """The ranges of `--drive` with their numbers of positions; angles that were probably meant in degrees are noted."""
-    from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_range
-
     found = [drive_range(text, mechanism) for text in texts]
     print_notes(remark for text in texts if (remark := bare_range_remark(text, mechanism)))
     return found
@@ -188,7 +176,6 @@ def _accuracy(
     """Lines and columns about sensitivities and tolerances."""
     from mbd_sim.studies.kinematic_analysis import tolerances as report
     from mbd_sim.studies.kinematic_analysis.parametric import MotionSensitivity
-    from mbd_sim.studies.kinematic_analysis.system import parameter_value
     from mbd_sim.studies.kinematic_analysis.tolerances import ToleranceAnalysis
 
     lines: list[str] = []
@@ -205,3 +192,14 @@ def _accuracy(
     elif options.samples:
         raise InputError("--samples without tolerances", "Give --tolerance KEY=VALUE.")
     return lines, columns
+
+
+COMMANDS = {
+    "kinematics": Command(
+        "Move the drives of a mechanism through their ranges and determine everything else from the constraints: "
+        "positions, velocities, accelerations, paths of points, dead points, limit positions, transmission angles "
+        "and mechanical advantage; with --loads also efforts and reactions by inverse dynamics.",
+        _add_arguments,
+        _execute,
+    ),
+}

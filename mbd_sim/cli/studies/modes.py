@@ -7,10 +7,14 @@ import cmath
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import COUNT, ProgressBar, Waiting, add_quiet, print_notes
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import add_quiet, print_notes, print_written
+from mbd_sim.cli.shared.progress import COUNT, ProgressBar, Waiting
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.cli.shared.working_point import (
     EQUILIBRIUM,
@@ -20,25 +24,18 @@ from mbd_sim.cli.shared.working_point import (
     place_text,
     simulation_at,
 )
-
-if TYPE_CHECKING:
-    from mbd_sim.base.geometry.pose import Array
-    from mbd_sim.mechanism.mechanism import Mechanism
-    from mbd_sim.studies.linear_analysis.loci import EigenvalueLocus
-    from mbd_sim.studies.linear_analysis.plots import ModeShape
-
-HELP = "natural modes: frequencies, damping, shapes; root locus and stability map over values of the file"
-DESCRIPTION = (
-    "Print the natural modes of small motions about a state: frequency, damping ratio, eigenvalue and shape. With "
-    "--vary, print the eigenvalues over one value (root locus) or the largest growth rate over two (stability map). "
-    "For the assembly modes of a loop see `mbd_sim kinematics --modes`."
-)
+from mbd_sim.many.sweep.plan import Grid, bare_variation_remark, variation
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.drawing.animation import SUFFIXES as ANIMATIONS
+from mbd_sim.recordings.views.export import require_table, write_columns
+from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot, require_suffix
+from mbd_sim.studies.linear_analysis.loci import EigenvalueLocus, eigenvalue_locus, equilibria_of
+from mbd_sim.studies.linear_analysis.plots import ModeShape, animate_mode, draw_locus, mode_shapes
 
 SHOWN = 1e-6  # entries of a shape below this are shown as zero
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_working_point(parser)
     parser.add_argument(
         "--equilibria", action="store_true", help="list the equilibria that are found near the start, the nearest first"
@@ -63,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Print the modes, or the eigenvalues over varied values, and write the files.
 
     :raises InputError: options that have no effect.
@@ -83,14 +80,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from mbd_sim.recordings.views.export import SUFFIXES as TABLES
-    from mbd_sim.recordings.views.export import require_packages_for, write_columns
-    from mbd_sim.recordings.views.plots import require_suffix
-    from mbd_sim.studies.linear_analysis.plots import mode_shapes
-
-    if options.out is not None:
-        require_suffix(options.out, TABLES)
-        require_packages_for(options.out)
+    require_table(options.out)
     simulation, state = simulation_at(options)
     Waiting.stage("linearize")
     linearization = simulation.linearize()
@@ -106,10 +96,7 @@ def _modes(options: argparse.Namespace) -> int:
         )
         print(f"wrote {options.out}")
     if options.animate is not None:
-        from mbd_sim.pictures.drawing.animation import SUFFIXES
-        from mbd_sim.studies.linear_analysis.plots import animate_mode
-
-        require_suffix(options.animate, SUFFIXES)
+        require_suffix(options.animate, ANIMATIONS)
         if not 1 <= options.mode <= len(shapes):
             raise InputError(f"--mode {options.mode}: there are {len(shapes)} modes", "Choose one of them.")
         shape = shapes[options.mode - 1]
@@ -120,8 +107,6 @@ def _modes(options: argparse.Namespace) -> int:
 
 
 def _equilibria(options: argparse.Namespace) -> int:
-    from mbd_sim.studies.linear_analysis.loci import equilibria_of
-
     simulation = build_simulation(options)
     found = equilibria_of(simulation)
     print(
@@ -134,8 +119,6 @@ def _equilibria(options: argparse.Namespace) -> int:
 
 def _mode_columns(shapes: Sequence[ModeShape], names: Sequence[str]) -> dict[str, Array]:
     """A row for each mode; the shape has an amplitude in m or rad and a phase for each coordinate."""
-    import numpy as np
-
     values = np.array([shape.mode.eigenvalue for shape in shapes])
     found = {
         "frequency_Hz": np.array([shape.mode.frequency for shape in shapes]),
@@ -170,25 +153,14 @@ def _mode_lines(number: int, shape: ModeShape, names: tuple[str, ...]) -> Iterat
 
 
 def _varied(options: argparse.Namespace) -> int:
-    import numpy as np
-
-    from mbd_sim.many.sweep.plan import bare_variation_remark
-    from mbd_sim.recordings.views.export import SUFFIXES, require_packages_for, write_columns
-    from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_suffix
-    from mbd_sim.studies.linear_analysis.loci import eigenvalue_locus
-    from mbd_sim.studies.linear_analysis.plots import draw_locus
-
     if options.at not in (EQUILIBRIUM, START):
         raise InputError(
             f"--at {options.at}: eigenvalues over values are about the equilibrium or the start", "Give --at start."
         )
-    if options.plot is not None:
-        require_suffix(options.plot, PICTURE_SUFFIXES)
-        if len(options.vary) > 2:
-            raise InputError("--plot shows up to two varied values", "Write a table with --out.")
-    if options.out is not None:
-        require_suffix(options.out, SUFFIXES)
-        require_packages_for(options.out)
+    require_plot(options.plot, PICTURE_SUFFIXES)
+    if options.plot is not None and len(options.vary) > 2:
+        raise InputError("--plot shows up to two varied values", "Write a table with --out.")
+    require_table(options.out)
     simulation = build_simulation(options)
     efforts = dict(zip(simulation.coordinate_names, simulation.efforts.tolist(), strict=True))
     values = dict(_values(text, simulation.mechanism) for text in options.vary)
@@ -201,9 +173,7 @@ def _varied(options: argparse.Namespace) -> int:
         write_columns(options.out, _columns(locus), {"mechanism": simulation.mechanism.name})
     if options.plot is not None:
         draw_locus(options.plot, locus, simulation.mechanism.name)
-    for path in (options.out, options.plot):
-        if path is not None:
-            print(f"wrote {path}")
+    print_written(options.out, options.plot)
     return 0
 
 
@@ -212,10 +182,6 @@ def _values(text: str, mechanism: Mechanism) -> tuple[str, Array]:
 
     :raises InputError: they are a distribution, an effort, or not numbers.
     """
-    import numpy as np
-
-    from mbd_sim.many.sweep.plan import Grid, variation
-
     found = variation(text, mechanism)
     if not isinstance(found, Grid) or found.name.startswith("efforts."):
         raise InputError(
@@ -226,8 +192,6 @@ def _values(text: str, mechanism: Mechanism) -> tuple[str, Array]:
 
 def _locus_lines(locus: EigenvalueLocus) -> Iterator[str]:
     """The largest growth rate over the values, and where it changes its sign along the first of them."""
-    import numpy as np
-
     growth = locus.growth
     if np.all(np.isnan(growth)):
         yield "  no equilibrium with any of these values"
@@ -248,8 +212,6 @@ def _locus_lines(locus: EigenvalueLocus) -> Iterator[str]:
 
 
 def _columns(locus: EigenvalueLocus) -> dict[str, Array]:
-    import numpy as np
-
     grid = np.meshgrid(*locus.values, indexing="ij")
     found = {name: axis.ravel() for name, axis in zip(locus.names, grid, strict=True)}
     roots = locus.eigenvalues.reshape(-1, locus.eigenvalues.shape[-1])
@@ -259,3 +221,14 @@ def _columns(locus: EigenvalueLocus) -> dict[str, Array]:
             roots[:, number].imag,
         )
     return found
+
+
+COMMANDS = {
+    "modes": Command(
+        "Print the natural modes of small motions about a state: frequency, damping ratio, eigenvalue and shape. "
+        "With --vary, print the eigenvalues over one value (root locus) or the largest growth rate over two "
+        "(stability map). For the assembly modes of a loop see `mbd_sim kinematics --modes`.",
+        _add_arguments,
+        _execute,
+    ),
+}

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.cli.shared.common import add_mechanism, print_notes
-
-if TYPE_CHECKING:
-    from mbd_sim.studies.synthesis.synthesis import Norm
-
-HELP = "find parameters for a path, a function, or the least effort of the drive"
-DESCRIPTION = (
-    "Find parameters of a mechanism of one degree of freedom with which a point follows a path, a coordinate follows a "
-    "function of the drive, or the drive needs little effort. The search starts from the values in the file and ends "
-    "in an optimum nearby."
-)
+from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.common import add_mechanism, print_notes, print_written
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.many.sweep.plan import bare_variation_remark
+from mbd_sim.studies.kinematic_analysis.picture import require_picture_suffix
+from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_range, drive_speed
+from mbd_sim.studies.synthesis.problem import bounds_of, goal_of
+from mbd_sim.studies.synthesis.synthesis import Norm, design_text, draw_design, synthesize, write_mechanism
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     parser.add_argument(
         "--drive",
@@ -62,15 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw its motion: .png, .svg or .pdf")
 
 
-def execute(options: argparse.Namespace) -> int:
+def _execute(options: argparse.Namespace) -> int:
     """Search, print the values found, and write and draw the mechanism; returns 1 if the search did not converge."""
-    from mbd_sim.files.load import load_mechanism
-    from mbd_sim.many.sweep.plan import bare_variation_remark
-    from mbd_sim.studies.kinematic_analysis.picture import require_picture_suffix
-    from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_range, drive_speed
-    from mbd_sim.studies.synthesis.problem import bounds_of, goal_of
-    from mbd_sim.studies.synthesis.synthesis import design_text, draw_design, synthesize, write_mechanism
-
     if options.plot is not None:
         require_picture_suffix(options.plot)
     if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
@@ -90,7 +78,16 @@ def execute(options: argparse.Namespace) -> int:
         write_mechanism(options.out, design)
     if options.plot is not None:
         draw_design(options.plot, design, goal)
-    for path in (options.out, options.plot):
-        if path is not None:
-            print(f"wrote {path}")
+    print_written(options.out, options.plot)
     return 0 if design.converged else 1
+
+
+COMMANDS = {
+    "optimize": Command(
+        "Find parameters of a mechanism of one degree of freedom with which a point follows a path, a coordinate "
+        "follows a function of the drive, or the drive needs little effort. The search starts from the values in "
+        "the file and ends in an optimum nearby.",
+        _add_arguments,
+        _execute,
+    ),
+}

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 
-import numpy as np
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
+from mbd_sim.examples.control_node import TargetNode, mechanism_parameter, run
 from mbd_sim.ros.node.parameters import ParameterSpec
 
 TOPICS = (
@@ -38,8 +34,8 @@ class PositionLoop:
         return math.copysign(min(self.gain * abs(error), stopping, self.speed), error)
 
 
-class CascadeNode(ControlNode):
-    """The parameter `targets` (rad), which are taken in turn for `period` s each, may be changed during the run."""
+class CascadeNode(TargetNode):
+    """Commands velocities toward targets in rad."""
 
     PARAMETERS = (
         mechanism_parameter("motor_drive"),
@@ -50,25 +46,12 @@ class CascadeNode(ControlNode):
 
     def __init__(self) -> None:
         super().__init__("cascade")
-        self.add_on_set_parameters_callback(self._check_targets)
         self.loop = PositionLoop(float(self.get_parameter("gain").value))
-        self._period = float(self.get_parameter("period").value)
-
-    def target(self, time: float) -> float:
-        """The present target in rad."""
-        targets = self.get_parameter("targets").value
-        return float(targets[int(time / self._period) % len(targets)])
 
     def command(self, time: float, q: Array, u: Array) -> JointState:
         """The velocity of the first joint toward its present target."""
-        velocity = self.loop.velocity(float(q[0]), self.target(time))
+        velocity = self.loop.velocity(float(q[0]), self.target(int(time / self.period)))
         return JointState(name=self.names[:1], velocity=[velocity])
-
-    def _check_targets(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            if parameter.name == "targets" and not (len(parameter.value) and np.all(np.isfinite(parameter.value))):
-                return SetParametersResult(successful=False, reason="give at least one position, each finite")
-        return SetParametersResult(successful=True)
 
 
 def main() -> int:

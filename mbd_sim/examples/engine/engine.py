@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 
 import numpy as np
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
+from mbd_sim.examples.control_node import TargetNode, mechanism_parameter, run
 from mbd_sim.ros.node.parameters import ParameterSpec
 
 TOPICS = (
@@ -51,8 +48,10 @@ class Dynamometer:
         return -max(0.0, min(self.limit, wanted))
 
 
-class EngineNode(ControlNode):
-    """The parameter `targets` (rad/s), which are taken in turn for `period` s each, may be changed during the run."""
+class EngineNode(TargetNode):
+    """Brakes to targets in rad/s."""
+
+    LOWEST = 100.0
 
     PARAMETERS = (
         mechanism_parameter("engine"),
@@ -62,22 +61,20 @@ class EngineNode(ControlNode):
 
     def __init__(self) -> None:
         super().__init__("engine")
-        self.add_on_set_parameters_callback(self._check_targets)
         self.law, self._crank = Dynamometer(), self.names.index("crank")
-        self._period = float(self.get_parameter("period").value)
         self._speeds: list[float] = []  # of the last second
         self._number = 0
 
     def command(self, time: float, q: Array, u: Array) -> JointState:
         """The torque on the crankshaft that leads to its present target; the last second of each is reported."""
-        targets, number = self.get_parameter("targets").value, int(time / self._period)
-        torque = self.law.torque(time, float(u[self._crank]), float(targets[self._number % len(targets)]))
+        number = int(time / self.period)
+        torque = self.law.torque(time, float(u[self._crank]), self.target(self._number))
         if number != self._number:
             if number > self._number and self._speeds:
                 self._report(-torque)
             self._number = number
             self._speeds.clear()
-        if time >= (number + 1) * self._period - 1.0:
+        if time >= (number + 1) * self.period - 1.0:
             self._speeds.append(float(u[self._crank]))
         return JointState(name=[self.names[self._crank]], effort=[torque])
 
@@ -88,13 +85,6 @@ class EngineNode(ControlNode):
             f"runs at {mean:.1f} rad/s, varies by {100.0 * spread / mean:.1f} %, brake {brake:.3f} N·m, "
             f"{brake * mean:.1f} W"
         )
-
-    def _check_targets(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            values = np.array(parameter.value if parameter.name == "targets" else [math.inf])
-            if not (values.size and np.all(values > 100.0)):
-                return SetParametersResult(successful=False, reason="give at least one speed, each above 100 rad/s")
-        return SetParametersResult(successful=True)
 
 
 def main() -> int:

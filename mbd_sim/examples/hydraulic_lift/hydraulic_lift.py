@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 
-import numpy as np
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
+from mbd_sim.examples.control_node import TargetNode, mechanism_parameter, run
 from mbd_sim.ros.node.parameters import ParameterSpec
 
 TOPICS = (
@@ -49,8 +45,10 @@ class LevelControl:
         return max(-1.0, min(1.0, wanted / self.full_speed))
 
 
-class LiftNode(ControlNode):
-    """The parameter `targets` (m), which are taken in turn for `period` s each, may be changed during the run."""
+class LiftNode(TargetNode):
+    """Opens the valve toward targets in m."""
+
+    LOWEST, HIGHEST = LOWEST, HIGHEST
 
     PARAMETERS = (
         mechanism_parameter("hydraulic_scissor_lift"),
@@ -60,29 +58,15 @@ class LiftNode(ControlNode):
 
     def __init__(self) -> None:
         super().__init__("hydraulic_lift")
-        self.add_on_set_parameters_callback(self._check_targets)
         self.law, self._bar = LevelControl(), self.mechanism.parameters["l"]
-        self._period, self._hinge = float(self.get_parameter("period").value), self.names.index("hinge")
+        self._hinge = self.names.index("hinge")
         self._valve = self.create_publisher(Float64MultiArray, "sim_node/actuator_commands", 10)
-
-    def target(self, time: float) -> float:
-        """The present target in m."""
-        targets = self.get_parameter("targets").value
-        return float(targets[int(time / self._period) % len(targets)])
 
     def publish_answer(self, time: float, q: Array, u: Array) -> None:
         """Publish the opening that moves the platform toward its present target."""
         height = self._bar * math.sin(q[self._hinge])
-        opening = self.law.opening(time, height, self.target(time))
+        opening = self.law.opening(time, height, self.target(int(time / self.period)))
         self._valve.publish(Float64MultiArray(data=[opening]))
-
-    def _check_targets(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            values = np.array(parameter.value) if parameter.name == "targets" else np.array([LOWEST])
-            if not (values.size and np.all((values >= LOWEST) & (values <= HIGHEST))):
-                reason = f"give at least one height, each from {LOWEST} m to {HIGHEST} m"
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
 
 
 def main() -> int:

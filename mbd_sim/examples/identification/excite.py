@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 
+from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.examples.control_node import ControlNode, end_program, mechanism_parameter, run
 from mbd_sim.ros.node.parameters import ParameterSpec
@@ -37,7 +38,7 @@ class ExciteNode(ControlNode):
         super().__init__("excite")
         joint = self.get_parameter("joint").value or self.names[0]
         if joint not in self.names:
-            raise ValueError(f"there is no joint '{joint}'. Choose one of {', '.join(self.names)}.")
+            raise InputError(f"there is no joint '{joint}'", nearest(joint, self.names))
         self.joint_index = self.names.index(joint)
         self.amplitude, self.duration = (float(self.get_parameter(n).value) for n in ("amplitude", "duration"))
         self._start_time: float | None = None

@@ -14,21 +14,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from mcap.reader import make_reader
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
 
-from mbd_sim.base.errors import MbdSimError, counted
+from mbd_sim.base.errors import InputError, MbdSimError, counted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.load import parse_mechanism
+from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.simulation.run.events import RESTARTS, parse_event
 from mbd_sim.studies.optimization.identification import Identification, identify
 from mbd_sim.studies.optimization.measured_runs import MeasuredRun
 
 WORDS = "recordings of the same mechanism, and a guess for each parameter to identify"
-TYPES = {"joint_states": JointState, "applied_efforts": Float64MultiArray, "events": String}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,32 +45,31 @@ def read(path: str | Path) -> Run:
 
     :raises MbdSimError: it holds no states of a mechanism whose coordinates all have their own joint.
     """
-    states: list[tuple[int, list[float], list[float]]] = []
+    states: list[tuple[int, Array, Array]] = []
     efforts: list[tuple[int, Array]] = []
-    with Path(path).open("rb") as stream:
-        reader = make_reader(stream)
-        text = next(reader.iter_attachments()).data.decode()
-        about = next(record.metadata for record in reader.iter_metadata() if record.name == "mbd_sim")
-        names = json.loads(about["coordinates"])
-        if "inputs" in about:  # those of the first state, the efforts first
-            inputs = [float.fromhex(value) for value in json.loads(about["inputs"])]
-            efforts.append((int(about["first_tick"]), np.array(inputs[: len(names)])))
-        for _, channel, message in reader.iter_messages():
-            name = channel.topic.rsplit("/", 1)[1]
-            if name not in TYPES:
-                continue
-            content = deserialize_message(message.data, TYPES[name])
-            if name == "events" and parse_event(content.data).kind in RESTARTS:
-                break
-            if name == "applied_efforts":
-                efforts.append((message.sequence, np.array(content.data)))
-            elif name == "joint_states":
-                states.append((message.sequence, content.position[: len(names)], content.velocity[: len(names)]))
+    recording = open_recording(path)
+    about = recording.about
+    if not about:
+        raise InputError(f"'{path}' is not the recording of a mechanism", "Record a run with sim_node.")
+    count = len(json.loads(about["coordinates"]))
+    if "inputs" in about:  # those of the first state, the efforts first
+        inputs = [float.fromhex(value) for value in json.loads(about["inputs"])]
+        efforts.append((int(about["first_tick"]), np.array(inputs[:count])))
+    for message in recording.messages():
+        name = message.topic.rsplit("/", 1)[1]
+        if name == "events" and parse_event(recording.decoded(message)).kind in RESTARTS:
+            break
+        if name == "applied_efforts":
+            efforts.append((message.sequence, recording.decoded(message).values))
+        elif name == "joint_states":
+            state = recording.decoded(message)
+            states.append((message.sequence, state.position[:count], state.velocity[:count]))
     if len(states) < 3:
-        count = counted(len(states), "state")
-        raise MbdSimError(f"'{path}' holds {count} before its first reset. Record a longer run.")
-    ticks, q, u = zip(*states, strict=True)
-    return Run(text, about["method"], float.fromhex(about["step"]), np.array(ticks), np.array(q), np.array(u), efforts)
+        held = counted(len(states), "state")
+        raise InputError(f"'{path}' holds {held} before its first reset", "Record a longer run.")
+    ticks, q, u = (np.array(column) for column in zip(*states, strict=True))
+    step = float.fromhex(about["step"])
+    return Run(recording.mechanism_text or "", about["method"], step, ticks, q, u, efforts)
 
 
 def measured(run: Run) -> MeasuredRun:
@@ -95,7 +90,7 @@ def identified(runs: Sequence[Run], guess: Mapping[str, float], piece: float) ->
     """
     run = runs[0]
     if any((other.text, other.method, other.step) != (run.text, run.method, run.step) for other in runs):
-        raise MbdSimError("the recordings differ in mechanism, method or step. Give recordings of the same mechanism.")
+        raise InputError("the recordings differ in mechanism, method or step", "Give recordings of the same mechanism.")
     data, interval = [measured(one) for one in runs], max(round(piece / run.step), 1)
     return identify(parse_mechanism(run.text), data, guess, interval=interval, method=run.method)
 
@@ -113,10 +108,10 @@ def recordings_and_guesses(words: Sequence[str]) -> tuple[list[str], dict[str, f
         except ValueError:
             guess[name] = 0.0
         if not 0.0 < guess[name] < float("inf"):
-            raise MbdSimError(f"{name}={text}: '{text}' is not a positive number. Write for example {name}=0.03.")
+            raise InputError(f"{name}={text}: '{text}' is not a positive number", f"Write for example {name}=0.03.")
     if not paths or not guess:
         missing = "recording" if not paths else "guess"
-        raise MbdSimError(f"no {missing} is given. Write for example: example_identify run.mcap inertia=0.03")
+        raise InputError(f"no {missing} is given", "Write for example: example_identify run.mcap inertia=0.03")
     return paths, guess
 
 

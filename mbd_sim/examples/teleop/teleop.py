@@ -15,7 +15,7 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Joy
 
-from mbd_sim.base.errors import nearest
+from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.examples.control_node import NEWEST, declare, end_program, run
 from mbd_sim.ros.node.parameters import ParameterSpec
 
@@ -109,7 +109,7 @@ class TeleopNode(Node):  # type: ignore[misc]  # rclpy carries no types
         declare(self, self.PARAMETERS)
         kind = str(self.get_parameter("command").value)
         if kind not in KINDS:
-            raise ValueError(f"command: there is no command '{kind}'. {nearest(kind, KINDS)}")
+            raise InputError(f"command: there is no command '{kind}'", nearest(kind, KINDS))
         self.manual = ManualCommands(kind, float(self.get_parameter(f"{kind}_step").value))
         self._commands = self.create_publisher(JointState, "joint_commands", 10)
 

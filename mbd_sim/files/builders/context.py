@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,17 +18,15 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about, from_quaternion, from_rpy, unit
 from mbd_sim.files.schema.base import RotationSpec
 from mbd_sim.files.text.values import split_unit, unit_factor
+from mbd_sim.mechanism.elements.actuators import Actuator, Base
+from mbd_sim.mechanism.elements.constraints import Constraint
+from mbd_sim.mechanism.elements.contacts import Contact
+from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring
 from mbd_sim.mechanism.elements.joint_types import JointCoordinate
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Part
+from mbd_sim.mechanism.elements.sensors import AnySensor
 from mbd_sim.mechanism.spanning_tree import PointsByPart, resolve_reference
 from mbd_sim.mechanism.values.source import Location, Source, value_at
-
-if TYPE_CHECKING:
-    from mbd_sim.mechanism.elements.actuators import Actuator, Base
-    from mbd_sim.mechanism.elements.constraints import Constraint
-    from mbd_sim.mechanism.elements.contacts import Contact
-    from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring
-    from mbd_sim.mechanism.elements.sensors import AnySensor
 
 
 @dataclass

@@ -6,7 +6,7 @@ The laws are those of springs, dampers and friction.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import Any, assert_never
 
 import numpy as np
 
@@ -15,18 +15,15 @@ from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment, rotation_matrix
 from mbd_sim.files.schema import joints as schema
+from mbd_sim.files.schema import laws
 from mbd_sim.files.schema.base import RotationSpec
+from mbd_sim.mechanism.elements.forces import Bushing
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint, Limits
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ELONGATION, ElasticLaw, Expressed, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.mechanism.values.tables import tabulated
-
-if TYPE_CHECKING:
-    from mbd_sim.files.schema import laws
-    from mbd_sim.mechanism.elements.forces import Bushing
-
 
 LARGEST_ELONGATION = 20.0  # m or rad, up to which the potential of an expression is exact
 REGULARIZATION_BELOW_ONE = 1e-2  # m/s or rad/s, of powers below 1, whose slope at rest is infinite
@@ -142,8 +139,6 @@ def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
             return None
     if not stiffness.any():
         return None
-    from mbd_sim.mechanism.elements.forces import Bushing  # which few joints need
-
     frames = joint.parent_pose @ rest, joint.child_pose
     ends = [attachment((part, frame)) for part, frame in zip((joint.parent, joint.child), frames, strict=True)]
     axes = frames[0].rotation, frames[1].rotation

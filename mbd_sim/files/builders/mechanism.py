@@ -9,9 +9,9 @@ import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from mbd_sim.base.errors import MechanismError, Problem
+from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.files.builders.actuators import actuated_joints, build_actuators, build_bases
 from mbd_sim.files.builders.constraints import build_constraints, coupled_joints
@@ -22,17 +22,16 @@ from mbd_sim.files.builders.joints import build_joint, joint_bushing
 from mbd_sim.files.builders.parts import build_part, point_poses
 from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
+from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import POSITION, VELOCITY
+from mbd_sim.mechanism.contents import force_expressions
+from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
-from mbd_sim.mechanism.exact_geometry.snapping import with_exact_loops
+from mbd_sim.mechanism.exact_geometry.snapping import inexact, with_exact_loops
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.spanning_tree import PointsByPart, SpanningTree
 from mbd_sim.mechanism.values.names import unique_name
 from mbd_sim.mechanism.values.source import Location, Source
-
-if TYPE_CHECKING:
-    from mbd_sim.files.schema.file import MechanismFile
-    from mbd_sim.mechanism.elements.forces import ForceElement
 
 
 def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
@@ -77,7 +76,21 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         bases=elements.bases,
         sensor_seed=round(file.sensor_seed),
     )
-    return with_exact_loops(mechanism, file.tolerance)
+    return with_exact_loops(mechanism, file.tolerance) if file.tolerance else _as_written(mechanism, file)
+
+
+def _as_written(mechanism: Mechanism, file: MechanismFile) -> Mechanism:
+    """The mechanism, with a remark where axes or points of loops are nearly exact only."""
+    names = inexact(mechanism, type(file).model_fields["tolerance"].default)
+    if not names:
+        return mechanism
+    text = (
+        f"tolerance: 0 keeps {listed([repr(name) for name in names])} as written, though axes or points of loops "
+        "differ only in the last digits from exact ones. Such loops can have fewer degrees of freedom, or none. Leave "
+        "tolerance out to make them exact."
+    )
+    source = mechanism.source
+    return dataclasses.replace(mechanism, source=dataclasses.replace(source, remarks=(*source.remarks, text)))
 
 
 def _require_different_coordinates(joints: Mapping[str, Joint], context: BuildContext) -> None:
@@ -108,8 +121,6 @@ def _named_joints(elements: MechanismElements) -> set[str]:
     sprung = {bushing.name for bushing in elements.joint_bushings if elements.joints[bushing.name].type == "free"}
     if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
         return sprung
-    from mbd_sim.mechanism.force_expressions import force_expressions
-
     of_all_kinds: chain[ForceElement] = chain.from_iterable(vars(forces).values())
     found = force_expressions(elements.joints.values(), of_all_kinds)
     names = {state.coordinate for one in found for state in one.expression.state}

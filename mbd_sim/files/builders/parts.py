@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import Any, assert_never
 
 import numpy as np
 
@@ -19,13 +19,11 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import rotation_matrix
 from mbd_sim.files.schema import base, file
 from mbd_sim.files.schema import shapes as schema
+from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.mechanism.elements.parts import Mesh, Part, Shape
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from mbd_sim.mechanism.values.source import Location, Source
-
-if TYPE_CHECKING:
-    from mbd_sim.files.schema.shapes import AnyShapeSpec
 
 
 def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Problem]) -> Part:

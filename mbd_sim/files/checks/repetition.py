@@ -15,7 +15,7 @@ from typing import Any
 from mbd_sim.base.errors import InputError, MechanismError, quoted
 from mbd_sim.files.builders.mechanism import in_order
 from mbd_sim.files.checks.json_schema import takes_expression
-from mbd_sim.files.text.file_limits import MAX_VALUES, file_error
+from mbd_sim.files.text.library import MAX_VALUES, file_error
 from mbd_sim.files.text.parameters import Parameters, resolve_parameters
 from mbd_sim.files.text.values import split_unit
 from mbd_sim.mechanism.values.expression import RESERVED, evaluate, names_in

@@ -17,7 +17,7 @@ from mbd_sim.base.errors import MechanismError, quoted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.base.packages import require_packages
-from mbd_sim.files.text.file_limits import digest_of_file, file_error
+from mbd_sim.files.text.library import digest_of_file, file_error
 from mbd_sim.files.text.xml import Reading, slips_of
 from mbd_sim.mechanism.values.names import LONGEST_NAME, in_expression
 from mbd_sim.mechanism.values.source import Origin

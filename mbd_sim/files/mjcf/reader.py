@@ -16,7 +16,7 @@ from mbd_sim.files.mjcf.compiled_model import CompiledModel
 from mbd_sim.files.mjcf.couplings import add_equalities, add_tendon, tendon_of
 from mbd_sim.files.mjcf.forces import Actuators, add_armature, add_gravity_compensation, add_joint_forces
 from mbd_sim.files.mjcf.parts import ModelParts
-from mbd_sim.files.text.file_limits import file_error
+from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import rows
 from mbd_sim.mechanism.values.names import accepted_names
 from mbd_sim.mechanism.values.source import Source

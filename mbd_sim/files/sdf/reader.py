@@ -15,7 +15,7 @@ from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.sdf.joints import GEARBOX, gearbox_of, joint_of, mimics_of
 from mbd_sim.files.sdf.links import PRODUCTS, Values, part_of, rotated
 from mbd_sim.files.sdf.scopes import FRAMES, Node, Scope, ScopeReader, key_of, link_of, world_pose
-from mbd_sim.files.text.file_limits import file_error
+from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, rows
 from mbd_sim.files.urdf.reader import note_unread, read
 from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name

@@ -14,7 +14,7 @@ from pathlib import Path
 from mbd_sim.base.errors import MechanismError, Problem, nearest, quoted
 from mbd_sim.base.geometry.pose import Pose, identity_pose
 from mbd_sim.files.sdf.links import Values
-from mbd_sim.files.text.file_limits import file_error, read_text
+from mbd_sim.files.text.library import file_error, read_text
 from mbd_sim.files.text.xml import Element, parse_xml
 from mbd_sim.mechanism.values.names import LONGEST_NAME
 

@@ -23,7 +23,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, MechanismError, Problem, listed, quoted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import from_rpy
-from mbd_sim.files.text.file_limits import MAX_BYTES, MAX_VALUES, file_error
+from mbd_sim.files.text.library import MAX_BYTES, MAX_VALUES, file_error
 from mbd_sim.mechanism.values.source import Origin
 
 _TOKENS = re.compile(

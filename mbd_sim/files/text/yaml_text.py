@@ -15,7 +15,7 @@ from typing import Any, Literal
 import yaml
 
 from mbd_sim.base.errors import Problem, nearest, quoted
-from mbd_sim.files.text.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error, too_deep
+from mbd_sim.files.text.library import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error, too_deep
 from mbd_sim.mechanism.values.source import Location, Source, dotted
 
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)

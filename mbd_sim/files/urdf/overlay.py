@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from mbd_sim.base.errors import MechanismError, nearest, quoted
-from mbd_sim.files.text.file_limits import digest_of, read_text
+from mbd_sim.files.text.library import digest_of, read_text
 from mbd_sim.files.text.mesh_files import seen_from
 from mbd_sim.files.text.xml import Base
 from mbd_sim.files.urdf.reader import urdf_source

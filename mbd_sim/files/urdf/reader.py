@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mbd_sim.base.errors import listed, nearest, quoted
-from mbd_sim.files.text.file_limits import file_error
+from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, text_of
 from mbd_sim.files.urdf.joints import joint_of, mimic_of
 from mbd_sim.files.urdf.links import MOMENTS, Origins, color_of, part_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -300,7 +300,8 @@ class SamplingError(InputError):
         self.key = key
 
 
-class SamplingSteps(NamedTuple):
+@dataclass(frozen=True)
+class SamplingSteps:
     """A sensor measures every `period` steps; a measurement arrives `delay` steps later."""
 
     period: int

@@ -12,7 +12,6 @@ mechanism is chosen, its lines and texts are laid out in points on a `Sheet`, an
 | `symbols` | springs, ropes, hatched lines, supports, bearings, walls |
 | `forces`, `constraints` | forces and drives; constraints and gears |
 | `animation` | frames of a mechanism in motion |
-| `gallery` | the page of all shipped mechanisms |
 """
 
 from __future__ import annotations

@@ -34,10 +34,10 @@ from mbd_sim.pictures.drawing.sheet import (
     SheetPath,
     arc,
     arrow_head,
-    frame_of,
     outline_color,
 )
 from mbd_sim.pictures.drawing.symbols import link, middle, rope_paths, spring_and_damper, wall
+from mbd_sim.pictures.shapes.extent import frame_of
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder
 from mbd_sim.pictures.shapes.palette import DISSIPATED
 

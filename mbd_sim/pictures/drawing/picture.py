@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import MbdSimError, quoted
+from mbd_sim.base.errors import InputError, quoted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
 from mbd_sim.base.packages import require_packages
@@ -267,7 +267,7 @@ METADATA = {
 }
 
 
-class DrawingError(MbdSimError):
+class DrawingError(InputError):
     """A drawing cannot be written."""
 
 
@@ -283,8 +283,8 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, t
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise DrawingError(
-            f"cannot draw {quoted(str(path))}: the suffix is {quoted(path.suffix) if path.suffix else 'missing'}. "
-            f"Use a file name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}."
+            f"cannot draw {quoted(str(path))}: the suffix is {quoted(path.suffix) if path.suffix else 'missing'}",
+            f"Use a file name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.",
         )
     require_packages("matplotlib", purpose="A drawing")
     picture = compose(mechanism, poses, title)
@@ -293,8 +293,8 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, t
         _write(picture, path)
     except OSError as error:
         raise DrawingError(
-            f"cannot write {quoted(str(path))}: {error.strerror or error}. "
-            "Choose a file in a folder that you may write to."
+            f"cannot write {quoted(str(path))}: {error.strerror or error}",
+            "Choose a file in a folder that you may write to.",
         ) from error
 
 

@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
-from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.shapes.extent import PLANE_TOLERANCE, plane_normal
 from mbd_sim.pictures.shapes.palette import Color, mixed
 from mbd_sim.pictures.shapes.solids import circle
 
@@ -131,7 +131,6 @@ def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0) ->
 
 
 AZIMUTH, ELEVATION = np.radians(-62.0), np.radians(24.0)  # of the eye, for spatial mechanisms
-TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,47 +178,14 @@ def view_of(mechanism: Mechanism, poses: Mapping[str, Pose]) -> View:
         right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
         return View(right, np.cross(toward, right), toward, planar=False)
     vertical = np.array([0.0, 0.0, 1.0])
-    if np.linalg.norm(np.cross(normal, vertical)) < TOLERANCE:
+    if np.linalg.norm(np.cross(normal, vertical)) < PLANE_TOLERANCE:
         return View(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), vertical, planar=True)
     right = np.cross(vertical, normal)
     right /= np.linalg.norm(right)
-    first = right[np.flatnonzero(np.abs(right) > TOLERANCE)[0]]  # x to the right, or else y
+    first = right[np.flatnonzero(np.abs(right) > PLANE_TOLERANCE)[0]]  # x to the right, or else y
     toward = normal if first > 0.0 else -normal
     right = right if first > 0.0 else -right
     return View(right, np.cross(toward, right), toward, planar=True)
-
-
-def plane_normal(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array | None:
-    """The unit normal (3,) of the plane in which all joints move; None where there is no such plane."""
-    turns: list[Array] = []
-    slides: list[Array] = []
-    for joint in mechanism.all_joints.values():
-        axis = frame_of(poses, joint.parent, joint.parent_pose).rotation @ joint.axis
-        if joint.kind.planar_freedoms is None:
-            return None
-        if joint.kind.rotates:
-            turns.append(axis)
-        elif joint.kind.slides:
-            slides.append(axis)
-    if not turns and not slides:
-        return None
-    # With slides alone there may be several such planes: prefer the vertical one through x.
-    for normal in turns[:1] or list(np.eye(3)[[1, 2, 0]]) + [unit for s in slides if (unit := _across(s)) is not None]:
-        turned = all(float(np.linalg.norm(np.cross(axis, normal))) < TOLERANCE for axis in turns)
-        if turned and all(abs(float(axis @ normal)) < TOLERANCE for axis in slides):
-            return np.asarray(normal)
-    return None
-
-
-def frame_of(poses: Mapping[str, Pose], part: str, frame: Pose) -> Pose:
-    """A frame of a part, or of ground, in ground's frame."""
-    return (identity_pose() if part == GROUND else poses[part]) @ frame
-
-
-def _across(axis: Array) -> Array | None:
-    across = np.cross([0.0, 0.0, 1.0], axis)
-    length = float(np.linalg.norm(across))
-    return across / length if length > TOLERANCE else None
 
 
 DISTANCES = (13.0, 18.0, 25.0, 34.0)  # pt, from the named point to the edge of the text

@@ -31,9 +31,9 @@ from mbd_sim.pictures.drawing.sheet import (
     Page,
     SheetPath,
     arc,
-    frame_of,
     left_of,
 )
+from mbd_sim.pictures.shapes.extent import frame_of
 from mbd_sim.pictures.shapes.solids import flat_coil, spiral
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.base.geometry.pose import Array, identity_pose, unpack_poses
+from mbd_sim.base.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.elements.parts import GROUND, Part
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.meshes import part_triangles
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 PREVIEW_TIME = 5.0  # s
 PREVIEW_STEPS = 5_000
 PREVIEW_FRAMES = 100
+PLANE_TOLERANCE = 1e-6  # of the sines between axes and the normal of a plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def extent_of(model: Model) -> Extent:
         np.minimum(lower, reached.min(axis=0)),
         np.maximum(upper, reached.max(axis=0)),
         size,
-        _plane(model.mechanism, model),
+        plane_normal(model.mechanism, model.poses(0.0, model.start)),
         _travel(model, frames, size),
     )
 
@@ -127,16 +128,34 @@ def _mesh_corners(part: Part, source: str, corners: Array) -> Array:
     return np.vstack([corners, *(end for points in meshes for end in (points.min(axis=0), points.max(axis=0)))])
 
 
-def _plane(mechanism: Mechanism, model: Model) -> Array | None:
-    """The normal of the plane in which all joints move, found at the start; None when there is no such plane."""
-    poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
-    axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
+def plane_normal(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array | None:
+    """The unit normal (3,) of the plane in which all joints move; None where there is no such plane."""
+    turns: list[Array] = []
+    slides: list[Array] = []
     for joint in mechanism.all_joints.values():
-        if joint.type in axes:
-            axes[joint.type].append((poses[joint.parent] @ joint.parent_pose).rotation @ joint.axis)
-        elif joint.type != "fixed":
+        axis = frame_of(poses, joint.parent, joint.parent_pose).rotation @ joint.axis
+        if joint.kind.planar_freedoms is None:
             return None
-    normal = axes["revolute"][0] if axes["revolute"] else np.array([0.0, 1.0, 0.0])
-    parallel = all(abs(float(axis @ normal)) > 1.0 - 1e-6 for axis in axes["revolute"])
-    perpendicular = all(abs(float(axis @ normal)) < 1e-6 for axis in axes["prismatic"])
-    return normal if parallel and perpendicular and (axes["revolute"] or axes["prismatic"]) else None
+        if joint.kind.rotates:
+            turns.append(axis)
+        elif joint.kind.slides:
+            slides.append(axis)
+    if not turns and not slides:
+        return None
+    # With slides alone there may be several such planes: prefer the vertical one through x.
+    for normal in turns[:1] or list(np.eye(3)[[1, 2, 0]]) + [unit for s in slides if (unit := _across(s)) is not None]:
+        turned = all(float(np.linalg.norm(np.cross(axis, normal))) < PLANE_TOLERANCE for axis in turns)
+        if turned and all(abs(float(axis @ normal)) < PLANE_TOLERANCE for axis in slides):
+            return np.asarray(normal)
+    return None
+
+
+def frame_of(poses: Mapping[str, Pose], part: str, frame: Pose) -> Pose:
+    """A frame of a part, or of ground, in ground's frame."""
+    return (identity_pose() if part == GROUND else poses[part]) @ frame
+
+
+def _across(axis: Array) -> Array | None:
+    across = np.cross([0.0, 0.0, 1.0], axis)
+    length = float(np.linalg.norm(across))
+    return across / length if length > PLANE_TOLERANCE else None

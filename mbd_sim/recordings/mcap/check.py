@@ -20,7 +20,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
+from mbd_sim.recordings.mcap.repair import definition_problem, read_data_section, strictly_read
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
     PARSE_ERRORS,
@@ -31,6 +31,7 @@ from mbd_sim.recordings.mcap.scanner import (
     data_stream,
     scan_records,
 )
+from mbd_sim.recordings.mcap.summary import DataSection
 from mbd_sim.recordings.messages.cdr import ReadingError
 
 _FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4

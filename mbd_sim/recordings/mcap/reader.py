@@ -116,7 +116,7 @@ def _scan(path: Path, data: ByteSource) -> _FileContents:
         raise ReadingError(f"{path}: the file is empty: its writer ended before the first record.")
     if (magic := bytes(data[: len(MAGIC)])) != MAGIC:
         raise ReadingError(
-            f"{path}: is not an MCAP file: it begins with {magic!r}. Give a recording, for example an .mcap file."
+            f"{path}: is not an MCAP file: it begins with {magic!r}", "Give a recording, for example an .mcap file."
         )
     unchunked = 0  # start of a sequence of messages outside of chunks
     position = len(MAGIC)

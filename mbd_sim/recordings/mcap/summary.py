@@ -1,4 +1,4 @@
-"""The end of an MCAP file: summary, index and footer (https://mcap.dev/spec).
+"""The end of an MCAP file: summary, index and footer (https://mcap.dev/spec), and the records that they describe.
 
 While a file is being written, the index of its chunks is kept in the encoded form in which the file will contain it. It
 holds no Python object for each chunk: in runs of many hours the garbage collector would traverse them all.
@@ -10,8 +10,9 @@ import errno
 import struct
 import zlib
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from mcap.data_stream import RecordBuilder
@@ -24,13 +25,14 @@ from mcap.records import (
     ChunkIndex,
     DataEnd,
     Footer,
+    MessageIndex,
     MetadataIndex,
     Schema,
     Statistics,
     SummaryOffset,
 )
 
-from mbd_sim.recordings.mcap.scanner import MAGIC
+from mbd_sim.recordings.mcap.scanner import MAGIC, Definitions
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 FREED_AT_MOST = 1 << 15  # bytes of chunks, besides its own size, that the end of a file may replace on a full disk
@@ -139,6 +141,87 @@ def chunk_index(chunk: Chunk, offset: int, length: int) -> ChunkIndex:
 
 def _concatenated(records: Iterable[Any]) -> bytes:
     return b"".join(encoded(record) for record in records)
+
+
+@dataclass
+class IndexedChunk:
+    """A chunk as its index should describe it, and the number of its messages by channel."""
+
+    index: ChunkIndex
+    counts: dict[int, int]
+
+
+@dataclass
+class DataSection:
+    """The undamaged records of a file; they end at byte `end`.
+
+    If the file is cut off or damaged after the content of a chunk, `missing_indexes` are the indexes of the messages of
+    that chunk, which belong at `end`.
+
+    `index_problem` is damage that new indexes repair, `content_problem` damage that is confined to one record and
+    cannot be repaired, and `problem` says why the records end before the end of the data section. All are "" if absent.
+    """
+
+    end: int = len(MAGIC)
+    missing_indexes: bytes = b""
+    definitions: Definitions = field(default_factory=Definitions)
+    chunks: list[IndexedChunk] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    unchunked: Counter[int] = field(default_factory=Counter)  # number of messages outside of chunks, by channel
+    times: list[int] = field(default_factory=list)  # of the first and the last message outside of chunks
+    index_problem: str = ""
+    content_problem: str = ""
+    problem: str = ""
+    has_header: bool = False
+    crc_agrees: bool = True
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """The number of messages by channel."""
+        total = Counter(self.unchunked)
+        for chunk in self.chunks:
+            total.update(chunk.counts)
+        return dict(total)
+
+    def counts_by_topic(self) -> dict[str, int]:
+        """Return the number of messages by topic."""
+        counts, found = self.counts, Counter[str]()
+        for number, channel in self.definitions.channels.items():
+            found[channel.topic] += counts.get(number, 0)
+        return dict(found)
+
+    def drop_last_chunk(self) -> None:
+        """End before the last chunk."""
+        self.end, self.missing_indexes = self.chunks.pop().index.chunk_start_offset, b""
+
+    def replace_last_indexes(self, entries: Mapping[int, list[tuple[int, int]]]) -> None:
+        """End after the content of the last chunk; `entries` are times and offsets of its messages, by channel."""
+        chunk = self.chunks[-1].index
+        self.end = chunk.chunk_start_offset + chunk.chunk_length
+        self.missing_indexes, chunk.message_index_offsets = b"", {}
+        for channel, each in sorted(entries.items()):
+            chunk.message_index_offsets[channel] = self.end + len(self.missing_indexes)
+            self.missing_indexes += encoded(MessageIndex(channel, each))
+        chunk.message_index_length = len(self.missing_indexes)
+
+    def summary(self) -> Summary:
+        """Return the summary of a file that ends here."""
+        indexes = [chunk.index for chunk in self.chunks]
+        filled = [chunk.index for chunk in self.chunks if chunk.counts]
+        starts = [*self.times[:1], *(index.message_start_time for index in filled)]
+        ends = [*self.times[1:], *(index.message_end_time for index in filled)]
+        return Summary(
+            schemas=list(self.definitions.schemas.values()),
+            channels=list(self.definitions.channels.values()),
+            attachments=self.attachments,
+            metadata=self.metadata,
+            chunks=b"".join(encoded(index) for index in indexes),
+            chunk_count=len(indexes),
+            counts=self.counts,
+            first_ns=min(starts, default=0),
+            last_ns=max(ends, default=0),
+        )
 
 
 _PLACE = struct.Struct("<QQQQQ")  # start and end in the file, end in the encoded index, first and last log time

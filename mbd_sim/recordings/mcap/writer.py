@@ -13,7 +13,6 @@ import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import zstandard
 from mcap.opcode import Opcode
@@ -30,7 +29,8 @@ from mbd_sim.recordings.mcap.summary import (
     encoded,
     may_replace_chunks,
 )
-from mbd_sim.recordings.messages.cdr import RUN_METADATA
+from mbd_sim.recordings.messages.cdr import RUN_METADATA, RecordedTopic
+from mbd_sim.recordings.messages.definitions import Topic
 
 CHUNK_SIZE = 1 << 20  # bytes of messages after which a chunk is written
 RESERVE = 1 << 20  # bytes left free on a disk, so that the end of the file still fits, and
@@ -45,72 +45,14 @@ class DiskNearlyFullError(OSError):
     """So little space is left on the disk that the file should be finished."""
 
 
-class OutputFile(Protocol):
-    """The file written to; see `DurableFile`."""
-
-    def write(self, data: bytes, /) -> int:
-        """Write all of the data."""
-        ...
-
-    def truncate(self, size: int, /) -> None:
-        """Remove everything after the first `size` bytes, and continue there."""
-        ...
-
-    def tell(self) -> int:
-        """Return the number of bytes written."""
-        ...
-
-    def check(self) -> None:
-        """Raise an error that occurred in the background."""
-        ...
-
-    def free(self) -> int | None:
-        """Return the number of bytes left on the disk."""
-        ...
-
-    def sync(self) -> None:
-        """Force the data to the disk."""
-        ...
-
-    def close(self) -> None:
-        """Close the file."""
-        ...
-
-
-class WrittenTopic(Protocol):
-    """The description of a topic in a file: see `Topic` and `RecordedTopic`."""
-
-    @property
-    def name(self) -> str:
-        """The absolute name."""
-        ...
-
-    @property
-    def type(self) -> str:
-        """The type, such as `std_msgs/msg/String`."""
-        ...
-
-    @property
-    def qos(self) -> str:
-        """The offered QoS profiles in rosbag2's YAML."""
-        ...
-
-    @property
-    def definition(self) -> str:
-        """The definition of the type as in a `ros2msg` schema."""
-        ...
-
-    @property
-    def hash(self) -> str:
-        """The REP 2011 hash of the type, or ""."""
-        ...
-
-
 class McapWriter:
     """Writes all that describes the file first, so that it survives a kill; then chunks of messages."""
 
     def __init__(
-        self, path: Path, topics: Sequence[WrittenTopic], open_file: Callable[[Path], OutputFile] = DurableFile
+        self,
+        path: Path,
+        topics: Sequence[Topic | RecordedTopic],
+        open_file: Callable[[Path], DurableFile] = DurableFile,
     ) -> None:
         """Open an empty file.
 

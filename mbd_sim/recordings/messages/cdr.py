@@ -157,7 +157,10 @@ RUN_METADATA = "mbd_sim"  # name of the metadata record of a run recorded by sim
 
 
 class ReadingError(MbdSimError):
-    """A recording that cannot be read at all."""
+    """A recording that cannot be read at all, and the remedy if there is one."""
+
+    def __init__(self, message: str, remedy: str = "") -> None:
+        super().__init__(f"{message}. {remedy}" if remedy else message)
 
 
 class DamagedError(ReadingError):

@@ -184,6 +184,11 @@ def topic_names(names: Iterable[str]) -> dict[str, str]:
     return {name: tokens[name] for name in names}
 
 
+def names_by_topic(names: Iterable[str]) -> dict[str, str]:
+    """The names of parts or sensors by the words that stand for them in topics."""
+    return {token: name for name, token in topic_names(names).items()}
+
+
 def _token(name: str) -> str:
     token = re.sub(r"_{2,}", "_", re.sub(r"[^A-Za-z0-9_]", "_", name))[:LONGEST] or "_"
     return f"_{token}" if token[0].isdigit() else token

@@ -77,15 +77,32 @@ class StateWriter:
         return self.message.payload()
 
 
-def joint_states(model: Model) -> StateWriter:
-    """Positions, velocities and efforts; driven coordinates come last, with the force of their drive as effort."""
-    names = joint_state_names(model)
+def _joint_state(names: Sequence[str], columns: int = 3) -> tuple[SerializedMessage, list[Array]]:
+    """A `sensor_msgs/JointState` with its first columns filled: positions, velocities and efforts."""
     builder = MessageBuilder()
     builder.header()
     builder.texts(names)
-    places = [builder.sequence(len(names)) for _ in range(3)]
+    places = [builder.sequence(len(names) if column < columns else 0) for column in range(3)]
     message = builder.message()
-    position, velocity, effort = (message.view(place) for place in places)
+    return message, [message.view(place) for place in places[:columns]]
+
+
+def _transform_message(frames: Sequence[tuple[str, str]], frame_prefix: str) -> tuple[SerializedMessage, list[Array]]:
+    """A `tf2_msgs/TFMessage` for pairs of a frame and one in it, and the pose (7,) of each."""
+    builder = MessageBuilder()
+    builder.integer(len(frames))
+    places = []
+    for parent, child in frames:
+        builder.header(frame_prefix + parent)
+        builder.text(frame_prefix + child)
+        places.append(builder.doubles(7))
+    message = builder.message()
+    return message, [message.view(place) for place in places]
+
+
+def joint_states(model: Model, frame_prefix: str = "") -> StateWriter:
+    """Positions, velocities and efforts; driven coordinates come last, with the force of their drive as effort."""
+    message, (position, velocity, effort) = _joint_state(joint_state_names(model))
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
         position[:], velocity[:], effort[:] = joint_state_arrays(
@@ -95,7 +112,7 @@ def joint_states(model: Model) -> StateWriter:
     return StateWriter(message, write)
 
 
-def energies(model: Model) -> StateWriter:
+def energies(model: Model, frame_prefix: str = "") -> StateWriter:
     """The energy audit in J, labeled."""
     message, values = labeled_array(Energies._fields)
 
@@ -105,16 +122,9 @@ def energies(model: Model) -> StateWriter:
     return StateWriter(message, write)
 
 
-def energy_values(model: Model) -> StateWriter:
+def energy_values(model: Model, frame_prefix: str = "") -> StateWriter:
     """The energy audit in J as positions by name, with a stamp: tools plot joint states by name, but not arrays."""
-    builder = MessageBuilder()
-    builder.header()
-    builder.texts(Energies._fields)
-    place = builder.sequence(len(Energies._fields))
-    builder.integer(0)  # no velocities,
-    builder.integer(0)  # no efforts
-    message = builder.message()
-    values = message.view(place)
+    message, (values,) = _joint_state(Energies._fields, columns=1)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
         values[:] = energies
@@ -122,7 +132,7 @@ def energy_values(model: Model) -> StateWriter:
     return StateWriter(message, write)
 
 
-def constraint_violation(model: Model) -> StateWriter:
+def constraint_violation(model: Model, frame_prefix: str = "") -> StateWriter:
     """The largest violation of loops and constraints, in position and in velocity."""
     message, values = labeled_array(Violation._fields)
 
@@ -132,19 +142,13 @@ def constraint_violation(model: Model) -> StateWriter:
     return StateWriter(message, write)
 
 
-def contact_states(model: Model) -> StateWriter:
+def contact_states(model: Model, frame_prefix: str = "") -> StateWriter:
     """One-sided elements and compliant contacts: gap, its rate and the normal force as position, velocity and effort.
 
     After each element that has friction comes an entry for each direction of that: its position is 1 while the contact
     slides, its velocity the slip and its effort the friction.
     """
-    names = model.contact_readings.entry_names()
-    builder = MessageBuilder()
-    builder.header()
-    builder.texts(names)
-    places = [builder.sequence(len(names)) for _ in range(3)]
-    message = builder.message()
-    columns = [message.view(place) for place in places]
+    message, columns = _joint_state(model.contact_readings.entry_names())
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
         rows = model.contact_readings.entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
@@ -206,15 +210,7 @@ def part_pose(model: Model, frame_prefix: str, part: str, poses: SharedPoses) ->
 
 def transforms(model: Model, frame_prefix: str) -> StateWriter:
     """The transform from ground to each part."""
-    builder = MessageBuilder()
-    builder.integer(len(model.part_names))
-    places = []
-    for part in model.part_names:
-        builder.header(frame_prefix + GROUND)
-        builder.text(frame_prefix + part)
-        places.append(builder.doubles(7))
-    message = builder.message()
-    rows = [message.view(place) for place in places]
+    message, rows = _transform_message([(GROUND, part) for part in model.part_names], frame_prefix)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
         poses = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
@@ -227,15 +223,7 @@ def transforms(model: Model, frame_prefix: str) -> StateWriter:
 def floating_transforms(model: Model, frame_prefix: str) -> StateWriter:
     """The transforms of the floating joints of `robot_description`, which robot_state_publisher does not publish."""
     joints = floating_joints(model.mechanism)
-    builder = MessageBuilder()
-    builder.integer(len(joints))
-    places = []
-    for joint in joints:
-        builder.header(frame_prefix + joint.parent)
-        builder.text(frame_prefix + joint.child)
-        places.append(builder.doubles(7))
-    message = builder.message()
-    rows = [message.view(place) for place in places]
+    message, rows = _transform_message([(joint.parent, joint.child) for joint in joints], frame_prefix)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
         poses = {**model.poses(snapshot.time, snapshot.point.state, snapshot.point.inputs), GROUND: identity_pose()}
@@ -325,7 +313,7 @@ class Accelerations:
             values[first:] = found.reshape(-1)
 
 
-def accelerations(model: Model, requested: Sequence[str]) -> StateWriter:
+def accelerations(model: Model, frame_prefix: str, requested: Sequence[str]) -> StateWriter:
     """The requested accelerations, labeled: see `Accelerations`.
 
     :raises InputError: there is no such part or point.

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
-from typing import NamedTuple
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.sensors import AnySensor, Encoder
 from mbd_sim.recordings.messages import definitions, events, states
+from mbd_sim.recordings.messages.cdr import JOINT_STATE, MULTI_ARRAY, STRING
 from mbd_sim.recordings.messages.definitions import OfferedQos, topic_names
 from mbd_sim.recordings.messages.events import EventWriter
 from mbd_sim.recordings.messages.sensors import sensor_writer
@@ -78,155 +78,106 @@ class OutputTopic:
     parameter: RequestParameter | None = None
 
 
-JOINT_STATES = OutputTopic(
-    "joint_states",
-    "sensor_msgs/msg/JointState",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    on_state=lambda model, prefix: states.joint_states(model),
-)
-ENERGIES = OutputTopic(
-    "energies",
-    "std_msgs/msg/Float64MultiArray",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    on_state=lambda model, prefix: states.energies(model),
-)
-ENERGY_VALUES = OutputTopic(
+def _state(
+    name: str,
+    message_type: str,
+    on_state: Callable[[Model, str], StateWriter] | None,
+    description: str = "",
+    *,
+    parameter: str = "",
+    default: bool | str = False,
+    recorded: Recorded = Recorded.YES,
+) -> OutputTopic:
+    """A topic that is published with each state; with a `description` of its parameter, only on request.
+
+    :param parameter: the name of the parameter, by default that of the topic.
+    """
+    requested = RequestParameter(parameter or name, default, description) if description else None
+    return OutputTopic(name, message_type, When.STATE, definitions.STATE, recorded, on_state, parameter=requested)
+
+
+JOINT_STATES = _state("joint_states", JOINT_STATE, states.joint_states)
+ENERGIES = _state("energies", MULTI_ARRAY, states.energies)
+ENERGY_VALUES = _state(
     "energy_values",
-    "sensor_msgs/msg/JointState",
-    When.STATE,
-    definitions.STATE,
-    on_state=lambda model, prefix: states.energy_values(model),
-    parameter=RequestParameter(
-        "energy_values", False, "publish the energies with names and a time stamp, for plotting tools"
-    ),
+    JOINT_STATE,
+    states.energy_values,
+    "publish the energies with names and a time stamp, for plotting tools",
+    recorded=Recorded.NO,
 )
-JOINT_REACTIONS = OutputTopic(
+JOINT_REACTIONS = _state(
     "joint_reactions",
     "sensor_msgs/msg/MultiDOFJointState",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    on_state=states.joint_reactions,
-    parameter=RequestParameter("joint_reactions", False, "publish the force and moment that each joint transmits"),
+    states.joint_reactions,
+    "publish the force and moment that each joint transmits",
 )
-CONTACT_STATES = OutputTopic(
+CONTACT_STATES = _state(
     "contact_states",
-    "sensor_msgs/msg/JointState",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    on_state=lambda model, prefix: states.contact_states(model),
-    parameter=RequestParameter(
-        "contact_states", False, "publish gaps, normal forces, slip and friction of contacts, stops, ropes and clutches"
-    ),
+    JOINT_STATE,
+    states.contact_states,
+    "publish gaps, normal forces, slip and friction of contacts, stops, ropes and clutches",
 )
-CONSTRAINT_VIOLATION = OutputTopic(
+CONSTRAINT_VIOLATION = _state(
     "constraint_violation",
-    "std_msgs/msg/Float64MultiArray",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    on_state=lambda model, prefix: states.constraint_violation(model),
-    parameter=RequestParameter("constraint_violation", False, "publish the violations of loops and constraints"),
+    MULTI_ARRAY,
+    states.constraint_violation,
+    "publish the violations of loops and constraints",
 )
-ACCELERATIONS = OutputTopic(
+ACCELERATIONS = _state(
     "accelerations",
-    "std_msgs/msg/Float64MultiArray",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    on_state=lambda model, prefix: accelerations(model, [COORDINATES]),
-    parameter=RequestParameter(
-        "accelerations",
-        "",
-        "accelerations to publish, separated by commas: coordinates, parts, points (part.point); all; or empty: none",
-    ),
+    MULTI_ARRAY,
+    partial(accelerations, requested=[COORDINATES]),
+    "accelerations to publish, separated by commas: coordinates, parts, points (part.point); all; or empty: none",
+    default="",
 )
-PART_POSES = OutputTopic(
+PART_POSES = _state(
     f"~/poses/{PART}",
     "geometry_msgs/msg/PoseStamped",
-    When.STATE,
-    definitions.STATE,
-    Recorded.YES,
-    parameter=RequestParameter(
-        "part_poses", "", "parts whose poses are published, separated by commas; all; or empty: none"
-    ),
+    None,
+    "parts whose poses are published, separated by commas; all; or empty: none",
+    parameter="part_poses",
+    default="",
 )
-TF = OutputTopic(
+TF = _state(
     "/tf",
     "tf2_msgs/msg/TFMessage",
-    When.STATE,
-    definitions.STATE,
-    on_state=states.transforms,
-    parameter=RequestParameter(
-        "tf", False, "publish the poses of all parts on /tf, for use without robot_state_publisher; needs tf2_msgs"
-    ),
+    states.transforms,
+    "publish the poses of all parts on /tf, for use without robot_state_publisher; needs tf2_msgs",
+    parameter="tf",
+    recorded=Recorded.NO,
 )
-SENSORS = OutputTopic(
-    f"~/sensors/{SENSOR}",
-    "sensor_msgs/msg/Imu",  # or another, that of the sensor
-    When.SAMPLE,
-    definitions.STATE,
-    Recorded.YES,
-)
-APPLIED_EFFORTS = OutputTopic(
+# The type is that of the sensor.
+SENSORS = OutputTopic(f"~/sensors/{SENSOR}", "sensor_msgs/msg/Imu", When.SAMPLE, definitions.STATE, Recorded.YES)
+
+_event = partial(OutputTopic, when=When.EVENT, recorded=Recorded.VITAL)
+APPLIED_EFFORTS = _event(
     "~/applied_efforts",
-    "std_msgs/msg/Float64MultiArray",
-    When.EVENT,
-    definitions.LATCHED_COMMAND,
-    Recorded.VITAL,
+    MULTI_ARRAY,
+    qos=definitions.LATCHED_COMMAND,
     on_event=events.applied_efforts,
     at_reset=events.no_efforts,
 )
-APPLIED_COMMANDS = OutputTopic(
+APPLIED_COMMANDS = _event(
     "~/applied_commands",
-    "std_msgs/msg/Float64MultiArray",
-    When.EVENT,
-    definitions.LATCHED_COMMAND,
-    Recorded.VITAL,
+    MULTI_ARRAY,
+    qos=definitions.LATCHED_COMMAND,
     on_event=events.applied_commands,
     at_reset=events.start_commands,
 )
-APPLIED_WRENCHES = OutputTopic(
-    "~/applied_wrenches",
-    "std_msgs/msg/Float64MultiArray",
-    When.EVENT,
-    definitions.COMMAND,
-    Recorded.VITAL,
-    on_event=events.applied_wrenches,
-)
-LIVE_VALUES = OutputTopic(
+APPLIED_WRENCHES = _event("~/applied_wrenches", MULTI_ARRAY, qos=definitions.COMMAND, on_event=events.applied_wrenches)
+LIVE_VALUES = _event(
     "~/live_values",
-    "std_msgs/msg/Float64MultiArray",
-    When.EVENT,
-    definitions.LATCHED,
-    Recorded.EACH_FILE,
+    MULTI_ARRAY,
+    qos=definitions.LATCHED,
+    recorded=Recorded.EACH_FILE,
     on_event=events.live_values,
     at_start=events.live_values_at_start,
 )
-EVENTS = OutputTopic(
-    "~/events",
-    "std_msgs/msg/String",
-    When.EVENT,
-    definitions.LATCHED_COMMAND,
-    Recorded.VITAL,
-    on_event=events.event_texts,
-)
-NEW_STATES = OutputTopic(
-    "~/new_states",
-    "std_msgs/msg/Float64MultiArray",
-    When.EVENT,
-    definitions.COMMAND,
-    Recorded.VITAL,
-    on_event=events.new_states,
-)
+EVENTS = _event("~/events", STRING, qos=definitions.LATCHED_COMMAND, on_event=events.event_texts)
+NEW_STATES = _event("~/new_states", MULTI_ARRAY, qos=definitions.COMMAND, on_event=events.new_states)
 ROBOT_DESCRIPTION = OutputTopic(
     "robot_description",
-    "std_msgs/msg/String",
+    STRING,
     When.START,
     definitions.LATCHED,
     Recorded.EACH_FILE,
@@ -280,7 +231,7 @@ def for_each_sensor(sensors: Sequence[AnySensor]) -> list[OutputTopic]:
 
 def for_accelerations(requested: Sequence[str]) -> OutputTopic:
     """The topic of the requested accelerations."""
-    return replace(ACCELERATIONS, on_state=lambda model, prefix: accelerations(model, requested))
+    return replace(ACCELERATIONS, on_state=partial(accelerations, requested=requested))
 
 
 def absolute_name(topic: OutputTopic) -> str:
@@ -293,7 +244,8 @@ def is_vital(topic: OutputTopic) -> bool:
     return topic.recorded in (Recorded.VITAL, Recorded.EACH_FILE)
 
 
-class Measured(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Measured:
     """A measurement of a sensor as the message of a topic, and as such."""
 
     topic: str

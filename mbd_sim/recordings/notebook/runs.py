@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mbd_sim.analysis.mechanics.mobility import mobility
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import short_repr
@@ -128,10 +129,10 @@ class RunPicture:
     def save(self, path: str | Path) -> None:
         """Write the picture to a file, which must end in `suffix`.
 
-        :raises ValueError: it does not.
+        :raises InputError: it does not.
         """
         if Path(path).suffix != self.suffix:
-            raise ValueError(f"this picture is a {self.suffix} file: use a file name that ends in {self.suffix}.")
+            raise InputError(f"this picture is a {self.suffix} file", f"Use a file name that ends in {self.suffix}.")
         Path(path).write_bytes(self.content)
 
     def _repr_html_(self) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import InputError
 from mbd_sim.recordings.mcap.durable_file import draft_path
 from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME
 
@@ -18,8 +18,8 @@ MAX_NAME_LENGTH = 150  # bytes; file systems allow 255 for a file name
 MAX_RECORDINGS_PER_SECOND = 1000  # with the same name
 
 
-class RecordingError(MbdSimError):
-    """A recording that cannot be started."""
+class RecordingError(InputError):
+    """A recording that cannot be started, written or repaired."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> Re
     except RuntimeError as error:  # there is no such user
         user = folder.parts[0].removeprefix("~")
         raise RecordingError(
-            f"cannot record to '{folder}': there is no user '{user}'. Choose another record_dir."
+            f"cannot record to '{folder}': there is no user '{user}'", "Choose another record_dir."
         ) from error
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -76,9 +76,9 @@ def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> Re
                 return RecordingPaths(location, rosbag2)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise RecordingError(f"cannot record to '{folder}': {reason}. Choose another record_dir.") from error
+        raise RecordingError(f"cannot record to '{folder}': {reason}", "Choose another record_dir.") from error
     raise RecordingError(
-        f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings started in this second. Try again later."
+        f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings started in this second", "Try again later."
     )
 
 

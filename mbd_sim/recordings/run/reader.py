@@ -17,6 +17,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.load import parse_mechanism
+from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.mcap import rosbag2
 from mbd_sim.recordings.mcap.reader import read_mcap
 from mbd_sim.recordings.mcap.rosbag2 import read_sqlite
@@ -54,6 +57,16 @@ class Recording:
     def mechanism_text(self) -> str | None:
         """The mechanism's file, if the recording contains one."""
         return next((file.mechanism_text for file in self.files if file.mechanism_text is not None), None)
+
+    @cached_property
+    def mechanism(self) -> Mechanism | None:
+        """The mechanism of a run; None if its file is not in the recording, or this program cannot read it."""
+        if self.mechanism_text is None:
+            return None
+        try:
+            return parse_mechanism(self.mechanism_text, str(self.path))
+        except MechanismError:
+            return None
 
     @cached_property
     def topics(self) -> Mapping[str, RecordedTopic]:
@@ -165,15 +178,15 @@ def open_recording(path: str | Path) -> Recording:
     if path.is_dir():
         return Recording(path, [_read_file(file) for file in _files(path)])
     if not path.exists():
-        raise ReadingError(f"{path}: there is no such file. Check the path.")
+        raise ReadingError(f"{path}: there is no such file", "Check the path.")
     return Recording(path, [_read_file(path)])
 
 
 def _read_file(path: Path) -> RecordedFile:
     if not path.is_file():
-        raise ReadingError(f"{path}: there is no such file. Check the path.")
+        raise ReadingError(f"{path}: there is no such file", "Check the path.")
     if path.suffix == ".zstd":
-        raise ReadingError(f"{path}: the file is compressed as a whole. Decompress it first: zstd -d '{path}'.")
+        raise ReadingError(f"{path}: the file is compressed as a whole", f"Decompress it first: zstd -d '{path}'.")
     return _READERS.get(path.suffix, read_mcap)(path)
 
 
@@ -188,8 +201,8 @@ def _files(folder: Path) -> list[Path]:
         return present
     if missing:
         raise ReadingError(
-            f"{missing[0]}: there is no such file, though {rosbag2.FILE_NAME} lists it. Put it back, or list "
-            f"the files that are there with 'mbd_sim recover {folder}'."
+            f"{missing[0]}: there is no such file, though {rosbag2.FILE_NAME} lists it",
+            f"Put it back, or list the files that are there with 'mbd_sim recover {folder}'.",
         )
     if not listed:
         raise ReadingError(f"{folder}: contains no recording: neither metadata.yaml nor .mcap or .db3 files.")

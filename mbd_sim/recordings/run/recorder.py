@@ -15,7 +15,7 @@ from pathlib import Path
 from mbd_sim.base.errors import counted
 from mbd_sim.recordings.mcap.durable_file import DurableFile
 from mbd_sim.recordings.mcap.rosbag2 import FileStatistics, bag_text, write_metadata
-from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter, OutputFile
+from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic
 from mbd_sim.recordings.run.paths import RecordingError, RecordingPaths
 
@@ -101,7 +101,7 @@ class Recorder:
         topics: Mapping[str, Topic],
         mechanism_text: str,
         *,
-        open_file: Callable[[Path], OutputFile] = DurableFile,
+        open_file: Callable[[Path], DurableFile] = DurableFile,
     ) -> None:
         """Open the first file; messages put before `begin` are lost.
 

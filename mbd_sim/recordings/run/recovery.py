@@ -17,9 +17,10 @@ import yaml
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Header, MessageIndex
 
+from mbd_sim.base.errors import InputError
 from mbd_sim.recordings.mcap.check import summary_problem
 from mbd_sim.recordings.mcap.reader import read_mcap
-from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, definition_problem, read_data_section
+from mbd_sim.recordings.mcap.repair import chunk_records, definition_problem, read_data_section
 from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, FileStatistics, bag_text, read_bag_metadata, write_metadata
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
@@ -31,11 +32,12 @@ from mbd_sim.recordings.mcap.scanner import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recordings.mcap.summary import encoded, may_replace_chunks
+from mbd_sim.recordings.mcap.summary import DataSection, encoded, may_replace_chunks
 from mbd_sim.recordings.messages.cdr import RecordedFile
 from mbd_sim.recordings.messages.definitions import Topic
 from mbd_sim.recordings.run.paths import natural_order
 
+UNREPAIRABLE, NOTHING = "That cannot be repaired.", "Nothing can be recovered."
 _REWRITTEN = {Opcode.MESSAGE_INDEX, Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL}
 _CHUNK_MARK = b"\x04\x00\x00\x00zstd"  # in the header of each of our chunks
 _LARGEST_END = 1 << 22  # bytes of an incomplete record at the end of a truncated file
@@ -49,21 +51,19 @@ def recover(path: Path) -> dict[str, int] | None:
     were damaged. Returns the number of messages by topic, or None if the file is complete and undamaged; it is not
     modified then.
 
-    :raises ValueError: this is not an MCAP file, or its damage cannot be repaired.
+    :raises InputError: this is not an MCAP file, or its damage cannot be repaired.
     :raises OSError: the file cannot be read or written.
     """
     with path.open("r+b") as stream:
         data = FileBytes(stream)
         if data[: len(MAGIC)] != MAGIC:
-            raise ValueError(
-                "is not an MCAP file, or was cut off before anything was written. Nothing can be recovered."
-            )
+            raise InputError("is not an MCAP file, or was cut off before anything was written", NOTHING)
         found = read_data_section(data)
         if undefined := definition_problem(found.definitions):
-            raise ValueError(f"is damaged: {undefined}. That cannot be repaired.")
+            raise InputError(f"is damaged: {undefined}", UNREPAIRABLE)
         if not found.problem and not found.index_problem and not summary_problem(data, found):
             if found.content_problem:
-                raise ValueError(f"is damaged: {found.content_problem}. That cannot be repaired.")
+                raise InputError(f"is damaged: {found.content_problem}", UNREPAIRABLE)
             if found.crc_agrees:
                 return None
         if found.has_header and not found.index_problem and found.crc_agrees and _is_truncation(data, found.end):
@@ -121,7 +121,7 @@ def _write_at(descriptor: int, data: bytes, position: int) -> None:
 def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
     """Write the undamaged records into a new file, with new indexes, and let it take the place of this one.
 
-    :raises ValueError: a chunk contains damaged definitions; the file is not modified then.
+    :raises InputError: a chunk contains damaged definitions; the file is not modified then.
     :raises OSError: it cannot be written; the file is not modified then.
     """
     draft = path.with_name(f".{path.name}.recovered")
@@ -132,7 +132,7 @@ def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
             copied = FileBytes(stream)
             copy = read_data_section(copied)
             if copy.index_problem:
-                raise ValueError(f"is damaged: {copy.index_problem}, within a chunk. That cannot be repaired.")
+                raise InputError(f"is damaged: {copy.index_problem}, within a chunk", UNREPAIRABLE)
             _end_in_place(stream, copied, copy)
             os.fsync(stream.fileno())
         if not only_indexes:
@@ -174,14 +174,14 @@ def _indexed_chunk(content: bytes) -> bytes:
 def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
     """Recover the files of a folder one by one, yielding the result of `recover` for each; then update its metadata.
 
-    :raises ValueError: a file is not an MCAP file.
+    :raises InputError: a file is not an MCAP file.
     :raises OSError: a file cannot be read or written.
     """
     for file in _bag_files(folder):
         try:
             counts = recover(file)
-        except ValueError as error:
-            raise ValueError(f"{file.name}: {error}") from error
+        except InputError as error:
+            raise InputError(f"{file.name}: {error.message}", error.remedy) from error
         yield file, counts
     update_metadata(folder)
 
@@ -192,7 +192,8 @@ def update_metadata(folder: Path) -> None:
     Topics that the existing `metadata.yaml` does not contain are taken from the files: all of them where a recorder was
     killed before it wrote one.
 
-    :raises ValueError: the existing `metadata.yaml` is not one of rosbag2, or there is no file.
+    :raises ValueError: the existing `metadata.yaml` is not one of rosbag2.
+    :raises InputError: there is no file.
     :raises OSError: a file cannot be read or written.
     """
     path = folder / FILE_NAME
@@ -202,7 +203,7 @@ def update_metadata(folder: Path) -> None:
     elif files:
         document = {"custom_data": {"recorded_by": "mbd_sim"} if any(file.is_run for file in files) else {}}
     else:
-        raise ValueError("contains no .mcap file with any data. Nothing can be recovered.")
+        raise InputError("contains no .mcap file with any data", NOTHING)
     topics = _topics(document, files)
     write_metadata(
         path, bag_text(topics, [_statistics(file, topics) for file in files], document.get("custom_data") or {})

@@ -15,8 +15,7 @@ from mbd_sim.recordings.mcap.durable_file import OPEN_FILES
 from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic, offered_qos_profiles
 from mbd_sim.recordings.messages.events import EventWriter
-from mbd_sim.recordings.messages.journal import Journal
-from mbd_sim.recordings.messages.schedule import publication_schedule
+from mbd_sim.recordings.messages.journal import Journal, publication_schedule
 from mbd_sim.recordings.messages.states import Accelerations, StateWriter
 from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,

@@ -46,13 +46,17 @@ def columns(table: RunTable) -> dict[str, Array | np.ndarray]:
     return found | dict(table.requested)
 
 
-def require_packages_for(path: Path) -> None:
-    """Refuse a table whose package is missing, before anything is computed for it.
+def require_table(path: Path | None, *others: str) -> None:
+    """Refuse a table that cannot be written, before anything is computed for it.
 
+    :param others: further suffixes that are accepted.
+    :raises InputError: it has another suffix, or its folder does not exist.
     :raises MissingPackageError: it is a Parquet file, and PyArrow is not installed.
     """
-    if path.suffix == ".parquet":
-        require_packages("pyarrow", purpose="A Parquet file", otherwise="or choose a .csv or .npz file.")
+    if path is not None:
+        require_suffix(path, (*others, *SUFFIXES))
+        if path.suffix == ".parquet":
+            require_packages("pyarrow", purpose="A Parquet file", otherwise="or choose a .csv or .npz file.")
 
 
 def export(path: Path, table: RunTable) -> int:
@@ -71,7 +75,7 @@ def write_columns(path: Path, found: Columns, about: Mapping[str, str]) -> None:
 
     :raises MbdSimError: the file cannot be written, or its format needs a package that is not installed.
     """
-    require_suffix(path, SUFFIXES)
+    require_table(path)
     try:
         if path.suffix == ".npz":
             np.savez_compressed(path, about=json.dumps(about), **found)  # type: ignore[arg-type]
@@ -101,7 +105,6 @@ def _quoted(name: str) -> str:
 
 
 def _write_parquet(path: Path, found: Columns, about: Mapping[str, str]) -> None:
-    require_packages_for(path)
     import pyarrow as pa
     import pyarrow.parquet
 

@@ -53,6 +53,7 @@ class Line:
     y: Array
     color: Color
     gaps: tuple[int, ...] | None = None
+    width: float = 1.0  # relative to that of the style
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import Message
+from mbd_sim.recordings.messages.definitions import names_by_topic
 from mbd_sim.recordings.run.reader import Recording, TopicRole, topic_roles
-from mbd_sim.recordings.views.recorded_mechanism import names_by_topic, recorded_mechanism
 
 _UNKNOWN = -1.0  # the first entry of a covariance in sensor_msgs/Imu whose quantity is not measured
 _QUATERNION = ("qx", "qy", "qz", "qw")
@@ -91,7 +91,7 @@ class SensorMessages:
         for name, role in roles.items():
             if role is TopicRole.SENSORS and (reader := _READERS.get(self.recording.topics[name].type)) is not None:
                 self._readers[name] = reader
-        if self._readers and (mechanism := recorded_mechanism(self.recording)) is not None:
+        if self._readers and (mechanism := self.recording.mechanism) is not None:
             self._mechanism = mechanism
             self._names = names_by_topic(sensor.name for sensor in mechanism.sensors)
 

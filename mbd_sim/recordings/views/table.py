@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.base.errors import MbdSimError, MechanismError, listed
+from mbd_sim.base.errors import MbdSimError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import DamagedError, Message
+from mbd_sim.recordings.messages.definitions import names_by_topic
 from mbd_sim.recordings.run.reader import Recording, TopicRole, topic_roles
 from mbd_sim.recordings.run.recomputation import SEQUENCE_MODULUS
-from mbd_sim.recordings.views.recorded_mechanism import names_by_topic, recorded_mechanism
 from mbd_sim.recordings.views.sensor_columns import SensorMessages, SensorTable
 from mbd_sim.simulation.model.state_records import Energies
 from mbd_sim.simulation.run.events import RESTARTS, parse_event
@@ -37,8 +36,7 @@ def requested_readers(recording: Recording) -> Mapping[str, ColumnReader]:
     """Return functions that read the messages of a run that were recorded on request, by topic."""
     found: dict[str, ColumnReader] = {}
     posed = any(topic.type == POSE for topic in recording.topics.values())
-    mechanism = recorded_mechanism(recording) if posed else None
-    parts = names_by_topic(mechanism.parts) if mechanism else {}
+    parts = names_by_topic(recording.mechanism.parts) if posed and recording.mechanism else {}
     for name, topic in recording.topics.items():
         *_, folder, last = ("", *name.split("/"))
         if topic.type == REACTIONS and last == "joint_reactions":
@@ -236,13 +234,7 @@ def _state_topic(recording: Recording) -> str:
 
 
 def _units(recording: Recording, names: Sequence[str]) -> tuple[str, ...]:
-    if recording.mechanism_text is None:
-        return ("",) * len(names)
-    try:
-        mechanism = parse_mechanism(recording.mechanism_text, str(recording.path))
-    except MechanismError:
-        return ("",) * len(names)
-    units = coordinate_units(mechanism)
+    units = coordinate_units(recording.mechanism) if recording.mechanism else {}
     return tuple(units.get(name, "") for name in names)
 
 

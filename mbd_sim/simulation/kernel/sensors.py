@@ -72,10 +72,10 @@ class SensorSamples:
         groups: dict[tuple[SamplingSteps, int], _Group] = {}
         for number, (timing, noise) in enumerate(zip(timings, noises, strict=True)):
             key = timing, number if noise.loses_samples else -1
-            groups.setdefault(key, _Group(*timing, noise)).sensors.append(number)
+            groups.setdefault(key, _Group(timing.period, timing.delay, noise)).sensors.append(number)
         self._groups = list(groups.values())
         self._group_of = {number: group for group in self._groups for number in group.sensors}
-        self._periods = sorted({period for period, _ in timings})
+        self._periods = sorted({timing.period for timing in timings})
 
     def clear(self) -> None:
         """Forget all samples."""

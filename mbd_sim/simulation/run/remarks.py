@@ -24,9 +24,9 @@ from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.math.expressions import function_of, time_functions
 from mbd_sim.files.checks.bare_angles import bare_angle_remarks
+from mbd_sim.mechanism.contents import expressions_of_forces
 from mbd_sim.mechanism.elements.constraints import Coupling, Distance, expressions_of
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
-from mbd_sim.mechanism.force_expressions import expressions_of_forces
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 from mbd_sim.simulation.contact.complementarity import independent

@@ -11,11 +11,11 @@ import numpy as np
 from mbd_sim.base.errors import Problem
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.dynamics.math.expressions import function_of
+from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
 from mbd_sim.mechanism.elements.constraints import Surface, expressions_of
 from mbd_sim.mechanism.elements.forces import Spring
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
-from mbd_sim.mechanism.force_expressions import ForceExpression, expressions_of_forces
 from mbd_sim.mechanism.mass_properties import DIFFERENCE, state_numbers
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression

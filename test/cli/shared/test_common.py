@@ -6,8 +6,9 @@ import sys
 import pytest
 
 from mbd_sim.cli.main import main
-from mbd_sim.cli.shared import common
-from mbd_sim.cli.shared.common import ProgressBar, Waiting, text_table
+from mbd_sim.cli.shared import progress
+from mbd_sim.cli.shared.common import text_table
+from mbd_sim.cli.shared.progress import ProgressBar, Waiting
 from test.waiting import wait_until
 
 
@@ -18,7 +19,7 @@ class Terminal(io.StringIO):
 
 def terminal(monkeypatch, patience=0.0):
     """Not a fixture: pytest sets its own standard output before a test begins."""
-    monkeypatch.setattr(common, "PATIENCE", patience)
+    monkeypatch.setattr(progress, "PATIENCE", patience)
     monkeypatch.setattr(sys, "stdout", Terminal())
     return sys.stdout
 

@@ -69,7 +69,7 @@ def test_a_rod_about_itself_is_refused_in_rotated_frames():
         # the axis is given in ground's frame, which the joint's coordinate at zero aligns with the point's frame
         axis, angle = np.array(rotate["axis"]), rotate["angle"]
         axis /= np.linalg.norm(axis)
-        k = kane.cross_matrix(axis)
+        k = kane.skew(axis)
         turn = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
         text["joints"]["spin"]["axis"] = (turn.T @ direction).tolist()
         assert refused(json.dumps(text)) == ["joints.spin"]

@@ -78,16 +78,6 @@ def test_a_mistake_is_named_with_its_key_and_remedy(text, key, message, remedy):
     assert problem.message
 
 
-def test_problems_of_constraints_are_reported_with_those_of_joints_and_parts():
-    text = TEXT.replace("CONSTRAINT", "{type: distance, between: [a.p, b.x], length: 1}")
-    with pytest.raises(MechanismError) as caught:
-        parse_mechanism(
-            text.replace("axis: [1, 0, 0]}\n", "axs: [1, 0, 0]}\n", 1).replace("c: {mass: 1,", "c: {mass: -1,")
-        )
-    keys = [problem.key for problem in caught.value.problems]
-    assert {"parts.c.mass", "joints.slide.axs", "constraints.k.between[1]"} <= set(keys)
-
-
 def test_coordinates_are_not_looked_up_while_a_joint_cannot_be_read():
     """Whether 'slide' has one is not known."""
     text = TEXT.replace("CONSTRAINT", "{type: gear, joints: [spin, slide], radii: [1, 2]}")

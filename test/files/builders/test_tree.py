@@ -11,10 +11,21 @@ from mbd_sim.files.builders.tree import EndSearch
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.files.text.library import shipped
 from mbd_sim.mechanism import spanning_tree as end_inertia
-from mbd_sim.mechanism.spanning_tree import ends_without_inertia, loop_through, spanning_tree
+from mbd_sim.mechanism.spanning_tree import inboard, loop_through, moves_no_inertia, spanning_tree
 from test.generators.overconstrained import LINKAGES, linkage_text
 
 HINGE = {"type": "revolute", "axis": [0, 1, 0]}
+
+
+def ends_without_inertia(parts, joints, tree):
+    """The joints that move nothing but one part of a loop, which has no inertia in some motion of the joint.
+
+    Such as a particle on the axis of a hinge. The coordinate of such a joint has no equation of motion of its own.
+    """
+    carriers = {inboard(joints[name], part) for name, part in tree.outboard.items()}
+    closed = {part for name in tree.closing for part in (joints[name].parent, joints[name].child)}
+    ends = [(joints[name], parts[part]) for name, part in tree.outboard.items() if part in closed - carriers]
+    return [joint.name for joint, part in ends if not joint.drive and moves_no_inertia(joint, part)]
 
 
 def by_whole_trees(search, tree, preferred, cut):

@@ -13,6 +13,7 @@ from mbd_sim.files.schema.sensors import AnySensorSpec
 from mbd_sim.mechanism.elements.sensors import ORIENTATION, AnySensor
 from mbd_sim.recordings.views import sensor_columns
 from mbd_sim.studies.report.elements import sensor_report
+from mbd_sim.studies.symbolic import latex_elements
 
 ROOT = Path(__file__).parents[3]
 KEYS = {
@@ -61,6 +62,13 @@ def test_its_messages_can_be_read_from_recordings(kind):
     (sensor,) = sensed(kind).sensors
     assert sensor.message_type in sensor_columns._READERS
     assert {quantity.name for quantity in sensor.quantities} <= set(sensor_columns._UNITS)
+    assert {len(quantity.components) for quantity in sensor.quantities} <= {1, 3}  # plots and tables know these
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_quantities_have_letters_in_formulas(kind):
+    (sensor,) = sensed(kind).sensors
+    assert {quantity.name for quantity in sensor.quantities} <= set(latex_elements.LETTERS)
 
 
 @pytest.mark.parametrize("kind", KEYS)

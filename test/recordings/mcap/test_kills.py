@@ -22,7 +22,7 @@ from test.recordings.recordings import count_and_last, messages, metadata, reada
 from test.recordings.runs import record_run
 from test.waiting import PATIENCE
 
-KILLS = 100
+KILLS = 40
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_kills_cost_the_messages_of_the_last_chunk(killed):
         assert newest == count - 1 < put or count == put == 0
         saved = readable(path)[-1].log_time if count else first
         losses.append(last - saved - stall)  # less what the machine left the process waiting
-    assert sum(put for _, put, *_ in killed) > 5_000
+    assert sum(put for _, put, *_ in killed) > 2_000
     assert statistics.median(losses) <= 1.5e9 * CHUNK_PERIOD
 
 

@@ -1,4 +1,4 @@
-"""The gallery of shipped mechanisms: `python -m mbd_sim.pictures.drawing.gallery docs` writes its page and pictures.
+"""The gallery of shipped mechanisms: `python docs/gallery_pictures.py docs` writes its page and pictures.
 
 Names after the folder limit the pictures to these mechanisms. They are drawn at their start, and as small animations.
 

@@ -1,16 +1,20 @@
-"""The gallery contains every shipped mechanism and is up to date."""
+"""The gallery contains every shipped mechanism and is up to date; its animations are small and can be followed."""
 
+import sys
 import xml.etree.ElementTree as ElementTree
+from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.files.text.library import shipped
-from mbd_sim.pictures.drawing import gallery
-from mbd_sim.pictures.drawing.gallery import LARGEST
 
-DOCS = Path(__file__).resolve().parents[3] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path.append(str(DOCS))
+gallery = import_module("gallery_pictures")
 
 
 def test_every_shipped_mechanism_says_what_it_is_and_what_to_watch():
@@ -34,7 +38,7 @@ def test_every_mechanism_has_a_readable_picture():
 def test_animations_are_small():
     sizes = {path.name: path.stat().st_size for path in (DOCS / "gallery").glob("*.webp")}
     assert len(sizes) > 60
-    assert max(sizes.values()) <= LARGEST and sum(sizes.values()) < 4e6
+    assert max(sizes.values()) <= gallery.LARGEST and sum(sizes.values()) < 4e6
 
 
 def test_a_picture_can_be_generated(tmp_path):
@@ -57,3 +61,41 @@ def test_the_comment_is_split_where_it_says_watch():
     text = "# yaml-language-server: $schema=x\n# A rod\n# on a pin (Book 3).\n# Watch: it\n# swings.\nmechanism: x\n# not this\n"
     assert gallery.comment(text) == ("A rod on a pin (Book 3).", "it swings.")
     assert gallery.comment("mechanism: x\n") == ("", "")
+
+
+@pytest.fixture
+def short(monkeypatch):
+    monkeypatch.setattr(gallery, "FRAMES", 8)
+    monkeypatch.setattr(gallery, "SIZE", (120, 90))
+
+
+def test_an_animation_is_small_and_says_how_fast_it_is(short, tmp_path, monkeypatch):
+    path = gallery.animate("rod_pendulum", tmp_path)
+    with Image.open(path) as picture:
+        assert picture.n_frames > 4 and max(picture.size) <= 120
+    assert "real time" in gallery.description(path)
+    content = path.read_bytes()
+    assert gallery.animate("rod_pendulum", tmp_path).read_bytes() == content  # the same file each time
+    monkeypatch.setattr(gallery, "LARGEST", 1000)
+    with pytest.raises(MbdSimError, match=r"rod_pendulum has \d+ bytes, more than 1000"):
+        gallery.animate("rod_pendulum", tmp_path)
+
+
+def test_a_mechanism_at_rest_has_no_animation(short, tmp_path):
+    assert gallery.animate("cart_pendulum", tmp_path) is None
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_periodic_motion_is_shown_once():
+    angles = 2.0 * np.pi * np.arange(36)[:, None] / 20
+    circle = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=2)
+    assert gallery.repetition(circle) == 20
+    assert gallery.repetition(circle[:18]) == 18  # less than one revolution
+    swing = np.stack([np.cos(angles), 0.0 * angles, 0.0 * angles], axis=2)
+    assert gallery.repetition(swing) == 20  # not where it passes the same place in the other direction
+
+
+def test_margins_are_cut_off_where_nothing_is_ever_drawn():
+    frames = [np.full((40, 60, 3), 255, np.uint8) for _ in range(2)]
+    frames[0][20, 15], frames[1][25, 30] = 0, 0
+    assert [frame.shape for frame in gallery.cropped(frames)] == [(18, 28, 3)] * 2
