@@ -62,7 +62,7 @@ def _execute(options: argparse.Namespace) -> int:
             record=options.record,
         )
     except NoInertiaError as error:
-        raise CommandError(str(error), "Or show positions only: --drive JOINT.") from error
+        raise CommandError(str(error).rstrip("."), "Or show positions only: --drive JOINT.") from error
     with lab:
         print(f"{mechanism.name} is on {lab.url} (Ctrl-C ends it)", flush=True)
         if not options.no_open:
