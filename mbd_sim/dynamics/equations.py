@@ -210,7 +210,7 @@ class Equations:
         if self.one_sided is None:
             return False
         layout = self.one_sided.contacts.layout
-        modes = inputs[self.inputs.one_sided][layout.modes]
+        modes = inputs[self.inputs.one_sided]
         return bool(np.any(modes[: layout.signs.start] != 0.0))
 
     def hold(self, mechanism: Mechanism, y: Array | ca.SX, inputs: Array | ca.SX) -> None:

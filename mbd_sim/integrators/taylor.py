@@ -43,7 +43,7 @@ class Taylor(Method):
         return self.otherwise
 
     def history_size(self, size: int, inputs_size: int) -> int:
-        """The numbers of `mbd_sim.compiler.taylor.history`: four, then the state, the inputs and the coefficients."""
+        """The numbers of `mbd_sim.compiler.taylor.step`: four, then the state, the inputs and the coefficients."""
         return 4 + inputs_size + (2 + self.order) * size
 
 

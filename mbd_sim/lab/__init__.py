@@ -5,13 +5,12 @@ Importing this package does not import viser; creating a `Page` does.
 | module | contents |
 |---|---|
 | `lab` | `Lab`: session, page and file watch put together |
-| `session`, `history` | the thread that owns the simulation, with its requests and frames; the last minutes of a run |
+| `session` | the thread that owns the simulation: its requests, frames and history |
+| `background` | a saved file is read again, and new values are validated, while the session goes on |
 | `bench`, `hold` | a simulation whose numbers can all change; the spring of a hand, and configurations under the hand |
 | `positions` | a mechanism that is moved through its positions by a joint |
-| `preparing` | changes of live values are validated beside the session |
 | `sliders`, `plots` | the numbers that can change, in the units of the file; curves of the motion |
-| `primitives`, `scene` | the solids and lines of a mechanism; the scene of viser |
-| `page` | the panel and its controls |
-| `editing`, `keep` | the mechanism's file is saved; the motion as one HTML file |
+| `scene`, `page` | the scene of viser; the panel and its controls |
+| `keep` | the motion as one HTML file |
 | `safety` | who may open the page |
 """

@@ -14,8 +14,7 @@ from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.hold import Hold, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.model.live_values import PreparedValues, names_with_matches
-from mbd_sim.simulation.run.changes import StateValues, require_outside, state_with
+from mbd_sim.simulation.model.live_values import names_with_matches
 from mbd_sim.simulation.run.simulation import Simulation
 
 LIVE = (  # what can change while it runs, as far as the equations allow it
@@ -105,41 +104,6 @@ class Bench:
             before = simulation.energies.total
             energy = simulation.start_energy + after - before
             simulation.restore(y, simulation.steps, start_energy=energy)
-
-    def apply(self, prepared: PreparedValues) -> None:
-        """Change live values; where that opens loops, the mechanism is assembled again from where it is.
-
-        :raises CommandError: the loops cannot be closed with them; nothing is changed then.
-        """
-        try:
-            self.simulation.apply_live(prepared)
-        except CommandError as error:
-            if "open the loops" not in error.message:
-                raise
-            self._assemble_again(prepared)
-
-    def _assemble_again(self, prepared: PreparedValues) -> None:
-        """Continue from the nearest state in which the loops are closed with new values; the energy account goes on."""
-        from mbd_sim.dynamics.constraints.assembly import close_nearby
-
-        simulation, point = self.simulation, self.simulation.snapshot()
-        model, inputs = simulation.model, point.inputs.copy()
-        inputs[model.input_layout.values] = prepared.inputs
-        constraints = model.equations.constraints.with_values(prepared.inputs)
-        closure = close_nearby(constraints, simulation.time, point.state[model.q_range])
-        if not closure.closed:
-            gap, keys = float(np.max(np.abs(closure.gaps))), ", ".join(prepared.changes)
-            raise CommandError(
-                f"{keys}: the loops cannot be closed: a gap of {gap:.3g} m remains", "Choose another value."
-            )
-        y = point.state.copy()
-        y[model.q_range] = closure.q
-        y = state_with(model, simulation.time, y, prepared.inputs, StateValues())  # with speeds that fit
-        require_outside(model, simulation.time, y, inputs)
-        change = model.energies(simulation.time, y, 0.0, inputs).total - simulation.energies.total
-        live = {**point.live, **prepared.current}
-        start_energy = point.start_energy + change
-        simulation.restore(replace(point, state=y, inputs=inputs, live=live, start_energy=start_energy))
 
     def adopt_state(self, other: Bench) -> None:
         """Continue where another mechanism is: coordinates of the same names keep their positions and speeds.

@@ -7,8 +7,8 @@ from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.packages import require_packages
+from mbd_sim.lab.background import FileWatch
 from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.editing import FileWatch
 from mbd_sim.lab.page import Page, Theme
 from mbd_sim.lab.positions import PositionBench
 from mbd_sim.lab.session import Session

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mbd_sim.base.errors import MbdSimError
+from mbd_sim.lab.background import Preparer
 from mbd_sim.lab.keep import motion_html
 from mbd_sim.lab.plots import Plots, readings_of
-from mbd_sim.lab.preparing import Preparer
 from mbd_sim.lab.safety import Gate, guarded
 from mbd_sim.lab.scene import Scene
 from mbd_sim.lab.session import Frame, Session

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, assert_never
 
 import numpy as np
 
-from mbd_sim.base.geometry.pose import Array, pack_poses, unpack_poses
+from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import quaternions, to_quaternion
-from mbd_sim.lab.primitives import Lines, Primitive, Triangles, primitives_of
+from mbd_sim.files.text.mesh_files import mesh_path
 from mbd_sim.lab.session import Frame
-from mbd_sim.mechanism.actuation import line_ports
-from mbd_sim.mechanism.elements.constraints import Cable, Distance
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette, solids
 from mbd_sim.pictures.shapes.extent import Extent
-from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, has_cylinder, pulls, weight
+from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
+from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
 from mbd_sim.pictures.shapes.palette import Color
+from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Ball, Box, Cylinder, Ring, Rod
 from mbd_sim.simulation.model.model import Model
 
-COIL_RADIUS, DASHPOT_HALF_WIDTH = 0.03, 0.02  # relative to the mechanism's size
+THIN = 0.25  # of the width of a line, for lines as thin as they can be seen
 TRACE_POINTS = 600
 SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
 NOWHERE = np.zeros((0, 2, 3), dtype=np.float32)
@@ -71,9 +71,12 @@ class Scene:
         self._frames = [scene.add_frame(f"/parts/{name}", show_axes=False) for name in self._names]
         self._last_time = np.inf
         self._add_ground(extent, dark)
-        for number, primitive in enumerate(primitives_of(model.mechanism, extent.size)):
-            self._add(f"/parts/{primitive.part}/{number}", primitive)
-        self._lines = list(self._add_lines(model.mechanism))
+        self._source = model.mechanism.source.file
+        for number, one in enumerate([*primitives(model.mechanism, extent, self._can_draw), *wires(model, extent)]):
+            if not one.hole:
+                self._add(f"/parts/{one.part}/{number}", one)
+        start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
+        self._lines = [self._connected(one) for one in connectors(model.mechanism, extent, start)]
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._contacts = self._arrows("contacts", palette.CONTACT if dark else (196, 138, 0))
         self._reactions = self._arrows("reactions", palette.REACTION if dark else (0, 120, 190))
@@ -156,11 +159,15 @@ class Scene:
                 handles = [add.add_box(path, dimensions=size, **place)]
             case Ball(radius):
                 handles = [add.add_icosphere(path, radius=radius, **place)]
-            case Lines(segments, width):
-                color = place.pop("color")
+            case Lines(strips, radius):
+                segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in strips])
+                color, width = place.pop("color"), 2.0 * radius or THIN * LINE_WIDTH * self._size
                 add.add_line_segments(path, segments.astype(np.float32), color, thickness=width, **place)
                 return
-            case Triangles(corners):
+            case Mesh() as mesh:
+                file = mesh_path(mesh.file, self._source)
+                assert file is not None
+                corners = triangles(file) * np.array(mesh.scale)
                 faces = np.arange(3 * len(corners)).reshape(-1, 3)
                 handles = [add.add_mesh_simple(path, corners.reshape(-1, 3), faces, side="double", **place)]
             case _ as unknown:
@@ -183,29 +190,20 @@ class Scene:
 
         return on_drag
 
-    def _add_lines(self, mechanism: Mechanism) -> Iterator[_Between]:
-        coil = np.repeat(solids.coil(COIL_RADIUS * self._size)[::3], 2, axis=0)[1:-1]
-        dashpot = solids.dashpot(DASHPOT_HALF_WIDTH * self._size)
-        for element in mechanism.two_point_elements:
-            ends = (element.first, element.second)
-            if element.elastic:
-                yield self._between(f"/springs/{element.name}", ends, coil, palette.STEEL)
-            if has_cylinder(element):
-                yield self._between(f"/dampers/{element.name}", ends, dashpot, palette.DAMPER)
-        for name, port in line_ports(mechanism).items():
-            yield self._between(f"/actuators/{name}", (port.first, port.second), dashpot, palette.DRIVEN)
-        for constraint in mechanism.constraints:
-            match constraint:
-                case Distance(first=first, second=second):
-                    yield self._between(f"/links/{constraint.name}", (first, second), None, palette.ROPE)
-                case Cable(points=points):
-                    yield self._between(f"/cables/{constraint.name}", tuple(points), None, palette.ROPE)
-                case _:
-                    pass
+    def _can_draw(self, mesh: Mesh) -> bool:
+        path = mesh_path(mesh.file, self._source)
+        return path is not None and not reason_not_to_draw(path)
 
-    def _between(self, path: str, ends: tuple[Attachment, ...], pairs: Array | None, color: Color) -> _Between:
-        handle = self._scene.add_line_segments(path, NOWHERE, color, thickness=LINE_WIDTH * self._size)
-        return _Between(handle, ends, pairs)
+    def _connected(self, one: Connector) -> _Between:
+        """The lines of a spring, a cylinder, a rod or a rope."""
+        width, pairs = 2.0 * one.radius, None
+        if one.form == "coil":
+            width = LINE_WIDTH * self._size
+            pairs = np.repeat(solids.coil(one.radius)[::3], 2, axis=0)[1:-1]
+        elif one.form == "cylinder":
+            width, pairs = LINE_WIDTH * self._size, solids.dashpot(one.radius)
+        handle = self._scene.add_line_segments(f"/{one.kind}/{one.name}", NOWHERE, one.color, thickness=width)
+        return _Between(handle, one.points, pairs)
 
     def _arrows(self, name: str, color: Color) -> Any:
         size = self._size

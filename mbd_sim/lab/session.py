@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,16 +20,18 @@ import numpy as np
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.history import History
 from mbd_sim.lab.positions import PositionBench
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
+from mbd_sim.simulation.run.state import RunPoint
 
 PICTURES = 60.0  # frames per second of real time
 LONGEST_TURN = 0.03  # s of real time for steps, after which requests are served
 HISTORY_PERIOD = 1.0 / 30.0  # s of real time between points to wind back to
 MOST_SAMPLES = 3600
+MOST_BYTES = 64e6
+MOST_POINTS = 5400  # three minutes at 30 points a second
 MOST_REQUESTS = 500  # names that may wait; a page has fewer controls
 
 Request = Callable[["Session"], None]
@@ -60,6 +63,46 @@ class Frame:
     message: str
     recording: str
     values: Mapping[str, float]
+
+
+class History:
+    """Points of a run in the order of time; the oldest ones are forgotten."""
+
+    def __init__(self) -> None:
+        self._points: deque[tuple[float, RunPoint]] = deque(maxlen=MOST_POINTS)
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def add(self, time: float, point: RunPoint) -> None:
+        """Add a point at a time in s. Points from then on belong to a motion that was given up: they are forgotten."""
+        if not self._points:
+            size = point.state.nbytes + point.inputs.nbytes + point.samples.nbytes + point.history.nbytes + 500
+            self._points = deque(maxlen=max(2, min(MOST_POINTS, int(MOST_BYTES / size))))
+        while self._points and self._points[-1][0] >= time:
+            self._points.pop()
+        self._points.append((time, point))
+
+    def clear(self) -> None:
+        """Forget everything, as other equations hold from here on."""
+        self._points.clear()
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The times in s of the first and the last point; zeros if there is none."""
+        return (self._points[0][0], self._points[-1][0]) if self._points else (0.0, 0.0)
+
+    def nearest(self, time: float) -> RunPoint | None:
+        """The point nearest to a time in s; None if there is none."""
+        if not self._points:
+            return None
+        at = bisect_left(self._points, time, key=lambda one: one[0])
+        around = [self._points[index] for index in (at - 1, at) if 0 <= index < len(self._points)]
+        return min(around, key=lambda one: abs(one[0] - time))[1]
+
+    def points(self) -> list[tuple[float, RunPoint]]:
+        """All points with their times."""
+        return list(self._points)
 
 
 @dataclass
@@ -183,12 +226,12 @@ class Session:
             self._note(f"wound back to {self.bench.simulation.time:.6g} s")
 
     def change(self, key: str, value: float) -> None:
-        """Change a live value, in SI units: see `Bench.apply`."""
-        self.apply(self.bench.simulation.prepare_live({key: value}))
+        """Change a live value, in SI units: see `Simulation.set_live`."""
+        self.apply(self.bench.simulation.prepare_live({key: value}, reassemble=True))
 
     def apply(self, prepared: PreparedValues) -> None:
-        """Change live values that were prepared in this `edition` of the session: see `Bench.apply`."""
-        self.bench.apply(prepared)
+        """Change live values that were prepared in this `edition` of the session: see `Simulation.set_live`."""
+        self.bench.simulation.apply_live(prepared)
         self.edition += 1
         self._note("sliders: " + ", ".join(f"{key} = {value!r}" for key, value in prepared.changes.items()))
         self.message = ""

@@ -60,7 +60,7 @@ class Setting:
         """
         match self.kind:
             case "value":
-                bench.apply(bench.simulation.prepare_live({self.key: shown * self.factor}))
+                bench.simulation.set_live({self.key: shown * self.factor}, reassemble=True)
             case "effort":
                 bench.simulation.set_efforts({self.key: shown * self.factor})
             case "command":

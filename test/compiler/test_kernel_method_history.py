@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim import DivergedError, Ensemble, Simulation
 from mbd_sim.compiler.steps.adams_history import COUNT
-from mbd_sim.compiler.taylor.history import POSITION
+from mbd_sim.compiler.taylor.step import POSITION
 
 METHODS = ("adams11", "taylor")
 TAKEN = {"adams11": COUNT, "taylor": POSITION}  # where the number of steps is that belong to a history

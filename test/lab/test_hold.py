@@ -24,7 +24,7 @@ joints:
 """
 
 
-@pytest.mark.parametrize("name", ["four_bar", "six_axis_arm", "rssr", "tumbling"])
+@pytest.mark.parametrize("name", ["four_bar", "six_axis_arm", "slider_crank", "tumbling"])
 def test_the_grabbed_point_comes_closer_with_loops_closed(name):
     bench = Bench.of(load_mechanism(name))
     simulation = bench.simulation

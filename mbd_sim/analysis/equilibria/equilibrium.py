@@ -21,7 +21,7 @@ from mbd_sim.dynamics.layouts.actuators import require_continuous
 from mbd_sim.dynamics.layouts.state_scales import natural_units
 
 ATTEMPTS = 12  # other configurations from which equilibria are sought
-SCATTER = 0.3  # m or rad, between these
+SCATTER = 0.3  # rad, or the same share of the size of the mechanism, between these
 BALANCED_START = 1e-12  # of the accelerations, in units of gravity: those of round-off
 SAME = 1e-6  # of distances, in sizes of the mechanism
 TIMES = (0.0, 0.137, 0.71, 1.9)  # in natural units, at which accelerations are compared
@@ -207,7 +207,7 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
         free = constraints.free_directions(0.0, q)
         components = random.normal(size=free.shape[1]) if direction is None else free.T @ direction
         direction = free @ components
-        direction *= SCATTER / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
+        direction *= SCATTER / max(float(np.max(np.abs(direction) / constraints.scales, initial=0.0)), 1e-300)
         closing = close_loops(constraints, 0.0, constraints.displaced(q, direction), all_free)
         if not closing.closed:
             break

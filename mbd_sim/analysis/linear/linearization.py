@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,8 @@ class Linearization:
     __repr__ = short_repr
 
 
-class Mode(NamedTuple):
+@dataclass(frozen=True)
+class Mode:
     """A natural mode: undamped `frequency` in Hz, `damping` ratio, and `eigenvalue` in 1/s.
 
     A real eigenvalue belongs to a motion that does not oscillate: its frequency is 0 and its damping ratio 1, or -1
@@ -69,8 +70,7 @@ class Mode(NamedTuple):
     damping: float
     eigenvalue: complex
 
-    def __repr__(self) -> str:
-        return short_repr(self)
+    __repr__ = short_repr
 
 
 def linearize(

@@ -40,7 +40,7 @@ ACTUATOR_UNITS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
+class LinearOutput:
     """A number with the expression of its value.
 
     `load` is its row in the reactions of all joints, -1 for another load that redundant joints share, or None.
@@ -53,7 +53,7 @@ class Output:
 
 
 @dataclass(frozen=True, eq=False)
-class StateSymbols:
+class LinearizationPoint:
     """The arguments t, y and inputs of equations as symbols, and a state (t, y, inputs) in numbers."""
 
     symbols: tuple[ca.SX, ca.SX, ca.SX]
@@ -68,7 +68,7 @@ class StateSymbols:
         return all_evaluated(ca.Function("at", list(self.symbols), [ca.densify(expression)]), *self.values)[0]
 
 
-def possible_outputs(equations: Equations, mechanism: Mechanism, state: StateSymbols) -> dict[str, Output]:
+def possible_outputs(equations: Equations, mechanism: Mechanism, state: LinearizationPoint) -> dict[str, LinearOutput]:
     """All outputs of a mechanism at a state by name, in a fixed order.
 
     Positions, rotations and velocities are relative to ground, accelerations of points and sensors are absolute: ground
@@ -81,17 +81,17 @@ def possible_outputs(equations: Equations, mechanism: Mechanism, state: StateSym
 
 
 class _Outputs:
-    def __init__(self, equations: Equations, mechanism: Mechanism, state: StateSymbols) -> None:
+    def __init__(self, equations: Equations, mechanism: Mechanism, state: LinearizationPoint) -> None:
         self._equations, self._mechanism, self._state = equations, mechanism, state
 
-    def all(self) -> Iterator[Output]:
+    def all(self) -> Iterator[LinearOutput]:
         yield from self._joints()
         yield from self._loads()
         yield from self._points()
         yield from self._sensors()
         yield from self._actuators()
 
-    def _joints(self) -> Iterator[Output]:
+    def _joints(self) -> Iterator[LinearOutput]:
         equations, measurements = self._equations, self._equations.measurements
         layout, state = equations.layout, self._state
         y, driven = state.symbols[1], list(self._mechanism.driven_names)
@@ -102,7 +102,7 @@ class _Outputs:
                     row = driven.index(own)
                     count = len(driven)
                     position, velocity = (self._entry(equations.drives, place) for place in (row, count + row))
-                    yield Output(
+                    yield LinearOutput(
                         f"joints.{own}.effort", coordinate.effort_unit, self._entry(equations.drives, 2 * count + row)
                     )
                     place = layout.nv + row
@@ -110,10 +110,10 @@ class _Outputs:
                     place = layout.u[name].start + number
                     position = self._position(name, number)
                     velocity = _entry_of(y, layout.nq + place)
-                yield Output(f"joints.{own}.position", coordinate.unit, position)
-                yield Output(f"joints.{own}.velocity", f"{coordinate.unit}/s", velocity)
+                yield LinearOutput(f"joints.{own}.position", coordinate.unit, position)
+                yield LinearOutput(f"joints.{own}.velocity", f"{coordinate.unit}/s", velocity)
                 acceleration = self._entry(measurements.accelerations, place)
-                yield Output(f"joints.{own}.acceleration", f"{coordinate.unit}/s²", acceleration)
+                yield LinearOutput(f"joints.{own}.acceleration", f"{coordinate.unit}/s²", acceleration)
 
     def _position(self, joint: str, number: int) -> Callable[[], ca.SX]:
         """A coordinate of a joint; those of an orientation are small rotations about the axes of the part."""
@@ -127,12 +127,12 @@ class _Outputs:
         turned = w * moved[1:] - ca.SX(ca.DM(v)) * moved[0] - ca.cross(ca.SX(ca.DM(v)), moved[1:])
         return _entry_of(2.0 * turned, number - offset)
 
-    def _loads(self) -> Iterator[Output]:
+    def _loads(self) -> Iterator[LinearOutput]:
         for row, name in enumerate([*self._mechanism.joints, *self._mechanism.closing]):
             for number, (quantity, unit) in enumerate((("force", "N"), ("moment", "N·m"))):
                 for place, axis in enumerate(AXES, 6 * row + 3 * number):
                     value = self._entry(self._equations.reactions, place)
-                    yield Output(f"joints.{name}.{quantity}.{axis}", unit, value, place)
+                    yield LinearOutput(f"joints.{name}.{quantity}.{axis}", unit, value, place)
 
     @cached_property
     def _motions(self) -> ca.SX:
@@ -142,7 +142,7 @@ class _Outputs:
     def _poses(self) -> ca.SX:
         return self._state.called(self._equations.poses)
 
-    def _points(self) -> Iterator[Output]:
+    def _points(self) -> Iterator[LinearOutput]:
         for number, part in enumerate(self._equations.part_names):
             for name, pose in (("", None), *self._mechanism.parts[part].points.items()):
                 local = np.zeros(3) if pose is None else pose.position
@@ -150,7 +150,7 @@ class _Outputs:
                 for quantity, unit in POINT_UNITS.items():
                     for row, axis in enumerate(AXES):
                         value = partial(self._point, number, local, quantity, row)
-                        yield Output(f"points.{frame}.{quantity}.{axis}", unit, value)
+                        yield LinearOutput(f"points.{frame}.{quantity}.{axis}", unit, value)
 
     def _point(self, part: int, local: Array, quantity: str, row: int) -> ca.SX:
         return self._of_point(part, local, quantity)[row]
@@ -176,7 +176,7 @@ class _Outputs:
             case _:
                 return omega_rate
 
-    def _sensors(self) -> Iterator[Output]:
+    def _sensors(self) -> Iterator[LinearOutput]:
         for sensor in self._mechanism.sensors:
             row = 0
             for quantity in sensor.quantities:
@@ -184,7 +184,7 @@ class _Outputs:
                     label = f".{component}" if component else ""
                     load = -1 if isinstance(sensor, ForceTorque) else None
                     value = partial(self._measured, sensor, row)
-                    yield Output(f"sensors.{sensor.name}.{quantity.name}{label}", quantity.unit, value, load)
+                    yield LinearOutput(f"sensors.{sensor.name}.{quantity.name}{label}", quantity.unit, value, load)
                     row += 1
 
     @cached_property
@@ -209,14 +209,14 @@ class _Outputs:
             first += size
         return ca.vertcat(*values)
 
-    def _actuators(self) -> Iterator[Output]:
+    def _actuators(self) -> Iterator[LinearOutput]:
         if (functions := self._equations.actuators) is None:
             return
         for column, actuator in enumerate(self._mechanism.actuators):
             for row, reading in enumerate(reading_names(actuator.motor)):
                 place = column * functions.readings.size1_out(0) + row
                 unit = ACTUATOR_UNITS[reading]
-                yield Output(f"actuators.{actuator.name}.{reading}", unit, self._entry(functions.readings, place))
+                yield LinearOutput(f"actuators.{actuator.name}.{reading}", unit, self._entry(functions.readings, place))
 
     def _entry(self, function: ca.Function, place: int) -> Callable[[], ca.SX]:
         return lambda: ca.vec(self._state.called(function))[place]

@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.analysis.linear.inputs import LinearInput, driven_inputs, possible_inputs
-from mbd_sim.analysis.linear.outputs import Output, StateSymbols, possible_outputs
+from mbd_sim.analysis.linear.outputs import LinearizationPoint, LinearOutput, possible_outputs
 from mbd_sim.analysis.linear.small_motion import SmallMotion, small_motion
 from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
-from mbd_sim.base.errors import CommandError, listed, nearest, shortened
+from mbd_sim.base.errors import CommandError, InputError, listed, nearest, shortened
 from mbd_sim.base.geometry.arrays import finite_matrix
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
@@ -118,7 +118,7 @@ def state_space(
     small = small_motion(full, t, y, values)
     driven = driven_inputs(full, small, chosen, t, y, values)
     t_, y_, i_ = (ca.SX.sym(name, full.rates.size_in(place)) for place, name in enumerate("tyi"))
-    state = StateSymbols((t_, y_, i_), (t, y, values))
+    state = LinearizationPoint((t_, y_, i_), (t, y, values))
     positions = [f"joints.{name}.position" for name in mechanism.coordinate_names]
     wanted = _chosen(positions if outputs is None else outputs, possible_outputs(full, mechanism, state), "output")
     by_x, by_given = small.along(_output_derivatives(full, mechanism, wanted, state))
@@ -179,7 +179,9 @@ def _require_drives(full: Equations, chosen: Sequence[LinearInput], values: Arra
             raise CommandError(f"drives.{joint}: commands of this drive are inputs as well", "Choose one or the other.")
 
 
-def _output_derivatives(full: Equations, mechanism: Mechanism, wanted: Sequence[Output], state: StateSymbols) -> Array:
+def _output_derivatives(
+    full: Equations, mechanism: Mechanism, wanted: Sequence[LinearOutput], state: LinearizationPoint
+) -> Array:
     """The derivatives (outputs, variables), with the loads of redundant joints shared.
 
     :raises CommandError: an output depends on the forces of contacts, or redundant joints share its load.
@@ -203,11 +205,13 @@ def _output_derivatives(full: Equations, mechanism: Mechanism, wanted: Sequence[
     return found
 
 
-def _evaluated(full: Equations, values: ca.SX, state: StateSymbols) -> Array:
+def _evaluated(full: Equations, values: ca.SX, state: LinearizationPoint) -> Array:
     return evaluated(derivative_function(full, "outputs", state.symbols, values), *state.values).T
 
 
-def _require_no_contact_forces(full: Equations, wanted: Sequence[Output], values: ca.SX, state: StateSymbols) -> None:
+def _require_no_contact_forces(
+    full: Equations, wanted: Sequence[LinearOutput], values: ca.SX, state: LinearizationPoint
+) -> None:
     if not full.has_contact(state.values[2]):
         return
     depends = ca.jacobian(values, state.symbols[2][full.inputs.one_sided]).sparsity()
@@ -257,9 +261,10 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     values, vectors = np.linalg.eig(hamiltonian)
     stable = vectors[:, values.real < -1e-9 * np.max(np.abs(values), initial=1.0)]
     if stable.shape[1] != n or np.linalg.matrix_rank(stable[:n]) < n:
-        raise ValueError(
+        raise InputError(
             "no regulator stabilizes this system: these efforts cannot control an unstable mode, or a mode that does "
-            "not decay has no cost. Actuate another joint, or give every coordinate a cost."
+            "not decay has no cost",
+            "Actuate another joint, or give every coordinate a cost.",
         )
     solution = np.real(stable[n:] @ np.linalg.inv(stable[:n]))
     return np.asarray(weighted @ solution)
@@ -269,9 +274,9 @@ def _columns(given: Array, size: int) -> Array:
     """A matrix (size, m) with a column for each effort."""
     b = np.asarray(given, dtype=float)
     if b.ndim != 2:
-        raise ValueError(
-            f"b must be a matrix ({size}, m) with a column for each of m efforts, not an array of shape {b.shape}. "
-            "Give the column of a single effort as b[:, :1], or as [[0], [1]]."
+        raise InputError(
+            f"b must be a matrix ({size}, m) with a column for each of m efforts, not an array of shape {b.shape}",
+            "Give the column of a single effort as b[:, :1], or as [[0], [1]].",
         )
     return finite_matrix(b, (size, b.shape[1]), "b")
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.equations import SLIDING, FrictionElement
 from mbd_sim.dynamics.contact_functions import OneSidedFunctions
@@ -133,7 +133,7 @@ class OneSidedMotion:
         active = inputs[self._equations.inputs.one_sided][self._contact.contacts.layout.active]
         if not np.any(active < 0.0):
             return np.asarray(np.linalg.solve(slope, right))
-        scale = 1.0 / np.sqrt(np.where(active < 0.0, -active, 1.0))
+        scale = 1.0 / np.sqrt(np.where(active, np.abs(active), 1.0))
         solution = np.linalg.lstsq(slope * scale, right, rcond=DEPENDENT)[0]
         return np.asarray(scale.reshape(-1, *[1] * (right.ndim - 1)) * solution)
 
@@ -154,11 +154,10 @@ class OneSidedMotion:
         """Which friction elements slide."""
         contacts, modes = self._contact.contacts, inputs[self._equations.inputs.one_sided]
         layout, found = contacts.layout, []
-        active, directions = modes[layout.active], modes[layout.direction]
+        directions = modes[layout.direction]
         for element in contacts.frictions:
             size = sum(float(directions[row - layout.gaps]) ** 2 for row in element.rows)
-            solved_for = element.joint is None and any(active[row] for row in element.rows)
-            found.append(size > SLIDING and not solved_for)
+            found.append(size > SLIDING)
         return found
 
     def _require_smooth(self, t: float, inputs: Array, readings: Array) -> None:
@@ -189,8 +188,8 @@ class OneSidedMotion:
         closed = inputs[self._equations.inputs.one_sided][layout.closed]
         for gap in range(layout.gaps):
             if closed[gap] and not guards[gap] >= -BARELY:
-                raise ValueError(
-                    f"these accelerations require '{rows[gap].name}' to pull, which it cannot. Request others."
+                raise InputError(
+                    f"these accelerations require '{rows[gap].name}' to pull, which it cannot", "Request others."
                 )
         for element, guard, slides in zip(
             contacts.frictions, guards[layout.gaps :], self._slides(inputs), strict=False

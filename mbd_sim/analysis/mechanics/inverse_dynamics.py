@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.analysis.mechanics.contact_motion import OneSidedMotion
-from mbd_sim.base.errors import nearest
+from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.arrays import vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
@@ -66,7 +66,7 @@ class InverseDynamics:
         actuated = [actuated] if isinstance(actuated, str) else actuated
         for name in actuated or ():
             if name not in names:
-                raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
+                raise InputError(f"there is no coordinate '{name}'", nearest(name, names))
         self.mechanism = mechanism
         self.actuated = names if actuated is None else tuple(actuated)
         self._indices = [names.index(name) for name in self.actuated]

@@ -77,7 +77,7 @@ class Kinematics:
             part, point = split_reference(name, known)
         except InputError as error:
             valid = [text for owner, points in known.items() for text in (owner, *(f"{owner}.{p}" for p in points))]
-            raise ValueError(f"there is no point '{name}'. {nearest(name, valid)}") from error
+            raise InputError(f"there is no point '{name}'", nearest(name, valid)) from error
         local = known[part][point].position if point else np.zeros(3)
         if part == GROUND:
             return np.array(local)

@@ -9,14 +9,14 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.load_functions import Loads
 from mbd_sim.mechanism.mechanism import Mechanism
 
-ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load
+LOAD_ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load
 DETERMINED = 1e-9  # influence of multipliers on drives that is round-off, relative to that of one multiplier
 
 
@@ -86,7 +86,9 @@ class LoadSharing:
         effects = np.abs(loads.of_reactions @ stresses).reshape(-1, 6, stresses.shape[1])
         forces = effects[:, :3].max(axis=(1, 2), initial=0.0)
         names = [*self._mechanism.joints, *self._mechanism.closing]
-        return [name for name, force in zip(names, forces, strict=True) if force > ROUND_OFF * effects.max(initial=0.0)]
+        return [
+            name for name, force in zip(names, forces, strict=True) if force > LOAD_ROUND_OFF * effects.max(initial=0.0)
+        ]
 
     def _values(self, t: float, y: Array, inputs: Array) -> Array:
         return (self._read or self._equations.load_paths.values)(t, y, inputs)
@@ -115,9 +117,10 @@ class LoadSharing:
         """
         loads = self._loads(t, y, inputs)
         if self._added(loads) is not None:
-            raise MbdSimError(
+            raise InputError(
                 f"the reactions of '{self._mechanism.name}' are not linearized, because redundant joints share the "
-                "load in this state. Leave out redundant constraints, or choose other outputs."
+                "load in this state",
+                "Leave out redundant constraints, or choose other outputs.",
             )
         of_reactions, stresses = loads.of_reactions, self._self_stresses(loads)
         components = self._components(of_reactions, stresses, reactions, multipliers)[0]
@@ -132,7 +135,7 @@ class LoadSharing:
         if len(own):
             effects, loads = np.vstack([effects, stresses[own]]), np.concatenate([loads, multipliers[own]])
         components: Array = np.asarray(np.linalg.lstsq(effects, -loads, rcond=None)[0], dtype=float)
-        return components, bool(np.abs(effects @ components).max() <= ROUND_OFF * np.abs(loads).max())
+        return components, bool(np.abs(effects @ components).max() <= LOAD_ROUND_OFF * np.abs(loads).max())
 
     def _self_stresses(self, loads: Loads) -> Array:
         """An orthonormal basis (m, k) of the multipliers that change neither the motion nor the forces of drives.

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 REPORT_PERIOD = 5.0  # s
-PROGRAM = Path(__file__).with_name("compile_program.py")
+PROGRAM = Path(__file__).with_name("object_code.py")
 _PACKAGES = str(Path(__file__).parents[3])  # the folder with this package
 
 _log = logging.getLogger(__name__)

@@ -1,9 +1,17 @@
-"""Intermediate code to object code, with LLVM."""
+"""Intermediate code to object code, with LLVM: a function, and a program that compiles one long module.
+
+The standard input of the program is the IR, its standard output the object code; its arguments are the processor, its
+features, and the level of LLVM's code generator.
+"""
 
 from __future__ import annotations
 
 import functools
+import os
+import signal
+import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -88,3 +96,27 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
     with _options(is_long=is_long):
         passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
         return bytes(machine.emit_object(parsed))
+
+
+PERIOD = 0.5  # s between two looks at whether the caller still runs
+
+
+def _end_with(caller: int) -> None:
+    while os.getppid() == caller:
+        time.sleep(PERIOD)
+    os._exit(1)
+
+
+def main() -> None:
+    """The program."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller, which then ends this program
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    _, cpu, features, level = sys.argv
+    code = object_code(sys.stdin.buffer.read().decode(), cpu, features, int(level), is_long=True)
+    sys.stdout.buffer.write(code)
+    sys.stdout.buffer.flush()
+    os._exit(0)  # without unloading LLVM
+
+
+if __name__ == "__main__":
+    main()

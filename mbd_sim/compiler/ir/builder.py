@@ -1,4 +1,7 @@
-"""Instructions of LLVM's intermediate language, each one method, with the names of `llvmlite.ir.IRBuilder`."""
+"""Instructions of LLVM's intermediate language, each one method, with the names of `llvmlite.ir.IRBuilder`.
+
+After them come the types and idioms that all emitters share.
+"""
 
 from __future__ import annotations
 
@@ -253,8 +256,7 @@ class IRBuilder:
         """The address of constant numbers, in an array that is allocated; only in the entry block of a function."""
         array = allocate()
         for index, value in enumerate(values):
-            place = self.gep(array, Value("i64", str(index)), "double")
-            self.store(Value("double", f"0x{struct.pack('>d', value).hex()}"), place)
+            self.store(number(value), element(self, array, index))
         return array
 
     def by_address(self, value: Value, memory: Value) -> Value:
@@ -315,3 +317,37 @@ class IRBuilder:
         yield
         if not self.block.is_terminated:
             self.branch(after)
+
+
+DOUBLE, INT = "double", "i64"
+FALSE = Value(BOOL, "false")
+
+VECTOR = 32  # bytes, of four doubles
+
+
+def number(value: float) -> Value:
+    """A double."""
+    return Value(DOUBLE, f"0x{struct.pack('>d', value).hex()}")
+
+
+def integer(value: int) -> Value:
+    """A 64-bit integer."""
+    return Value(INT, str(value))
+
+
+def element(builder: IRBuilder, array: Value, index: int | Value) -> Value:
+    """The address of one double of an array."""
+    return builder.gep(array, integer(index) if isinstance(index, int) else index, DOUBLE)
+
+
+def local_array(
+    builder: IRBuilder, size: int, *, in_registers: bool = False, aligned: bool = False, name: str = ""
+) -> Value:
+    """An array of doubles on the stack; only in the entry block of a function.
+
+    LLVM keeps one `in_registers`, as far as they suffice, if all of its accesses have constant indices. Vectors of four
+    in an `aligned` one lie in a line of the cache each.
+    """
+    if in_registers:
+        return builder.alloca(f"[{max(size, 1)} x {DOUBLE}]")
+    return builder.alloca(DOUBLE, integer(max(size, 1)), alignment=VECTOR if aligned else 0, name=name)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.vectors import Index, load, loop, store
 
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder
 from mbd_sim.compiler.ir.module import Block, Type, Value, is_vector, scalar_of, undefined, vector_of, with_lanes_of
-from mbd_sim.compiler.ir.types import DOUBLE
 
 ALIGNMENT = 8  # bytes, of the arrays of members
 

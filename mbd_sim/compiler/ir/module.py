@@ -8,6 +8,7 @@ LLVM Language Reference Manual, https://llvm.org/docs/LangRef.html, describes th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import count
 from typing import Any, NamedTuple, TypeAlias
 
@@ -45,7 +46,8 @@ class Phi(Value):
         return f"  {self.text} = phi {self.type} {', '.join(self._incoming)}"
 
 
-class FunctionType(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class FunctionType:
     """The types of a function's result and arguments."""
 
     result: Type

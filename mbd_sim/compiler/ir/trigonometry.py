@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder, lanes_of, new_builder
 from mbd_sim.compiler.ir.module import ALWAYS_INLINE, BOOL, Function, FunctionType, Module, Value, undefined, vector_of
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 
 LARGEST = 2.0**20 * 1.5707963267948966
 TWO_OVER_PI = 6.36619772367581382433e-01

@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TypeAlias
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.lanes import ComponentBuilder, LaneBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, element, integer, number
 
 NONE: frozenset[int] = frozenset()
 LANES = 4  # components at once, a power of two

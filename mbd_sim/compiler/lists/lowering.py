@@ -16,11 +16,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder, element, local_array, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.ir.module import ALWAYS_INLINE, POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.trigonometry import sine_cosine
-from mbd_sim.compiler.ir.types import DOUBLE, element, local_array, number
 from mbd_sim.compiler.lists.instruction_list import (
     MULTIPLY_ADD,
     MULTIPLY_SUBTRACT,

@@ -10,10 +10,9 @@ from itertools import accumulate
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, local_array, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Function, Module, Value, vector_of
-from mbd_sim.compiler.ir.types import DOUBLE, INT, element, local_array, number
 from mbd_sim.compiler.lists.instruction_list import Instructions, Output
 from mbd_sim.compiler.lists.like_operations import WIDTHS, Pack
 from mbd_sim.compiler.lists.lowering import INLINE_SINES, SINES, Lowering, define, pieces

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import casadi as ca
 
@@ -32,7 +33,8 @@ PATIENCE = 8.0  # cycles that operands may still take when an operation is next
 ISSUED = 0.4  # cycles from one operation to the next
 
 
-class Unit(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Unit:
     """An operation on one node for each lane; leaves have no operands.
 
     `operands` are, for each operand, the nodes of the lanes, and `negated` whether the signs of these change before.
@@ -44,7 +46,8 @@ class Unit(NamedTuple):
     negated: tuple[tuple[bool, ...], ...] = ()
 
 
-class Packing(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Packing:
     """The operations of a graph in order, in packs and alone."""
 
     graph: Graph

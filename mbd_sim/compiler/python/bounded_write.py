@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.code.machine_code import NONE, MachineCode
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.module import POINTER, Function, FunctionType, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, element, integer, number
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.python import callable
 from mbd_sim.compiler.python.callable import TYPE, callable_of

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mbd_sim.compiler.code.machine_code import NONE
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer
 from mbd_sim.compiler.ir.module import POINTER, VOID, Block, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, element, integer
 from mbd_sim.compiler.python.callable import LARGEST
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import DenseSolver, emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import INT, element, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.lists.lowering import instruction_count, lower
@@ -40,9 +39,8 @@ class Load:
 class ActiveRows:
     """Row i of `rows` is active if input `first` + i is not zero; `solver` is counted, of the order `rows`.
 
-    Where active rows depend on each other, inputs are negative: -w, for the solution with the least Σ w x² of these
-    rows. After the elimination of the others it is W⁻¹ Aᵀ y with A W⁻¹ Aᵀ y = r, from a factorization of A W⁻¹ Aᵀ + ε I
-    and by refinement.
+    Where active rows depend on each other, the inputs are weights w, of which those of rows that depend on the other
+    ones are negative. Of all solutions that with the least Σ w x² is taken.
 
     With `loads`, the system of the rates has their numbers as one more output.
     """
@@ -71,7 +69,7 @@ def emit_solved(
     rows. The margin is an argument if it is to be reported.
 
     :param watches: while rows share their forces, the solution of each other row is w times what its force is less
-        than zero: where that is negative, it would bear a force.
+        than zero: where that is negative, it would bear a force. That is -A_Biᵀ A_BB⁻ᵀ W_B x_B with the basis B.
     """
     has_loads = bool(active.loads) and system.n_out() > 3
     has_margin, takes_memory = system.n_out() > 3 + has_loads, result.n_in() == 2
@@ -161,7 +159,7 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
     mask, matrix, right, solution = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     share = emit_shared_solver(module, n, active.solver)
-    small, order, small_right, x, duals, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
+    small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
     chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
 
@@ -174,39 +172,42 @@ def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, wat
             b.store(i, b.gep(chosen, found, INT))
             b.store(b.add(found, integer(1)), count)
 
-    loop(b, 0, n, lambda i: choose(i, "<"))
-    sharing = b.load(count, typ=INT)
     loop(b, 0, n, lambda i: choose(i, ">"))
+    basis = b.load(count, typ=INT)
+    loop(b, 0, n, lambda i: choose(i, "<"))
     size = b.load(count, typ=INT)
 
     def gather_column(j: Value) -> None:
         source, target = b.mul(chosen_row(j), integer(n)), b.mul(j, integer(n))
-        loop(b, 0, size, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
+        loop(b, 0, basis, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
 
     loop(b, 0, size, gather_column)
-    shared = b.icmp_signed(">", sharing, integer(0))
-    with b.if_then(b.not_(shared)):
-        b.call(active.solver.factorize, [small, order, size])
+    b.call(active.solver.factorize, [small, order, basis])
+    shared = b.icmp_signed(">", size, basis)
+    with b.if_then(shared):
+        loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
 
-    def subtract(i: Value, j: Value) -> None:
-        entry = b.fneg(load(b, matrix, b.add(chosen_row(j), b.mul(i, integer(n)))))
-        store(b, b.fma(entry, load(b, duals, j), load(b, solution, i)), solution, i)
+    def watch(i: Value, offset: Value) -> None:
+        source = b.mul(i, integer(n))
+        loop(b, 0, basis, lambda j: store(b, load(b, matrix, b.add(chosen_row(j), source)), small_right, j))
+        b.call(active.solver.solve, [small, order, small_right, gains, basis])
 
-    def watch(i: Value) -> None:
+        def subtract(j: Value) -> None:
+            bears = b.fmul(load(b, weights, j), load(b, x, j))
+            place = b.add(i, offset)
+            store(b, b.fma(b.fneg(load(b, gains, j)), bears, load(b, solution, place)), solution, place)
+
         with b.if_then(b.fcmp_ordered("==", load(b, mask, i), number(0.0))):
-            loop(b, 0, size, lambda j: subtract(i, j))
+            loop(b, 0, basis, subtract)
 
     def solve_column(offset: Value) -> None:
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
-        loop(b, 0, size, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
-        with b.if_else(shared, likely=False) as (then, otherwise):
-            with then:
-                loop(b, 0, size, lambda i: store(b, b.fneg(load(b, mask, chosen_row(i))), weights, i))
-                b.call(share, [small, weights, small_right, x, duals, sharing, size])
-                if watches:
-                    loop(b, 0, n, watch)
-            with otherwise:
-                b.call(active.solver.solve, [small, order, small_right, x, size])
+        loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
+        b.call(active.solver.solve, [small, order, small_right, x, basis])
+        with b.if_then(shared, likely=False):
+            b.call(share, [small, order, weights, x, basis, size])
+            if watches:
+                loop(b, 0, n, lambda i: watch(i, offset))
         loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
 
     for column in range(columns):

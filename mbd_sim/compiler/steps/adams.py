@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.steps.adams_attempt import AdamsAttempt
 from mbd_sim.compiler.steps.adams_history import AdamsHistory

@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder, number
 from mbd_sim.compiler.ir.lanes import ComponentBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, number
 from mbd_sim.compiler.ir.vectors import Index, copy, for_components, load, store, total, weighted
 from mbd_sim.compiler.steps.emitter import StepEmitter
 from mbd_sim.integrators.adams import LOWER, Adams

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, element, integer, number
 from mbd_sim.compiler.ir.vectors import (
     Index,
     cells,

@@ -19,8 +19,8 @@ order no longer see after some steps.
 
 from __future__ import annotations
 
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.steps.emitter import StepEmitter
 from mbd_sim.integrators.adams import PARTS, Adams
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, IRBuilder, integer, local_array, number
 from mbd_sim.compiler.ir.lanes import ComponentBuilder, LaneBuilder
 from mbd_sim.compiler.ir.module import Function, Module, Value
-from mbd_sim.compiler.ir.types import DOUBLE, FALSE, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import Index, add_square, copy, for_each, load, store, total, weighted
 from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler

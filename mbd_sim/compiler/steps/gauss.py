@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from mbd_sim.compiler.ir.builder import DOUBLE, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, integer, number
 from mbd_sim.compiler.ir.vectors import Index, add_square, combine, copy, for_each, load, store, weighted
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter
 from mbd_sim.integrators.gauss import Gauss

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import DOUBLE, FALSE, INT, element, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import copy, for_each, load
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance

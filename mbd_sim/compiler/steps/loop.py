@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.lanes import new_builder
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, element, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import cells, copy, folded, for_each, load, loop, store
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 

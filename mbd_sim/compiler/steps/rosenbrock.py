@@ -19,10 +19,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from mbd_sim.compiler.ir.builder import local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.lanes import LaneBuilder, lanes_of
 from mbd_sim.compiler.ir.module import Function, Value
-from mbd_sim.compiler.ir.types import local_array, number
 from mbd_sim.compiler.ir.vectors import Index, combine, copy, for_each, load, store, total, weighted
 from mbd_sim.compiler.steps.emitter import Emit, Prepare, StepEmitter
 from mbd_sim.compiler.steps.runge_kutta import CalledStep

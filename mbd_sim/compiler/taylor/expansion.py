@@ -10,8 +10,8 @@ import math
 
 import casadi as ca
 
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.module import Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.vectors import Index, for_each, load, store
 from mbd_sim.compiler.lists.instruction_list import Graph, GraphBuilder, InstructionList, Output, is_leaf
 from mbd_sim.compiler.lists.schedule import arranged
@@ -45,7 +45,8 @@ def listed(name: str, arguments: int, results: int, graph: GraphBuilder, outputs
 def start_of(graph: GraphBuilder, series: SeriesList) -> list[int]:
     """The nodes of the coefficients 0 of all series."""
     found: list[int] = []
-    for start, _ in series.series:
+    for one in series.series:
+        start = one.start
         operands = start.operands if is_leaf(start) else tuple(found[place] for place in start.operands)
         found.append(graph.node(start._replace(operands=operands)))
     return found

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value, vector_of
-from mbd_sim.compiler.ir.types import DOUBLE, INT, element, integer, local_array, number
 from mbd_sim.compiler.ir.vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.lists.instruction_list import GraphBuilder, InstructionList, Output
 from mbd_sim.compiler.lists.lowering import lower

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi as ca
 
 from mbd_sim.compiler.lists.instruction_list import Node
 
 
-class Sum(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Sum:
     """The sum of factor x_j y_{k−j} over j from `first` to k − `less`; with j x_j for x_j if x is `derived`."""
 
     x: int
@@ -25,7 +25,8 @@ class Sum(NamedTuple):
     factor: float = 1.0
 
 
-class Recurrence(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Recurrence:
     """Coefficient k ≥ 1 of a series: (Σ factor x_k + Σ sums) factor / d_0.
 
     The `terms` are pairs of a factor and a series x. If `by_order`, the sums are divided by k; without a `divisor`,
@@ -39,13 +40,15 @@ class Recurrence(NamedTuple):
     factor: float = 1.0
 
 
-class Integral(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Integral:
     """Coefficient k ≥ 1 of a series that is the integral of a result: that result's coefficient k − 1, divided by k."""
 
     result: int
 
 
-class Series(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Series:
     """A series: the operation whose value is its coefficient 0, on those of other series, and the others' `rule`.
 
     Without a rule they are zero.

@@ -25,7 +25,8 @@ from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
-SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding, and no share
+SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
+HELD = 1.0 - 2e-11  # length of the direction of friction that is at its limit at rest
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
 CONFIGURATIONS = 3  # random ones, in which rows are judged
 SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
@@ -36,10 +37,11 @@ class OneSidedLayout:
     """The contact numbers at the end of the inputs, for some gaps and rows: the gaps come first among the rows.
 
     `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: closed gaps and
-    sticking friction. Where these depend on each other they are negative, see `active_rows.ActiveRows`; closed gaps
-    that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are the unit
-    vectors of sliding, 0 without sliding; sticking rows that depend on others may have a shorter one: the share of
-    their static friction that they bear. `multipliers` (rows,) are λ, which functions that read forces take from there.
+    sticking friction. Where these depend on each other they are weights of both signs, see `active_rows.ActiveRows`;
+    closed gaps that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are
+    the unit vectors of sliding, 0 without sliding, and `HELD` times that of friction that is at its static limit while
+    other forces hold the contact. `given` (rows,) are forces to which those add that are solved for: the self-stress
+    that friction at its limits has locked in. Functions that read forces take all λ from there.
     `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
     forces have one direction only.
     """
@@ -64,19 +66,14 @@ class OneSidedLayout:
         return slice(self.gaps + self.rows, 2 * self.rows)
 
     @property
-    def modes(self) -> slice:
-        """All of these, without the multipliers."""
-        return slice(0, 2 * self.rows + self.loads)
-
-    @property
     def signs(self) -> slice:
         """Of the loads of joints."""
         return slice(2 * self.rows, 2 * self.rows + self.loads)
 
     @property
-    def multipliers(self) -> slice:
+    def given(self) -> slice:
         """Of all rows."""
-        return slice(self.modes.stop, self.size)
+        return slice(self.signs.stop, self.size)
 
     @property
     def size(self) -> int:
@@ -150,7 +147,7 @@ class OneSidedEquations:
     @property
     def given_forces(self) -> ca.SX:
         """λ (rows,) among the inputs."""
-        return self.numbers[self.layout.multipliers]
+        return self.numbers[self.layout.given]
 
     def stored_direction(self, element: FrictionElement) -> ca.SX:
         """The stored direction of sliding (1,) or (2,)."""
@@ -160,8 +157,8 @@ class OneSidedEquations:
     def direction(self, element: FrictionElement) -> ca.SX:
         """The direction of sliding, zero without sliding. In two dimensions it follows the slip velocity.
 
-        It does not reverse with that, so that motion is smooth where it stops. A direction that is not a unit vector
-        stays as it is.
+        It does not reverse with that, so that motion is smooth where it stops. A direction that is not quite a unit
+        vector stays as it is.
         """
         stored = self.stored_direction(element)
         if len(element.rows) == 1:
@@ -177,7 +174,7 @@ class OneSidedEquations:
 
         :param solved: the forces (rows,) of the active rows, and zeros.
         """
-        forces = ca.SX(solved)
+        forces = solved + self.given_forces
         for element in self.frictions:
             if element.joint is not None:
                 continue
@@ -224,7 +221,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
-    places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
+    places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
     units = natural_units(traced.numeric, traced.step)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
     return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)

@@ -103,7 +103,7 @@ def _friction_guard(
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
     slips = ca.sqrt(ca.dot(slip, slip))
     held, numbers = 1.0 - slips / UNSLIPPED[len(rows) - 1], contacts.numbers[contacts.layout.active][rows]
-    reserve = ca.if_else(ca.sum1(numbers) < 0.0, ca.fmin(reserve, 1.0 - slips / PARTED), reserve)
+    reserve = ca.if_else(ca.fmin(numbers[0], numbers[-1]) < 0.0, ca.fmin(reserve, 1.0 - slips / PARTED), reserve)
     if len(rows) == 2:  # one of them may depend on others
         reserve = ca.if_else((ca.sum1(contacts.active[rows]) < 2.0) * (held < 0.0), held, reserve)
     if element.joint is not None:

@@ -1,26 +1,34 @@
 """The emitters of steps as C: a builder with the interface of `IRBuilder` whose functions are C99 text.
 
 So a method is described once, and the exported code has the operations of the kernel in the same order, and its bits.
-Values that are used once become parts of expressions, as long as nothing between changes the memory that they read.
 """
 
 from __future__ import annotations
 
 import operator
-import struct
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
 
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer
 from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Block, Function, Module, Type, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer
 from mbd_sim.exports.c_code.functions import literal
+from mbd_sim.exports.c_code.statements import (
+    BITS,
+    BOTH,
+    CHOICE,
+    COMPARISON,
+    EITHER,
+    NAME,
+    PRODUCT,
+    SIGN,
+    SUM,
+    TYPES,
+    FunctionText,
+    Local,
+    Statement,
+    statements_in,
+)
 
-_TYPES = {DOUBLE: "double", INT: "int64_t", BOOL: "int", POINTER: "double *"}
-# How tightly operators bind. C compilers warn of mixed ones below `SUM` without parentheses.
-CHOICE, EITHER, BOTH, COMPARISON, BITS, SUM, PRODUCT, SIGN, NAME = range(9)
 _BINARY = {
     "fadd": ("{0} + {1}", SUM), "fsub": ("{0} - {1}", SUM), "fmul": ("{0} * {1}", PRODUCT),
     "fdiv": ("{0} / {1}", PRODUCT), "add": ("{0} + {1}", SUM), "sub": ("{0} - {1}", SUM), "mul": ("{0} * {1}", PRODUCT),
@@ -32,32 +40,6 @@ _ORDERS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 _INTEGERS = {"add": operator.add, "sub": operator.sub, "mul": operator.mul}
 _CASTS = {"sitofp": "double", "fptosi": "int64_t", "zext": "int64_t"}
-
-
-@dataclass
-class _Statement:
-    """An instruction: an expression or a statement of its operands, with blocks of its own if it is a loop or branch.
-
-    `result` is its value, if it has one. It `reads` or `writes` memory, or neither.
-    """
-
-    template: str
-    operands: Sequence[Value]
-    result: Value | None = None
-    level: int = NAME
-    reads: bool = False
-    writes: bool = False
-    bodies: list[list[_Statement]] = field(default_factory=list)
-    target: Value | None = None  # of a store, the array
-    changed: Sequence[Value] = ()  # the arrays that it may change
-
-
-@dataclass(frozen=True)
-class _Local:
-    """A variable or an array of a function."""
-
-    type: str
-    size: int | None
 
 
 class CModule(Module):
@@ -80,9 +62,9 @@ class CBuilder(IRBuilder):
 
     def __init__(self, block: Block) -> None:
         super().__init__(block)
-        self._statements: list[_Statement] = []
+        self._statements: list[Statement] = []
         self._open = self._statements
-        self._locals: dict[str, _Local] = {}
+        self._locals: dict[str, Local] = {}
         self._places: dict[str, tuple[Value, Value]] = {}  # arrays and indices of addresses
         self._results: set[str] = set()
         self._hints: dict[str, str] = {}  # names of values
@@ -97,7 +79,7 @@ class CBuilder(IRBuilder):
 
     def comment(self, text: str) -> None:
         """Explain what follows."""
-        self._open.append(_Statement(f"/* {text} */", ()))
+        self._open.append(Statement(f"/* {text} */", ()))
 
     def by_address(self, value: Value, memory: Value) -> Value:
         """The number itself: C functions take numbers by value."""
@@ -115,7 +97,7 @@ class CBuilder(IRBuilder):
         chosen = name = name or "a"
         while f"%{chosen}" in self._locals or f"%{chosen}" in {argument.text for argument in self.block.function.args}:
             chosen = f"{name}{next(self._numbers)}"
-        self._locals[f"%{chosen}"] = _Local(_TYPES[type_], None if count == 1 else count)
+        self._locals[f"%{chosen}"] = Local(TYPES[type_], None if count == 1 else count)
         return Value(POINTER, f"%{chosen}")
 
     def _value(
@@ -123,7 +105,7 @@ class CBuilder(IRBuilder):
     ) -> Value:
         result = Value(type_, f"%v{next(self._numbers)}")
         self._results.add(result.text)
-        self._open.append(_Statement(template, operands, result, level, reads))
+        self._open.append(Statement(template, operands, result, level, reads))
         return result
 
     def binary(self, operation: str, x: Value, y: Value) -> Value:
@@ -215,7 +197,7 @@ class CBuilder(IRBuilder):
     def store(self, value: Value, pointer: Value) -> None:
         """Set the number at an address."""
         template, operands = self._place(pointer)
-        statement = _Statement(f"{template} = {{{len(operands)}}};", (*operands, value), writes=True)
+        statement = Statement(f"{template} = {{{len(operands)}}};", (*operands, value), writes=True)
         statement.target, statement.changed = operands[0], [self._array(operands[0])]
         self._open.append(statement)
 
@@ -225,7 +207,7 @@ class CBuilder(IRBuilder):
         if result != VOID:
             return self._value(result, text, arguments, NAME)
         passed = [f"&{{{index}}}" if self._is_variable(one) else f"{{{index}}}" for index, one in enumerate(arguments)]
-        statement = _Statement(f"{function.name}({', '.join(passed)});", arguments, writes=True)
+        statement = Statement(f"{function.name}({', '.join(passed)});", arguments, writes=True)
         unchanged = self.module.unchanged.get(function.name, frozenset())
         statement.changed = [self._array(one) for index, one in enumerate(arguments) if index not in unchanged]
         self._open.append(statement)
@@ -236,11 +218,21 @@ class CBuilder(IRBuilder):
 
     def ret_void(self) -> None:
         """End the function, whose text is complete."""
-        function, changed = self.block.function, {one.text for each in _all(self._statements) for one in each.changed}
+        function, changed = (
+            self.block.function,
+            {one.text for each in statements_in(self._statements) for one in each.changed},
+        )
         changed.add("%history")  # which all steps have, and some leave alone
         unchanged = (index for index, one in enumerate(function.args) if one.text not in changed)
         self.module.unchanged[function.name] = frozenset(unchanged)
-        text = _Text(function, self._statements, self._locals, self._hints, self.module)
+        text = FunctionText(
+            function,
+            self._statements,
+            self._locals,
+            self._hints,
+            self.module.size,
+            self.module.unchanged[function.name],
+        )
         self.module.texts.append(text.function(self._tables))
 
     def loop(self, first: Value, beyond: Value, body: Callable[[Value], object]) -> None:
@@ -254,8 +246,8 @@ class CBuilder(IRBuilder):
         index = Value(INT, f"%{'ijklmn'[self._depth]}")
         name = index.text[1:]
         end = self._count(int(beyond.text)) if first.text == "0" and beyond.is_constant else "{1}"
-        statement = _Statement(f"for ({name} = {{0}}; {name} < {end}; {name}++)", (first, beyond), writes=True)
-        self._locals[index.text] = _Local("int64_t", None)
+        statement = Statement(f"for ({name} = {{0}}; {name} < {end}; {name}++)", (first, beyond), writes=True)
+        self._locals[index.text] = Local("int64_t", None)
         self._depth += 1
         with self._within(statement):
             body(index)
@@ -265,7 +257,7 @@ class CBuilder(IRBuilder):
         """Emit `body`, which takes a number that grows from `first` on, until the condition that it returns fails."""
         count = self.alloca(first.type, name="count")
         self.store(first, count)
-        statement = _Statement("do", (), writes=True)
+        statement = Statement("do", (), writes=True)
         with self._within(statement):
             more = body(self.load(count, typ=INT))
             held = self.alloca(BOOL, name="more")
@@ -277,8 +269,8 @@ class CBuilder(IRBuilder):
         return "SIZE" if number == self.module.size else str(number)
 
     @contextmanager
-    def _within(self, statement: _Statement, append: bool = True) -> Iterator[None]:  # type: ignore[override]
-        body: list[_Statement] = []
+    def _within(self, statement: Statement, append: bool = True) -> Iterator[None]:  # type: ignore[override]
+        body: list[Statement] = []
         if append:
             self._open.append(statement)
         statement.bodies.append(body)
@@ -289,7 +281,7 @@ class CBuilder(IRBuilder):
     @contextmanager
     def if_then(self, condition: Value, likely: bool | None = None) -> Iterator[None]:
         """What is emitted within is executed if a condition holds."""
-        statement = _Statement("if ({0})", (condition,), writes=True)
+        statement = Statement("if ({0})", (condition,), writes=True)
         if condition.is_constant:
             statement.bodies = [self._open if condition.text == "true" else []]
             outer, self._open = self._open, statement.bodies[0]
@@ -304,11 +296,11 @@ class CBuilder(IRBuilder):
         self, condition: Value, likely: bool | None = None
     ) -> Iterator[tuple[AbstractContextManager[None], AbstractContextManager[None]]]:
         """Two contexts: what is emitted within the first is executed if a condition holds, otherwise the second."""
-        statement = _Statement("if ({0})|else", (condition,), writes=True, bodies=[[], []])
+        statement = Statement("if ({0})|else", (condition,), writes=True, bodies=[[], []])
         self._open.append(statement)
 
         @contextmanager
-        def part(body: list[_Statement]) -> Iterator[None]:
+        def part(body: list[Statement]) -> Iterator[None]:
             outer, self._open = self._open, body
             yield
             self._open = outer
@@ -322,222 +314,3 @@ def _with_operands(operation: tuple[str, int], x: Value, y: Value) -> tuple[str,
 
 def _call(name: str, count: int) -> str:
     return f"{name}({', '.join(f'{{{index}}}' for index in range(count))})"
-
-
-@dataclass(frozen=True)
-class _Expression:
-    """Text that is not written yet; `reads` says whether it depends on memory."""
-
-    text: str
-    level: int
-    type: Type
-    reads: bool
-
-
-class _Text:
-    """The text of a function from its statements."""
-
-    def __init__(
-        self,
-        function: Function,
-        statements: list[_Statement],
-        variables: dict[str, _Local],
-        hints: dict[str, str],
-        module: CModule,
-    ) -> None:
-        self._function, self._statements, self._variables, self._size = function, statements, variables, module.size
-        self._unchanged, self._hints = module.unchanged[function.name], hints
-        self._taken = {argument.text[1:] for argument in function.args} | {name[1:] for name in variables}
-        self._uses: Counter[str] = Counter()
-        self._inside: dict[str, int] = {}  # the list of statements in which a value is used last
-        self._names: dict[str, str] = {}
-        self._lines: list[str] = []
-
-    def function(self, tables: Sequence[str]) -> str:
-        """The whole text."""
-        while self._leave_out_unused(self._statements):
-            pass
-        self._count(self._statements)
-        self._write(self._statements, "    ", {})
-        declared = self._declarations()
-        unused = [f"    (void){a.text[1:]};" for a in self._function.args if not self._uses[a.text]]
-        used_tables = [line for line in tables if self._uses["%" + line.split("double ")[1].split("[")[0]]]
-        head = self._signature()
-        body = [*used_tables, *declared, *([""] if declared or used_tables else []), *unused, *self._lines]
-        about = [f"/* {self._function.about} */"] if self._function.about else []
-        return "\n".join([*about, *head, "{", *body, "}"])
-
-    def _signature(self) -> list[str]:
-        kinds = []
-        for index, argument in enumerate(self._function.args):
-            constant = "const " if argument.type == POINTER and index in self._unchanged else ""
-            kinds.append(f"{constant}{_TYPES[argument.type]} ".replace("* ", "*") + argument.text[1:])
-        line = f"static void {self._function.name}({', '.join(kinds)})"
-        if len(line) <= 120:
-            return [line]
-        return [f"static void {self._function.name}(", f"    {', '.join(kinds)})"]
-
-    def _declarations(self) -> list[str]:
-        kinds: dict[str, list[str]] = {}
-        for name, one in self._variables.items():
-            if self._uses[name]:
-                size = "" if one.size is None else f"[{'SIZE' if one.size == self._size else one.size}]"
-                kinds.setdefault(one.type, []).append(f"{name[1:]}{size}")
-        lines = []
-        for kind, names in kinds.items():
-            line = f"    {kind} {names[0]}"
-            for name in names[1:]:
-                if len(line) + len(name) > 115:
-                    lines.append(f"{line};")
-                    line = f"    {kind} {name}"
-                else:
-                    line += f", {name}"
-            lines.append(f"{line};")
-        return lines
-
-    def _leave_out_unused(self, statements: list[_Statement]) -> bool:
-        """Leave out values, and stores to variables, that nothing uses; returns whether there were any."""
-        self._uses = Counter()
-        self._count(self._statements)
-        read: Counter[str] = Counter(self._uses)
-        for statement in _all(self._statements):
-            if statement.target is not None:
-                read[statement.target.text] -= 1
-        return _without(
-            statements,
-            lambda one: (
-                (one.result is not None and not self._uses[one.result.text])
-                or (one.target is not None and one.target.text in self._variables and not read[one.target.text])
-                or bool(one.bodies and not any(one.bodies))
-            ),
-        )
-
-    def _count(self, statements: list[_Statement]) -> None:
-        if statements is self._statements:
-            self._uses.clear()
-        for statement in statements:
-            for operand in statement.operands:
-                self._uses[operand.text] += 1
-                self._inside[operand.text] = id(statements)
-            if statement.template.startswith("for ("):
-                self._uses[f"%{statement.template[5]}"] += 1
-            for body in statement.bodies:
-                self._count(body)
-
-    def _write(self, statements: list[_Statement], indent: str, pending: dict[str, _Expression]) -> None:
-
-        def write_out(names: Sequence[str]) -> None:
-            for name in names:
-                one = pending.pop(name)
-                self._lines.append(f"{indent}{self._defined(name, one)}")
-
-        for statement in statements:
-            if statement.template.startswith("for ("):  # whose bounds must not change within
-                write_out([name for name, one in pending.items() if one.reads])
-            taken, texts = [], []
-            levels = self._levels(statement)
-            for operand, level in zip(statement.operands, levels, strict=True):
-                one = pending.pop(operand.text, None)
-                if one is None:
-                    texts.append(self._text(operand))
-                else:
-                    taken.append(one)
-                    texts.append(one.text if one.level >= level else f"({one.text})")
-            text = statement.template.format(*texts)
-            if statement.result is not None:
-                name = statement.result.text
-                reads = statement.reads or any(one.reads for one in taken)
-                found = _Expression(text, statement.level, statement.result.type, reads)
-                if (
-                    name not in self._hints
-                    and self._uses[name] == 1
-                    and (not reads or self._inside[name] == id(statements))
-                ):
-                    pending[name] = found
-                else:
-                    self._lines.append(f"{indent}{self._defined(name, found)}")
-                continue
-            if statement.writes:
-                write_out([name for name, one in pending.items() if one.reads])
-            if statement.bodies:
-                self._write_blocks(text, statement.bodies, indent, pending)
-            else:
-                self._lines.append(f"{indent}{text}")
-
-    def _write_blocks(
-        self, text: str, bodies: list[list[_Statement]], indent: str, pending: dict[str, _Expression]
-    ) -> None:
-        heads = text.split("|")
-        if heads[0] == "do":
-            heads, tail = ["do"], heads[1]
-        else:
-            tail = ""
-        for head, body in zip(heads, bodies, strict=False):
-            if head == "else":
-                if not body:
-                    continue
-                if self._lines[-1] == f"{indent}}}":
-                    self._lines[-1] += f" {head} {{"
-                else:
-                    self._lines.append(f"{indent}{head} {{")
-            else:
-                self._lines.append(f"{indent}{head} {{")
-            start = len(self._lines)
-            self._write(body, f"{indent}    ", pending)
-            if len(self._lines) == start + 1 and len(heads) == 1 and not tail:
-                self._lines[start - 1] = self._lines[start - 1].removesuffix(" {")
-            else:
-                self._lines.append(f"{indent}}}")
-        if tail:
-            self._lines[-1] += f" {tail}"
-
-    def _levels(self, statement: _Statement) -> list[int]:
-        """How tightly each operand must bind."""
-        count, level, template = len(statement.operands), statement.level, statement.template
-        if template.startswith(("{0}[", "{0} =")):
-            return [NAME, *[0] * (count - 1)]
-        if level == NAME or statement.result is None:
-            return [0] * count
-        if level == SIGN:
-            return [SUM if template.startswith("!(") else SIGN + (template == "-{0}")] * count
-        if level == CHOICE:
-            return [EITHER + 1, BITS, BITS]
-        if level in (EITHER, BOTH):
-            return [COMPARISON, COMPARISON] if level == EITHER else [BOTH, BOTH]
-        if level == BITS:
-            return [SIGN, SIGN]
-        return [SUM if level == COMPARISON else level, SUM if level == COMPARISON else level + 1]
-
-    def _defined(self, name: str, one: _Expression) -> str:
-        kind = _TYPES.get(one.type, one.type)
-        chosen = hint = self._hints.get(name, "v1")
-        number = 1
-        while chosen in self._taken:
-            number += 1
-            chosen = f"{hint}_{number}" if name in self._hints else f"v{number}"
-        self._taken.add(chosen)
-        self._names[name] = chosen
-        const = f"{kind}const " if kind.endswith("*") else f"const {kind} "
-        return f"{const}{self._names[name]} = {one.text};"
-
-    def _text(self, value: Value) -> str:
-        if not value.is_constant:
-            return self._names.get(value.text, value.text[1:])
-        if value.type == DOUBLE:
-            return literal(struct.unpack(">d", bytes.fromhex(value.text[2:]))[0])
-        return {"true": "1", "false": "0"}.get(value.text, value.text)
-
-
-def _all(statements: list[_Statement]) -> Iterator[_Statement]:
-    for statement in statements:
-        yield statement
-        for body in statement.bodies:
-            yield from _all(body)
-
-
-def _without(statements: list[_Statement], is_unused: Callable[[_Statement], bool]) -> bool:
-    """Remove statements from a list and the lists within; returns whether there were any."""
-    unused = [statement for statement in statements if is_unused(statement)]
-    statements[:] = [statement for statement in statements if not is_unused(statement)]
-    inner = [_without(body, is_unused) for statement in statements for body in statement.bodies]
-    return bool(unused) or any(inner)

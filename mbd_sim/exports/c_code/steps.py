@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, integer
 from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Function, FunctionType, Value
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer
 from mbd_sim.compiler.kernel import StepNeeds, step_of
 from mbd_sim.compiler.lists.instruction_list import Instructions
 from mbd_sim.compiler.lists.lowering import instruction_count

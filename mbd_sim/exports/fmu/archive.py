@@ -177,7 +177,7 @@ _ENERGIES = ("work_applied", "work_drives", "dissipated")
 
 
 @dataclass(frozen=True)
-class Entry:
+class UnitVariable:
     """A variable of the unit with its value reference."""
 
     reference: int
@@ -188,17 +188,17 @@ class Entry:
     derivative_of: int | None = None
 
 
-def entries(model: ExportedModel) -> list[Entry]:
+def entries(model: ExportedModel) -> list[UnitVariable]:
     """All variables but the time, in the order of their value references.
 
     States are outputs; energies of the audit and derivatives of states are local. A parameter with the name of another
     variable is called `parameters.NAME`.
     """
     others = {"time", *(one.name for one in (*model.states, *model.inputs, *model.output_variables))}
-    found: list[Entry] = []
+    found: list[UnitVariable] = []
 
     def add(variable: Variable, causality: str, variability: str, initial: str = "", of: int | None = None) -> None:
-        found.append(Entry(len(found) + 1, variable, causality, variability, initial, of))
+        found.append(UnitVariable(len(found) + 1, variable, causality, variability, initial, of))
 
     for state in model.states:
         add(state, "local" if state.name in _ENERGIES else "output", "continuous", "exact")
@@ -271,7 +271,7 @@ def _interfaces(root: ElementTree.Element, model: ExportedModel) -> None:
     ElementTree.SubElement(root, "CoSimulation", {**common, **further})
 
 
-def _attributes(entry: Entry) -> Iterator[tuple[str, str]]:
+def _attributes(entry: UnitVariable) -> Iterator[tuple[str, str]]:
     variable = entry.variable
     yield "name", variable.name
     yield "valueReference", str(entry.reference)
@@ -290,7 +290,7 @@ def _attributes(entry: Entry) -> Iterator[tuple[str, str]]:
     yield "description", variable.description
 
 
-def _structure(root: ElementTree.Element, variables: list[Entry]) -> None:
+def _structure(root: ElementTree.Element, variables: list[UnitVariable]) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
     derivatives = [entry for entry in variables if entry.derivative_of is not None]
     outputs = [entry for entry in variables if entry.causality == "output"]

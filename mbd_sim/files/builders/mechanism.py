@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from mbd_sim.base.errors import MechanismError, Problem
+from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.files.builders.actuators import actuated_joints, build_actuators, build_bases
 from mbd_sim.files.builders.constraints import build_constraints, coupled_joints
@@ -27,7 +27,7 @@ from mbd_sim.files.text.parameters import POSITION, VELOCITY
 from mbd_sim.mechanism.contents import force_expressions
 from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
-from mbd_sim.mechanism.exact_geometry.snapping import with_exact_loops
+from mbd_sim.mechanism.exact_geometry.snapping import inexact, with_exact_loops
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.spanning_tree import PointsByPart, SpanningTree
 from mbd_sim.mechanism.values.names import unique_name
@@ -76,7 +76,21 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         bases=elements.bases,
         sensor_seed=round(file.sensor_seed),
     )
-    return with_exact_loops(mechanism, file.tolerance)
+    return with_exact_loops(mechanism, file.tolerance) if file.tolerance else _as_written(mechanism, file)
+
+
+def _as_written(mechanism: Mechanism, file: MechanismFile) -> Mechanism:
+    """The mechanism, with a remark where axes or points of loops are nearly exact only."""
+    names = inexact(mechanism, type(file).model_fields["tolerance"].default)
+    if not names:
+        return mechanism
+    text = (
+        f"tolerance: 0 keeps {listed([repr(name) for name in names])} as written, though axes or points of loops "
+        "differ only in the last digits from exact ones. Such loops can have fewer degrees of freedom, or none. Leave "
+        "tolerance out to make them exact."
+    )
+    source = mechanism.source
+    return dataclasses.replace(mechanism, source=dataclasses.replace(source, remarks=(*source.remarks, text)))
 
 
 def _require_different_coordinates(joints: Mapping[str, Joint], context: BuildContext) -> None:

@@ -43,6 +43,13 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
     return mechanism if mended is first else mended
 
 
+def inexact(mechanism: Mechanism, tolerance: float) -> tuple[str, ...]:
+    """The names of what `with_exact_loops` would move in a mechanism that is left as it is written."""
+    if not (mechanism.closures or mechanism.constraints):
+        return ()
+    return tuple(_with_exact_couplings(_mended(_first_variant(mechanism), tolerance), tolerance).moved)
+
+
 def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
     found = guides(mechanism)
     loops = Loops(with_guides(mechanism, found))

@@ -12,7 +12,6 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 
-REFINEMENTS = 3  # of solutions with the square of a matrix, to the round-off of the matrix itself
 SINGULAR = 1e-11  # of the largest entry, below which a pivot counts as zero
 
 
@@ -21,39 +20,34 @@ def solve(matrix: Array, right: Array) -> Array:
 
     Equations that depend on others are not checked.
     """
-    return _solved(matrix, right)[0]
+    a, columns, found = _triangular(matrix, right[:, None])
+    x: Array = np.zeros(len(right))
+    x[columns[:found]] = _back_substituted(a[:found, :found], a[:found, -1])
+    return x
 
 
-def _solved(matrix: Array, right: Array) -> tuple[Array, int]:
-    """See `solve`; and the rank."""
-    n = len(right)
-    a = np.empty((n, n + 1))
-    a[:, :n], a[:, n] = matrix, right
-    columns = _eliminate(a)
-    x: Array = np.zeros(n)
-    for index in range(len(columns) - 1, -1, -1):
-        value = a[index, n] / a[index, index]
-        a[:index, n] -= a[:index, index] * value
-        x[columns[index]] = value
-    return x, len(columns)
-
-
-def least_squares(matrix: Array, right: Array, weights: Array) -> tuple[Array, Array]:
-    """The solution x (n,) of dependent equations for which Σ w x² is least, and y with w x = matrixᵀ y."""
-    scaled = (matrix / weights).T
-    x, y, normal = np.zeros(len(weights)), np.zeros(len(right)), product(matrix, scaled)
-    for _ in range(REFINEMENTS):
-        y = y + solve(normal, right - product(matrix, x))
-        x = product(scaled, y)
-    return x, y
+def null_space(matrix: Array) -> Array:
+    """Independent solutions (n, k) of A x = 0."""
+    n = matrix.shape[1]
+    a, columns, found = _triangular(matrix, np.zeros((len(matrix), 0)))
+    basis: Array = np.zeros((n, n - found))
+    for index in range(n - found):
+        basis[columns[:found], index] = -_back_substituted(a[:found, :found], a[:found, found + index])
+        basis[columns[found + index], index] = 1.0
+    return basis
 
 
 def least_solution(matrix: Array, right: Array, weights: Array) -> Array:
     """The solution x (n,) of a square system; of several that with the least Σ w x²."""
-    x, found = _solved(matrix, right)
-    if found == len(matrix):
+    return least(solve(matrix, right), null_space(matrix), weights)
+
+
+def least(x: Array, free: Array, weights: Array) -> Array:
+    """The sum (n,) of x and of a combination of the columns of `free` (n, k) for which Σ w x² is least."""
+    if not free.shape[1]:
         return x
-    return least_squares(matrix, right, weights)[0]
+    weighted = (free * weights[:, None]).T
+    return x - product(free, solve(product(weighted, free), product(weighted, x)))
 
 
 def product(matrix: Array, other: Array) -> Array:
@@ -64,21 +58,32 @@ def product(matrix: Array, other: Array) -> Array:
     return total
 
 
-def rank(matrix: Array) -> int:
-    """The number of independent rows of a square matrix."""
-    n = len(matrix)
-    a = np.zeros((n, n + 1))
-    a[:, :n] = matrix
-    return len(_eliminate(a))
+def best_conditioned(matrix: Array, rows: Sequence[int]) -> list[int]:
+    """Those of some rows of a symmetric positive semidefinite matrix that are independent, by their pivots."""
+    return [rows[pivot] for pivot in pivots(unit_diagonal(matrix[rows][:, rows])[0])]
 
 
-def _eliminate(a: Array) -> list[int]:
-    """Reduce [matrix | right] (n, n + 1) to triangular form in place; the columns of the pivots, in their order."""
-    n = len(a)
+def unit_diagonal(matrix: Array) -> tuple[Array, Array]:
+    """A symmetric positive semidefinite matrix scaled to a diagonal of ones, and the factors (n,) of its rows."""
+    diagonal = np.diag(matrix)
+    factors = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    return matrix * factors[:, None] * factors, factors
+
+
+def pivots(matrix: Array) -> list[int]:
+    """Columns of a square matrix that are independent, as many as there are, in the order of their pivots."""
+    _, columns, found = _triangular(matrix, np.zeros((len(matrix), 0)))
+    return columns[:found]
+
+
+def _triangular(matrix: Array, right: Array) -> tuple[Array, list[int], int]:
+    """Reduce [matrix (m, n) | right (m, k)] to triangular form: it, the order of the n columns, and the rank."""
+    m, n = matrix.shape
+    a = np.concatenate([matrix, right], axis=1)
     columns = list(range(n))
-    largest = float(np.abs(a[:, :n]).max()) if n else 0.0
+    largest = float(np.abs(matrix).max(initial=0.0))
     done = 0
-    while done < n:
+    while done < min(m, n):
         rest = np.abs(a[done:, done:n])
         i, j = divmod(int(rest.argmax()), n - done)
         if not rest[i, j] > SINGULAR * largest:
@@ -91,7 +96,16 @@ def _eliminate(a: Array) -> list[int]:
         factors = a[done + 1 :, done] / a[done, done]
         a[done + 1 :, done + 1 :] -= factors[:, None] * a[done, done + 1 :]
         done += 1
-    return columns[:done]
+    return a, columns, done
+
+
+def _back_substituted(upper: Array, right: Array) -> Array:
+    """The solution of a triangular system."""
+    x = right.copy()
+    for index in range(len(x) - 1, -1, -1):
+        x[index] /= upper[index, index]
+        x[:index] -= upper[:index, index] * x[index]
+    return x
 
 
 def independent(matrix: Array, order: Sequence[int]) -> list[int]:

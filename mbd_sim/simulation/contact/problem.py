@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.simulation.contact.complementarity import least_squares, lemke, product, rank, solve
+from mbd_sim.simulation.contact.complementarity import least_solution, lemke, pivots, product, solve
 
 SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
 SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
@@ -43,7 +43,9 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
         unit, constant, held = _followers(problem, forces)
         matrix, free = product(problem.matrix, unit), problem.rates(constant)
         chosen, others = [*pressed, *held], [row for row in closed if row not in pressed]
-        found, duals = least_squares(matrix[chosen][:, chosen], -free[chosen], problem.compliance[chosen])
+        own = matrix[chosen][:, chosen]
+        found = least_solution(own, -free[chosen], problem.compliance[chosen])
+        duals = solve(own.T, problem.compliance[chosen] * found)
         pulls = [row for row, force in zip(pressed, found.tolist(), strict=False) if force < -UNPRESSED * size]
         pressed = [row for row in pressed if row not in pulls]
         gains = product(matrix[chosen][:, others].T, duals)
@@ -60,7 +62,7 @@ def is_unique(problem: ContactProblem, forces: Array) -> bool:
     """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
     unit, _, held = _followers(problem, forces, limited=True)
     chosen = [*_closed(problem, forces), *held]
-    return rank(product(problem.matrix, unit)[chosen][:, chosen]) == len(chosen)
+    return len(pivots(product(problem.matrix, unit)[chosen][:, chosen])) == len(chosen)
 
 
 def _closed(problem: ContactProblem, forces: Array) -> list[int]:
@@ -161,7 +163,7 @@ def contact_forces(problem: ContactProblem) -> Array:
     if not n:
         return np.zeros(0)
     scaled, scale = _scaled(problem)
-    if max(len(problem.normals), len(problem.frictions)) < 2 or rank(scaled.matrix) == n:
+    if max(len(problem.normals), len(problem.frictions)) < 2 or len(pivots(scaled.matrix)) == n:
         return _solution(scaled) * scale
     rigid, _ = _quick(scaled)
     if rigid is not None and is_unique(scaled, rigid):

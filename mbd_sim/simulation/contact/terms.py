@@ -107,8 +107,8 @@ class OneSidedModel:
         return tuple(self.span.start + self.layout.closed.start + gap for gap in self.placed)
 
     def modes(self, inputs: Array) -> Array:
-        """A view of the modes among the inputs, see `OneSidedLayout.modes`."""
-        return inputs[self.span][self.layout.modes]
+        """A view of the modes among the inputs, see `OneSidedLayout`."""
+        return inputs[self.span]
 
     def sliding(self, modes: Array) -> list[int]:
         """The friction elements that slide."""
@@ -116,8 +116,7 @@ class OneSidedModel:
         first = layout.direction.start - layout.gaps
         for index, (rows, _) in enumerate(self.frictions):
             size = sum(float(modes[first + row]) ** 2 for row in rows)
-            sticks = index not in self.loaded and any(modes[layout.active.start + row] for row in rows)
-            if size > SLIDING and not sticks:
+            if size > SLIDING:
                 found.append(index)
         return found
 
@@ -132,7 +131,7 @@ class OneSidedModel:
     def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """A copy of the inputs with the forces λ of all rows."""
         filled = inputs.copy()
-        filled[self.span][self.layout.multipliers] = self.readings(time, y, inputs).forces
+        filled[self.span][self.layout.given] = self.readings(time, y, inputs).forces
         return filled
 
     def states(self, time: float, y: Array, inputs: Array, places: Array | None = None) -> dict[str, ContactState]:

@@ -15,9 +15,8 @@ import casadi as ca
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
-from mbd_sim.compiler.python.bound_call import Call, Clock
+from mbd_sim.compiler.python.bound_call import Call, Clock, CompiledReaders
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.integrators.method import Method
 from mbd_sim.mechanism.mechanism import Mechanism

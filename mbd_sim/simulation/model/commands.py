@@ -16,7 +16,6 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, counted, listed, nearest, printable, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.mechanism.contents import channel_names
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -43,7 +42,7 @@ class CommandMap:
     def __init__(self, takers: Sequence[Actuator | CommandedDrive], layout: InputLayout) -> None:
         self.takers, self.range = {taker.name: taker for taker in takers}, layout.commands
         channels = [(taker.name, channel) for taker in takers for channel in taker.channels]
-        self.names = channel_names(takers)
+        self.names = tuple(f"{name}.{channel}" for name, channel in channels)
         self._index = {key: index for index, key in enumerate(channels)}
 
     def merged(self, current: Array, commands: Mapping[str, Command]) -> Array:

@@ -104,8 +104,8 @@ def _require_series(mechanism: Mechanism, equations: Equations, method: Method) 
 
     :raises MechanismError: what depends on an operation without a series is named.
     """
-    from mbd_sim.compiler.taylor.builder import NotAnalyticError, series_of
     from mbd_sim.compiler.taylor.recursion import stack_size
+    from mbd_sim.compiler.taylor.rules import NotAnalyticError, series_of
 
     remedy = f"Use {AUTO} or {DEFAULT}."
     try:

@@ -23,8 +23,7 @@ from mbd_sim.simulation.model.state_records import Energies, Losses, MotionReade
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
-    from mbd_sim.compiler.python.bound_call import Call, Clock
-    from mbd_sim.compiler.readers import CompiledReaders
+    from mbd_sim.compiler.python.bound_call import Call, Clock, CompiledReaders
     from mbd_sim.dynamics.contact.passing import PassingFunctions
     from mbd_sim.dynamics.equations import Equations
     from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
@@ -151,7 +150,7 @@ class Model:
     @cached_property
     def sensor_readers(self) -> CompiledReaders:
         """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
-        from mbd_sim.compiler.readers import CompiledReaders
+        from mbd_sim.compiler.python.bound_call import CompiledReaders
 
         return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
 
@@ -289,13 +288,13 @@ class Model:
 
     @cached_property
     def _reaction_reader(self) -> CompiledReaders:
-        from mbd_sim.compiler.readers import CompiledReaders
+        from mbd_sim.compiler.python.bound_call import CompiledReaders
 
         return CompiledReaders({"reactions": self.equations.reactions})
 
     @cached_property
     def _multiplier_reader(self) -> CompiledReaders:
-        from mbd_sim.compiler.readers import CompiledReaders
+        from mbd_sim.compiler.python.bound_call import CompiledReaders
 
         return CompiledReaders({"multipliers": self.equations.multipliers})
 

@@ -155,7 +155,7 @@ class MotionReaders:
 
     def __init__(self, equations: Equations) -> None:
         """Compile the functions; this takes as long as for the kernel of the mechanism."""
-        from mbd_sim.compiler.readers import CompiledReaders
+        from mbd_sim.compiler.python.bound_call import CompiledReaders
 
         functions = {name: getattr(equations.measurements, name) for name in ("accelerations", "part_motions")}
         self._readers, self._part_names = CompiledReaders(functions), equations.part_names

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,8 @@ from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.state_records import Energies
 
 
-class RunLayout(NamedTuple):
+@dataclass(frozen=True)
+class RunLayout:
     """What the numbers of a snapshot stand for.
 
     `coordinates` are the names of the speeds, `loaded` the parts that accept wrenches, `values` the keys of the live
@@ -106,11 +106,8 @@ def require_same_layout(given: RunLayout | None, own: RunLayout) -> None:
         raise ValueError(
             "it is not known which run this state belongs to. Restore its numbers: restore(point.state, …)."
         )
-    different = [
-        f"{_NAMES[field]}: {one!r} instead of {other!r}"
-        for field, one, other in zip(RunLayout._fields, given, own, strict=True)
-        if one != other
-    ]
+    pairs = [(words, getattr(given, name), getattr(own, name)) for name, words in _NAMES.items()]
+    different = [f"{words}: {one!r} instead of {other!r}" for words, one, other in pairs if one != other]
     if different:
         raise ValueError(
             f"this snapshot belongs to another run ({'; '.join(different)}). Build this one in the same way, or "

@@ -86,7 +86,7 @@ def _load_columns(motion: DrivenMotion, loads: DriveLoads) -> dict[str, Array]:
 HEAD = 20  # width of the first column
 LINES = 13  # of the table, and more only for singular points
 WIDTH = 14  # of its columns
-ROUND_OFF = 1e-12  # of a number, relative to those from which it is computed
+TABLE_ROUND_OFF = 1e-12  # of a number, relative to those from which it is computed
 JUMP = 0.25  # change from one position to the next, relative to the range of the values, that is remarked
 
 
@@ -231,7 +231,7 @@ def _usual_columns(motion: DrivenMotion, points: Sequence[str], loads: DriveLoad
     for name in points:
         position = motion.point(name).position
         columns |= {f"{name} {axis} (m)": position[:, index] for index, axis in enumerate("xyz")
-                    if np.ptp(position[:, index]) > ROUND_OFF * motion.system.constraints.size}  # fmt: skip
+                    if np.ptp(position[:, index]) > TABLE_ROUND_OFF * motion.system.constraints.size}  # fmt: skip
     if loads is not None:
         for name, effort in loads.efforts.items():
             columns[f"{name} ({'N·m' if is_rotation(motion.mechanism, name) else 'N'})"] = effort
@@ -255,7 +255,7 @@ def _settled(motion: DrivenMotion, name: str, values: Array) -> Array:
     """A column with 0 in place of round-off: of a full turn, of the size of the mechanism, or of its largest number."""
     unit = {"(deg)": 360.0, "(m)": motion.system.constraints.size}.get(name.rpartition(" ")[2], 0.0)
     scale = max(unit, float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values))))
-    return np.where(np.abs(values) <= ROUND_OFF * scale, 0.0, values)
+    return np.where(np.abs(values) <= TABLE_ROUND_OFF * scale, 0.0, values)
 
 
 def chosen_columns(columns: Mapping[str, Array], patterns: Sequence[str]) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, MbdSimError, counted
+from mbd_sim.base.errors import InputError, counted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -123,9 +123,10 @@ class ToleranceAnalysis:
             guess = system.displaced(nominal, np.where(np.isfinite(step), step, 0.0))
             q = system.closed_at(guess, drives)
             if q is None and np.all(np.isfinite(step)):
-                raise MbdSimError(
+                raise InputError(
                     f"{motion.mechanism.name}: the mechanism cannot be assembled at {drives.tolist()} with lengths "
-                    "within the tolerances. Give a range farther from dead points, or smaller tolerances."
+                    "within the tolerances",
+                    "Give a range farther from dead points, or smaller tolerances.",
                 )
             rows.append(np.full_like(nominal, np.nan) if q is None else q)
         return np.array(rows)

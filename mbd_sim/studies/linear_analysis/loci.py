@@ -207,7 +207,7 @@ def _inputs(simulation: Simulation) -> Array:
     return inputs
 
 
-ROUND_OFF = 1e-9  # of a real part, relative to its eigenvalue
+NEUTRAL_SHARE = 1e-9  # of a real part, relative to its eigenvalue
 ORDERED = 9  # decimals of imaginary parts, relative to the largest eigenvalue, by which eigenvalues are sorted
 About = Literal["equilibrium", "start"]
 
@@ -231,7 +231,7 @@ class EigenvalueLocus:
         """The largest real part (…,) in 1/s: motions grow where it is positive. Round-off is zero."""
         size = np.abs(self.eigenvalues)
         neutral = (size < size_of_zeros(self.eigenvalues)[..., None]) | (
-            np.abs(self.eigenvalues.real) < ROUND_OFF * size
+            np.abs(self.eigenvalues.real) < NEUTRAL_SHARE * size
         )
         return np.asarray(np.max(np.where(neutral, 0.0, self.eigenvalues.real), axis=-1))
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,8 @@ def _save(figure: Any, path: str | Path) -> None:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error
 
 
-class ModeShape(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ModeShape:
     """A `mode`, and the changes of all coordinates in it: the real part of `displacements` (nv,) times exp(λ t).
 
     With the eigenvalue λ. Displacements are in m and rad along the generalized speeds, and small. The one that is

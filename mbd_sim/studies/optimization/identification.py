@@ -41,7 +41,7 @@ TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
-class Linearized:
+class LinearizedResiduals:
     """Residuals (k,), and their derivatives by the shared (k, m) and by the own unknowns (k, d)."""
 
     residuals: Array
@@ -69,10 +69,10 @@ class Eliminated:
 
 
 def fit(
-    linearize: Callable[[Array, Sequence[Array] | None], Sequence[Linearized] | None],
+    linearize: Callable[[Array, Sequence[Array] | None], Sequence[LinearizedResiduals] | None],
     commit: Callable[[], None],
     shared: Array,
-) -> tuple[Array, Sequence[Linearized]]:
+) -> tuple[Array, Sequence[LinearizedResiduals]]:
     """The shared unknowns that minimize the sum of squares, and the residuals there.
 
     :param linearize: evaluates shared unknowns and changes of the own ones from where they were committed last; None
@@ -82,7 +82,7 @@ def fit(
     """
     present = linearize(shared, None)
     if present is None:
-        raise MbdSimError("there is no trajectory with the first guesses. Use better ones.")
+        raise InputError("there is no trajectory with the first guesses", "Use better ones.")
     commit()
     damping = FIRST_DAMPING
     for _ in range(ITERATIONS):
@@ -105,7 +105,7 @@ def fit(
     raise MbdSimError("the search for the parameters did not converge. Use better guesses, or shorter intervals.")
 
 
-def solve(parts: Sequence[Linearized], damping: float) -> Step:
+def solve(parts: Sequence[LinearizedResiduals], damping: float) -> Step:
     """The step that minimizes the linearized residuals, with changes penalized by the damping and their columns."""
     sizes = column_sizes(parts)
     eliminated = [_eliminated(part, damping) for part in parts]
@@ -122,18 +122,18 @@ def solve(parts: Sequence[Linearized], damping: float) -> Step:
     return Step(shared, own, float(left @ left))
 
 
-def eliminated_parts(parts: Sequence[Linearized]) -> list[Eliminated]:
+def eliminated_parts(parts: Sequence[LinearizedResiduals]) -> list[Eliminated]:
     """What the own unknowns of each part cannot change."""
     return [_eliminated(part, 0.0) for part in parts]
 
 
-def column_sizes(parts: Sequence[Linearized]) -> Array:
+def column_sizes(parts: Sequence[LinearizedResiduals]) -> Array:
     """The norm (m,) of the derivatives by each shared unknown, 1 where they are zero."""
     norms = np.linalg.norm(np.vstack([part.by_shared for part in parts]), axis=0)
     return np.where(norms > 0.0, norms, 1.0)
 
 
-def _eliminated(part: Linearized, damping: float) -> Eliminated:
+def _eliminated(part: LinearizedResiduals, damping: float) -> Eliminated:
     rows = len(part.residuals)
     norms = np.linalg.norm(part.by_own, axis=0)
     sizes = np.where(norms > 0.0, norms, 1.0)
@@ -147,7 +147,7 @@ def _eliminated(part: Linearized, damping: float) -> Eliminated:
     return Eliminated(residuals - u @ (u.T @ residuals), shared - u @ (u.T @ shared), inverse, int(kept.sum()))
 
 
-def _cost(parts: Sequence[Linearized]) -> float:
+def _cost(parts: Sequence[LinearizedResiduals]) -> float:
     return float(sum(part.residuals @ part.residuals for part in parts))
 
 
@@ -267,7 +267,7 @@ class _Problem:
                 start = run.first_guess(first)
                 self._pieces.append(_Piece(run, first, last, start, np.zeros((len(start), 0))))
 
-    def solution(self, guess: Array) -> tuple[Array, Sequence[Linearized], int]:
+    def solution(self, guess: Array) -> tuple[Array, Sequence[LinearizedResiduals], int]:
         """The parameters, the weighted residuals there, and their degrees of freedom."""
         smallest = 1e-12 * self.weights
         values = guess
@@ -278,7 +278,7 @@ class _Problem:
         assert present is not None
         return values, present, freedom
 
-    def _reweigh(self, parts: Sequence[Linearized], smallest: Array) -> int:
+    def _reweigh(self, parts: Sequence[LinearizedResiduals], smallest: Array) -> int:
         left = np.concatenate([part.residuals for part in parts]) * self.weights[self._channels]
         ranks = sum(one.rank for one in eliminated_parts(parts))
         freedom = max(int(len(left) - ranks - parts[0].by_shared.shape[1]), 1)
@@ -293,7 +293,7 @@ class _Problem:
             assert piece.tried is not None
             piece.start, piece.basis = piece.tried
 
-    def _linearized(self, values: Array, changes: Sequence[Array] | None) -> Sequence[Linearized] | None:
+    def _linearized(self, values: Array, changes: Sequence[Array] | None) -> Sequence[LinearizedResiduals] | None:
         found, channels = [], []
         for index, piece in enumerate(self._pieces):
             start = piece.start if changes is None else piece.start + piece.basis @ changes[index]
@@ -306,7 +306,7 @@ class _Problem:
         self._channels = np.concatenate(channels)
         return found
 
-    def _piece(self, piece: _Piece, values: Array, start: Array) -> tuple[Linearized, NDArray[np.intp]]:
+    def _piece(self, piece: _Piece, values: Array, start: Array) -> tuple[LinearizedResiduals, NDArray[np.intp]]:
         own = piece.residuals
         rows = own.rows[(own.rows >= piece.first) & (own.rows <= piece.last)]
         if piece.last < own.rows[-1]:
@@ -321,7 +321,9 @@ class _Problem:
         kept = found if len(wanted) == len(rows) else found.at(slice(1, None))
         residuals, by_shared, by_own, channels = own.of(rows, kept, piece.tried[1])
         weights = self.weights[channels]
-        return Linearized(residuals / weights, by_shared / weights[:, None], by_own / weights[:, None]), channels
+        return LinearizedResiduals(
+            residuals / weights, by_shared / weights[:, None], by_own / weights[:, None]
+        ), channels
 
 
 def _require_valid(mechanism: Mechanism, estimates: Mapping[str, ParameterEstimate]) -> None:
@@ -339,7 +341,7 @@ def _require_valid(mechanism: Mechanism, estimates: Mapping[str, ParameterEstima
         ) from error
 
 
-def _covariance(parts: Sequence[Linearized], keys: Sequence[str]) -> Array:
+def _covariance(parts: Sequence[LinearizedResiduals], keys: Sequence[str]) -> Array:
     """The covariance of the parameters of these keys, for residuals with the variance one.
 
     :raises MbdSimError: the information matrix is singular; those that cannot be told apart are named.

@@ -22,7 +22,7 @@ from mbd_sim.files.checks.override import location_of, values_of, with_values
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.formulas import Formula, Samples, formulas
+from mbd_sim.studies.symbolic.algebra.formulas import Formula, ParameterSamples, formulas
 from mbd_sim.studies.symbolic.algebra.polynomial import Exact
 from mbd_sim.studies.symbolic.algebra.samples import number_samples, with_forces_alone
 
@@ -139,12 +139,12 @@ def start_numbers(mechanism: Mechanism) -> dict[Path, float]:
     return found
 
 
-def _parameters_of(samples: Samples, number: int) -> tuple[int, ...]:
+def _parameters_of(samples: ParameterSamples, number: int) -> tuple[int, ...]:
     """The indices of the parameters on which a number depends."""
     return tuple(index for index, (_, values) in enumerate(samples.slices) if np.ptp(values[:, number]) > 0.0)
 
 
-def _formulas(samples: Samples, base: Array) -> list[Formula | int]:
+def _formulas(samples: ParameterSamples, base: Array) -> list[Formula | int]:
     """The formula of each number, see `formulas`; those that depend on no parameter are constants."""
     table = np.vstack([samples.joint[1], *(numbers for _, numbers in samples.slices)])
     constant = np.all(table == base, axis=0).tolist()

@@ -195,7 +195,7 @@ def _limits(actuator: Actuator) -> list[str]:
 
 
 WHOLE = "whole mechanism"
-ROUND_OFF = 1e-15  # relative to the largest number
+INERTIA_ROUND_OFF = 1e-15  # relative to the largest number
 
 
 def inertia_report(parts: Mapping[str, Part], poses: Mapping[str, Pose]) -> list[dict[str, Any]]:
@@ -257,7 +257,7 @@ def _row(values: list[float], size: float = 0.0) -> str:
 def _cleaned(values: list[float], size: float = 0.0) -> list[float]:
     """The values with round-off replaced by zero; otherwise it would hide that the axes are principal axes."""
     largest = max(size, *(abs(value) for value in values))
-    return [0.0 if abs(value) < ROUND_OFF * largest else value for value in values]
+    return [0.0 if abs(value) < INERTIA_ROUND_OFF * largest else value for value in values]
 
 
 def sensor_report(sensor: AnySensor, step: float) -> dict[str, Any]:

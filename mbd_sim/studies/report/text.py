@@ -8,7 +8,7 @@ from typing import Any
 
 from mbd_sim.base.errors import counted, listed, printable
 
-ROUND_OFF = 1e-14  # relative to the size of the mechanism
+POSITION_ROUND_OFF = 1e-14  # relative to the size of the mechanism
 
 
 def report_text(found: dict[str, Any]) -> str:
@@ -300,7 +300,7 @@ def _axes(joint: dict[str, Any]) -> str:
 
 
 def _size(found: dict[str, Any]) -> float:
-    """The size of the mechanism in m, with which its lengths are compared."""
+    """The size of the mechanism in m, to compare its lengths with."""
     return float(found.get("size", 1.0))
 
 
@@ -315,4 +315,4 @@ def _all_rounded(values: list[float]) -> list[float]:
 
 def _rounded(value: float, scale: float = 1.0) -> float:
     """The value, or 0 where it is round-off in comparison with `scale`."""
-    return value if abs(value) > ROUND_OFF * scale else 0.0
+    return value if abs(value) > POSITION_ROUND_OFF * scale else 0.0

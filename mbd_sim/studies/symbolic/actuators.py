@@ -27,7 +27,7 @@ LETTERS = {"current": "i", "integral": "I"}  # of states; others are x with thei
 
 
 @dataclass(frozen=True, eq=False)
-class ActuatorState:
+class SymbolicActuatorState:
     """A state of an actuator by its name: its `rate`, or what it becomes at each sample, every `period` in s."""
 
     name: str
@@ -50,7 +50,7 @@ class SymbolicActuator:
     effort: Any
     along: tuple[Any, ...]
     law: Any
-    states: tuple[ActuatorState, ...]
+    states: tuple[SymbolicActuatorState, ...]
     commands: Mapping[Channel, Any]
     delay: float
     rotation: bool
@@ -196,7 +196,7 @@ class _Symbols:
             index = self.slots.states[name]
             sampled = samples.get(index)
             rate = rates[index] if rates is not None and sampled is None else None
-            states.append(ActuatorState(name, symbol, rate, sampled, self.slots.every * step))
+            states.append(SymbolicActuatorState(name, symbol, rate, sampled, self.slots.every * step))
         own = self.actuator
         return SymbolicActuator(
             own.name, self.effort, along, law, tuple(states), self.commands, own.delay, own.port.rotation

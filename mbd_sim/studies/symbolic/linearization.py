@@ -58,7 +58,7 @@ def characteristic_polynomial(blocks: Sequence[Any], s: Any, gradient: Any, fact
     return result if result.count_ops() <= MAX_POLYNOMIAL_OPERATIONS else None
 
 
-ROUND_OFF = 1e-13  # of values at an equilibrium in SI units
+SOLUTION_ROUND_OFF = 1e-13  # of values at an equilibrium in SI units
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,7 +307,7 @@ def _in_numbers(matrix: Any, values: Mapping[Any, float]) -> Any:
 
     found = sp.expand(matrix.xreplace({symbol: sp.Float(value) for symbol, value in values.items()}))
     floats = found.atoms(sp.Float)
-    return found.xreplace({one: sp.Rational(one) if abs(one) > ROUND_OFF else sp.S.Zero for one in floats})
+    return found.xreplace({one: sp.Rational(one) if abs(one) > SOLUTION_ROUND_OFF else sp.S.Zero for one in floats})
 
 
 def _simple(matrix: Any) -> Any:

@@ -50,7 +50,7 @@ SHARED = "indeterminate, because redundant constraints share the loads"
 EFFORT = MOTOR_READINGS.index("effort")
 NEARBY = 3  # configurations in which loads are compared
 SAME = 1e-9
-ROUND_OFF = 1e-15  # of entries of a unit vector
+DIRECTION_ROUND_OFF = 1e-15  # of entries of a unit vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def _cleaned(directions: Any) -> Any:
     """Entries of unit vectors, of which some may be symbols, without the round-off of zeros."""
     entries = ca.densify(ca.SX(directions))
     for index in range(entries.numel()):
-        if entries[index].is_constant() and abs(float(entries[index])) <= ROUND_OFF:
+        if entries[index].is_constant() and abs(float(entries[index])) <= DIRECTION_ROUND_OFF:
             entries[index] = 0
     return entries
 

@@ -226,9 +226,9 @@ def _with_start(
     difference[again.angles] = np.mod(difference[again.angles] + np.pi, 2.0 * np.pi) - np.pi
     if np.max(np.abs(difference)) > SAME * max(1.0, again.constraints.size):
         joints = listed([name for name, joint in mechanism.joints.items() if joint.kind.nv > 1])
-        raise MbdSimError(
-            f"{mechanism.name}: the file cannot start in the assembly mode of the optimum. Give start positions of "
-            f"{joints or 'its joints'} that select it."
+        raise InputError(
+            f"{mechanism.name}: the file cannot start in the assembly mode of the optimum",
+            f"Give start positions of {joints or 'its joints'} that select it.",
         )
     return changed
 

@@ -1,12 +1,14 @@
 """Equilibria: the start if it is one, else the nearest along a path, wherever and in whatever units it is."""
 
 import math
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, reject, settings
 
 from mbd_sim import InputError, MechanismError, Simulation, parse_mechanism
+from mbd_sim.analysis.equilibria import equilibrium
 from mbd_sim.analysis.equilibria.equilibrium import equilibria, is_autonomous, nearest_equilibrium
 from mbd_sim.analysis.equilibria.rest_balance import displacement_between
 from mbd_sim.dynamics.constraints.assembly import close_loops
@@ -226,7 +228,8 @@ def test_random_mechanisms_come_back_to_an_equilibrium_that_was_left_a_little(dr
     except MechanismError:  # nothing can move
         reject()
     assume(0 < equations.layout.nv <= 6 and is_autonomous(equations))  # a search among more speeds takes seconds
-    found = nearest_equilibrium(equations)
+    with patch.object(equilibrium, "ATTEMPTS", 3):  # those from which no path leads to one would take seconds
+        found = nearest_equilibrium(equations)
     assume(found is not None)
     zeros = np.zeros(equations.layout.nv)
     oracle = kane.equations(mechanism, found.q, zeros, zeros)

@@ -17,7 +17,7 @@ from mbd_sim.compiler.code.compile_process import compile_apart
 from mbd_sim.compiler.code.host_module import new_module
 from mbd_sim.compiler.code.object_code import object_code
 from mbd_sim.compiler.lists.lowering import lower
-from mbd_sim.compiler.readers import export
+from mbd_sim.compiler.python.bound_call import export
 from test.waiting import wait_until
 
 

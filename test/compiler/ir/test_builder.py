@@ -7,10 +7,9 @@ import llvmlite.ir
 import pytest
 
 from mbd_sim.compiler.code.object_code import object_code
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module
-from mbd_sim.compiler.ir.types import DOUBLE, INT, integer, number
 
 TYPES = {DOUBLE: llvmlite.ir.DoubleType(), INT: llvmlite.ir.IntType(64), POINTER: llvmlite.ir.PointerType()}
 FLOATS = ("fadd", "fsub", "fmul", "fdiv")

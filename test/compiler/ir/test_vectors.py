@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, local_array
 from mbd_sim.compiler.ir.lanes import ComponentBuilder
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType
-from mbd_sim.compiler.ir.types import DOUBLE, INT, local_array
 from mbd_sim.compiler.ir.vectors import cells, copy, folded, for_components, load, store, total
 from mbd_sim.compiler.steps.loop import emit_is_finite
 

@@ -1,4 +1,4 @@
-"""The compiled solution of dependent rows against numpy's least squares, for rows that are well conditioned."""
+"""The compiled solution of dependent rows against numpy's least squares,."""
 
 import ctypes
 
@@ -6,40 +6,47 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
-from mbd_sim.compiler.ir.builder import IRBuilder
+from mbd_sim.compiler.ir.builder import IRBuilder, integer
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType
-from mbd_sim.compiler.ir.types import INT
 from mbd_sim.compiler.steps.shared_rows import emit_shared_solver
 
 
-def shared(matrix, weights, right, sharing):
-    """x (n,) of rows of which the first ones share."""
+def shared(matrix, weights, right, basis):
+    """x (n,) of rows of which the first ones are a basis."""
     size, module = len(right), new_module()
-    share = emit_shared_solver(module, size, emit_dense_solver(module, size, counted=True))
-    function = Function(module, FunctionType(VOID, [POINTER] * 5 + [INT] * 2), "shared")
+    solver = emit_dense_solver(module, size, counted=True)
+    share = emit_shared_solver(module, size, solver)
+    function = Function(module, FunctionType(VOID, [POINTER] * 5), "shared")
     b = IRBuilder(function.append_basic_block("entry"))
-    b.call(share, list(function.args))
+    given, order, w, r, x = function.args
+    b.call(solver.factorize, [given, order, integer(basis)])
+    b.call(solver.solve, [given, order, r, x, integer(basis)])
+    b.call(share, [given, order, w, x, integer(basis), integer(size)])
     b.ret_void()
     code = compile_module(module)
-    call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5, *[ctypes.c_int64] * 2)(code.address("shared"))
-    given, x, y = matrix.ravel(order="F").copy(), np.zeros(size), np.zeros(size)
-    call(*(array.ctypes.data for array in (given, weights, right.copy(), x, y)), sharing, size)
-    return x
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)(code.address("shared"))
+    arrays = matrix.ravel(order="F").copy(), np.zeros(size), weights, right, np.zeros(size)
+    call(*(array.ctypes.data for array in arrays))
+    return arrays[-1]
 
 
-@pytest.mark.parametrize(("count", "rank", "others"), [(2, 1, 0), (4, 3, 0), (4, 3, 2), (6, 2, 1), (3, 3, 1)])
-def test_rows_that_share_have_the_least_weighted_sum_of_squares(count, rank, others):
-    """Of all x with A x = r that with the least Σ w x² over the rows that share; the other rows are independent."""
-    chance, size = np.random.default_rng(count + others), count + others
-    jacobian = np.linalg.qr(chance.normal(size=(size, rank + others)))[0]
-    jacobian[:count] = np.linalg.qr(chance.normal(size=(count, rank)))[0] @ np.eye(rank, rank + others)
-    jacobian[count:] += np.eye(others, rank + others, rank)
-    matrix, weights = jacobian @ jacobian.T, chance.uniform(0.5, 2.0, size)
-    right = matrix @ chance.normal(size=size)
-    x = shared(matrix, weights, right, count)
-    some, directions = np.linalg.lstsq(matrix, right, rcond=1e-10)[0], np.linalg.svd(matrix)[2]
-    free = directions[rank + others :].T
-    roots = np.sqrt(np.where(np.arange(size) < count, weights, 0.0))[:, None]
-    expected = some - free @ np.linalg.lstsq(roots * free, roots[:, 0] * some, rcond=None)[0] if free.size else some
-    assert x == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.max(np.abs(expected)))
+@pytest.mark.parametrize("smallest", [1.0, 1e-6])
+@pytest.mark.parametrize(("count", "rank"), [(2, 1), (4, 3), (6, 5), (6, 2), (7, 3)])
+def test_rows_that_share_have_the_least_weighted_sum_of_squares(count, rank, smallest):
+    """Of all x with A x = r; also with weights over six decades, and where A has small entries beside large ones."""
+    chance = np.random.default_rng(count + rank)
+    directions = np.linalg.qr(chance.normal(size=(count, rank)))[0]
+    order = np.argsort(-np.abs(directions) @ np.ones(rank))  # the first ones are independent, and well conditioned
+    while np.linalg.cond(directions[order[:rank]]) > 50.0:
+        order = chance.permutation(count)
+    directions = directions[order] @ np.diag(np.geomspace(1.0, smallest, rank) ** 0.5)
+    weights = np.geomspace(1.0, smallest, count)[chance.permutation(count)]
+    matrix, known = directions @ directions.T, chance.normal(size=count)
+    # x = W⁻¹ J z has the least Σ w x² with the same Jᵀ x as `known`
+    scaled = directions / np.sqrt(weights)[:, None]
+    z = np.linalg.lstsq(scaled.T, directions.T @ known, rcond=None)[0]
+    expected = z / np.sqrt(weights)
+    assert shared(matrix, weights, matrix @ known, rank) == pytest.approx(
+        expected, rel=1e-7, abs=1e-8 * np.max(np.abs(expected))
+    )

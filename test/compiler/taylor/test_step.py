@@ -11,7 +11,7 @@ from scipy.special import ellipj, ellipk
 from mbd_sim import MechanismError, Simulation, parse_mechanism
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.taylor import step
-from mbd_sim.compiler.taylor.history import SPAN
+from mbd_sim.compiler.taylor.step import SPAN
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.simulation.model import method_choice
 

@@ -10,7 +10,7 @@ import pytest
 
 from mbd_sim.compiler.lists import lowering
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.readers import CompiledReaders
+from mbd_sim.compiler.python.bound_call import CompiledReaders
 from mbd_sim.exports.c_code import functions
 from mbd_sim.exports.c_code.functions import c_function, literal, sine_cosine_text
 from mbd_sim.exports.c_code.module import FLAGS

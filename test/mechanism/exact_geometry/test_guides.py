@@ -30,6 +30,13 @@ def test_an_exact_linkage_stays_as_written(name):
     assert not guided_file(name, 3)[0].moved
 
 
+@pytest.mark.parametrize("name", GUIDED)
+def test_a_linkage_that_is_kept_as_written_says_so(name):
+    """Some loaded with fewer degrees of freedom without a word."""
+    (remark,) = guided_file(name, 4, 4, tolerance=0)[0].source.remarks
+    assert remark.startswith("tolerance: 0 keeps '") and not guided_file(name, 3, tolerance=0)[0].source.remarks
+
+
 @pytest.mark.parametrize("name", ["slider-crank", "door on a rod", "carriage on a plane", "rod in a rigid group"])
 def test_it_moves_as_the_exact_one_within_the_digits(name):
     exact, found = (Simulation(guided_file(name, 5, digits)[0]) for digits in (17, 6))

@@ -13,9 +13,11 @@ from mbd_sim.files.checks.override import with_values
 from mbd_sim.recordings.messages.journal import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping import clock as pacing
 from mbd_sim.ros.stepping import output
 from mbd_sim.ros.stepping.clock import MAX_LATENESS, FollowedClock, Histogram, Pacer, Rates
+from mbd_sim.ros.stepping.run import SteppedRun
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import AppliedWrench, Event, EventKind
@@ -574,3 +576,28 @@ def test_after_a_pause_a_followed_clock_is_joined_at_its_present_time(make):
     clock.take(552_000_000)  # a jump ahead: all steps are taken
     wait_for(lambda: stepping_thread.ticks == 507)
     assert stepping_thread.lag == 0.0
+
+
+def test_a_contact_that_steps_may_miss_is_reported_once_when_the_account_is_examined():
+    """A rod that speeds up to turns of more than 0.5 rad per step, beside a plane that its tip does not reach."""
+    simulation = Simulation.from_text(
+        """
+mechanism: fan
+gravity: [0, 0, 0]
+parts: {rod: {mass: 1, inertia: [1, 1, 1], points: {tip: [0.1, 0, 0]}}}
+ground: {points: {floor: [0, 0, -1]}}
+joints: {pin: {type: revolute, between: [ground, rod], axis: [0, 1, 0]}}
+forces: {motor: {type: effort, coordinate: pin, effort: 400}}
+constraints: {floor: {type: on_plane, point: rod.tip, plane: ground.floor, bound: at_least}}
+"""
+    )
+    run = SteppedRun(
+        simulation, CommandBuffer(simulation.effort_map, 0.0), WrenchBuffer(simulation.wrench_map, (), 0.0)
+    )
+    warned = []
+    assert simulation.passing_advice is None
+    for _ in range(5):
+        run.advance(round(1.0 / simulation.step_size))
+        items = [run.output.queue.get() for _ in range(run.output.queue.qsize())]
+        warned.append(sum(isinstance(item, Event) and item.kind is EventKind.WARNING for item in items))
+    assert sum(warned) == 1 and "parts at 'floor' turn by" in run.advice

@@ -68,7 +68,7 @@ class Formula:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class ParameterSamples:
     """Values of parameters, and of the numbers that depend on them.
 
     In `slices`, an entry for each parameter, only that one varies: the parameters (n, parameters) and the numbers
@@ -79,7 +79,7 @@ class Samples:
     joint: tuple[Array, Array]
 
 
-def formulas(samples: Samples, scales: Array, *, decimals: bool = False) -> list[Formula | int]:
+def formulas(samples: ParameterSamples, scales: Array, *, decimals: bool = False) -> list[Formula | int]:
     """The formula of each number; if there is none with few terms, an index that equal numbers share.
 
     :param scales: (numbers,) the size of the vector or matrix to which a number belongs; what is below its rounding
@@ -100,7 +100,7 @@ def formulas(samples: Samples, scales: Array, *, decimals: bool = False) -> list
     return found
 
 
-def _formula(samples: Samples, index: int, decimals: bool) -> Formula | None:
+def _formula(samples: ParameterSamples, index: int, decimals: bool) -> Formula | None:
     slices = [(parameters, numbers[:, index]) for parameters, numbers in samples.slices]
     parameters, numbers = samples.joint
     y = numbers[:, index]

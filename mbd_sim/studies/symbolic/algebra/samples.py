@@ -31,7 +31,7 @@ from mbd_sim.dynamics.lagrange import MassMoments, mass_moments
 from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Expressed, Varying
-from mbd_sim.studies.symbolic.algebra.formulas import MAX_TERMS, Factor, Formula, Samples, formulas
+from mbd_sim.studies.symbolic.algebra.formulas import MAX_TERMS, Factor, Formula, ParameterSamples, formulas
 from mbd_sim.studies.symbolic.algebra.names import key_name, symbol_latex
 from mbd_sim.studies.symbolic.algebra.polynomial import Exact, exact
 
@@ -50,7 +50,7 @@ class NumberSamples:
 
     keys: tuple[str, ...]
     base: Array
-    samples: Samples
+    samples: ParameterSamples
     built_in: Mapping[str, str]
 
 
@@ -84,7 +84,7 @@ def number_samples(
             return NumberSamples(tuple(kept), base, samples, built_in)
     built_in |= dict.fromkeys(kept, "no other values fit")
     one = numbers(changed({}))
-    return NumberSamples((), np.zeros(0), Samples((), (np.zeros((1, 0)), one[None, :])), built_in)
+    return NumberSamples((), np.zeros(0), ParameterSamples((), (np.zeros((1, 0)), one[None, :])), built_in)
 
 
 def _reason(
@@ -115,7 +115,7 @@ class _Sampler:
     random: np.random.Generator
     factor: float
 
-    def one_by_one(self) -> Samples | None:
+    def one_by_one(self) -> ParameterSamples | None:
         """A slice along each parameter, and samples of all of them; None where too few values fit."""
         generic = self._draw(1)[0]
         if not len(generic):
@@ -123,9 +123,9 @@ class _Sampler:
         slices = [self._draw(SLICE, free, generic[0]) for free in np.eye(len(self.keys), dtype=bool)]
         joint = self._draw(JOINT)
         fewest = min(len(parameters) for parameters, _ in (*slices, joint))
-        return Samples(slices, joint) if fewest >= SLICE else None
+        return ParameterSamples(slices, joint) if fewest >= SLICE else None
 
-    def at_once(self) -> Samples | None:
+    def at_once(self) -> ParameterSamples | None:
         """The samples of `one_by_one`, built as one mechanism with batches; None where one has to be built by itself.
 
         The first and the last are also built by themselves, to be compared.
@@ -150,7 +150,7 @@ class _Sampler:
             return None
         ends = np.arange(1, len(rows) - JOINT + 1, SLICE)
         slices = [(table[first : first + SLICE], found[first : first + SLICE]) for first in ends[:-1]]
-        return Samples(slices, (table[-JOINT:], found[-JOINT:]))
+        return ParameterSamples(slices, (table[-JOINT:], found[-JOINT:]))
 
     def _numbers_at(self, values: Array) -> Array:
         return self.numbers(self.changed(dict(zip(self.keys, values.tolist(), strict=True))))

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from mbd_sim.studies.symbolic.algebra.formulas import Factor, Formula, Samples, formulas
+from mbd_sim.studies.symbolic.algebra.formulas import Factor, Formula, ParameterSamples, formulas
 from mbd_sim.studies.symbolic.algebra.polynomial import Exact
 
 START = np.array([1.3, 0.7, 0.4])
@@ -20,7 +20,7 @@ def found(function):
         return parameters, function(*parameters.T)[:, None] * np.ones((count, 1))
 
     slices = [draw(12, np.arange(3) == index) for index in range(3)]
-    (formula,) = formulas(Samples(slices, draw(80, np.full(3, True))), np.ones(1))
+    (formula,) = formulas(ParameterSamples(slices, draw(80, np.full(3, True))), np.ones(1))
     return formula
 
 
@@ -67,6 +67,6 @@ def test_equal_numbers_without_a_formula_share_an_index():
     random = np.random.default_rng(1)
     parameters = random.uniform(1, 2, (80, 1))
     numbers = np.exp(parameters) * [1.0, 1.0, 2.0]
-    samples = Samples([(parameters[:12], numbers[:12])], (parameters, numbers))
+    samples = ParameterSamples([(parameters[:12], numbers[:12])], (parameters, numbers))
     first, second, third = formulas(samples, np.ones(3))
     assert first == second != third

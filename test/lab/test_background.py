@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import load_mechanism
+from mbd_sim.lab.background import FileWatch
 from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.editing import FileWatch
 from mbd_sim.lab.session import Session
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.lists.lowering import lower
-from mbd_sim.compiler.readers import export
+from mbd_sim.compiler.python.bound_call import export
 from mbd_sim.compiler.taylor import expansion, recursion
-from mbd_sim.compiler.taylor.builder import NotAnalyticError, series_of
+from mbd_sim.compiler.taylor.rules import NotAnalyticError, series_of
 
 ORDER = 7
 t, inputs = ca.SX.sym("t"), ca.SX.sym("inputs", 2)
