@@ -1,6 +1,5 @@
 """Mechanisms found by path and by shipped name."""
 
-import argparse
 import pkgutil
 from pathlib import Path
 
@@ -105,7 +104,7 @@ def test_the_suffix_the_help_and_the_pages_name_each_format_that_is_read(name):
     parser = argparse.ArgumentParser()
     command("convert").add_arguments(parser)
     assert f".{name}" in READ_SUFFIXES
-    assert name.upper() in parser.format_help()
+    assert name.upper() in convert.COMMANDS["convert"].description
     assert any(name in page.stem for page in (ROOT / "docs").glob("*.md"))
     assert (ROOT / "test" / "files" / name / "test_reader.py").exists()
 
