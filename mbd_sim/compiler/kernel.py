@@ -1,4 +1,4 @@
-"""A system of differential equations to a kernel: its steps, and functions of its state.
+"""Compiles a system of differential equations to a kernel: its steps, and functions of its state.
 
 What a method keeps of earlier steps is in memory behind the inputs of the system.
 """
@@ -171,7 +171,7 @@ def emit_system(
 
 @dataclass(frozen=True, eq=False)
 class StepNeeds:
-    """What the emitters of steps may need beside the `System`: see `compile_kernel` for `core` and the partial one."""
+    """What the emitters of steps may need besides the `System`: see `compile_kernel` for `core` and the partial one."""
 
     rates: ca.Function
     core: slice

@@ -51,7 +51,7 @@ class SolvedPair:
 class OneSidedFunctions:
     """The functions of a mechanism with `contacts`.
 
-    - `rates`: y' as of `Equations.rates`.
+    - `rates`: y' as in `Equations.rates`, with the active rows.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
     - `readings(t, y, inputs, solution)`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and the guards (gaps +
       frictions + loads with one component,), which are negative where a mode ends. They are in natural units, those of

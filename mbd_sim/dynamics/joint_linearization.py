@@ -60,12 +60,12 @@ class JointLinearization:
         return _slopes(self.traced, self.forces)
 
 
-def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX) -> tuple[ca.Function, ca.Function]:
+def _partial_system(system: JointLinearization, damping: ca.SX, stiffness: ca.SX) -> tuple[ca.Function, ca.Function]:
     traced, constraints, forces = system.traced, system.constraints, system.forces
     state, nq, nv = traced.state, traced.layout.nq, traced.layout.nv
     g, right = ca.SX.sym("g"), ca.SX.sym("right", traced.y.shape[0])
     right_q, right_u, right_w = ca.vertsplit(right, [0, nq, nq + nv, right.shape[0]])
-    added = g * (slopes + g * stiffness)
+    added = g * (damping + g * stiffness)
     if traced.rotor_inertia is not None:
         added += traced.rotor_inertia
     displaced = stiffness * _own_coordinates(traced, right_q)
@@ -74,7 +74,7 @@ def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX)
         # r already satisfies the constraints, so only its change does not: M a + Gᵀ λ = (D + g K) U_u + K r_q, G a = 0.
         unbiased = replace(constraints, bias=ca.SX(len(constraints.rows), 1))
         solver = ConstraintSolver(mass_matrix, unbiased, system.typical, system.dependent)
-        applied = mass_matrix.net_joint_forces((slopes + g * stiffness) * right_u + displaced)
+        applied = mass_matrix.net_joint_forces((damping + g * stiffness) * right_u + displaced)
         solution = right_u - g * solver.accelerations(applied, solver.multipliers(applied)).u_rates
     else:
         # The same without the difference of two large numbers, where g D is much larger than M.

@@ -44,8 +44,7 @@ def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism
 def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
     """The mechanism that the text of a mechanism file, a URDF, an MJCF or an SDF describes.
 
-    :param file: its name in errors; the file that `urdf` names is searched in the same folder.
-
+    :param file: its name in errors; the file that `urdf` names is searched for in the same folder.
     :param base: see `load_mechanism`.
     :raises MechanismError: see `load_mechanism`.
     """

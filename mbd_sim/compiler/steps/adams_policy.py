@@ -1,8 +1,8 @@
 """When an Adams method takes a step at once, in parts, or by the other method: a small state machine, as IR.
 
-Steps of level 0 are taken at once, those of 1 in halves and those of 2 in quarters. The state are the `count` of
-slopes that are known at the distance of these parts, the `level`, the steps to `wait` before the next attempt, and the
-`pause` if that fails. An attempt of a step leads to one of these states:
+Steps of level 0 are taken at once, those of 1 in halves and those of 2 in quarters. The state consists of the `count`
+of slopes that are known at the distance of these parts, the `level`, the steps to `wait` before the next attempt, and
+the `pause` if that fails. An attempt of a step leads to one of these states:
 
 | attempt | count | level | wait, pause |
 |---|---|---|---|

@@ -363,7 +363,7 @@ def _step_of_one(slope: Array, gaps: Array, sizes: Array) -> Array:
 def _searched(
     constraints: ManyConstraints, q: Array, gaps: Array, going: NDArray[np.intp], norm: Array, step: Array
 ) -> NDArray[np.intp]:
-    """Halve steps until the gap falls, and take them, in place; the variants for which it is worth to go on."""
+    """Halve steps until the gap falls, and take them, in place; the variants for which it is worth going on."""
     further: list[NDArray[np.intp]] = []
     for _ in range(HALVINGS):
         moved = constraints.displaced(q[going], step, going)

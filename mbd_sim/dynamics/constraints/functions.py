@@ -3,8 +3,8 @@
 What is round-off in the constraint matrix G cannot be told from G alone: of a loop that its joints satisfy by
 themselves, such as a shaft in two bearings, nothing else is left. So each row has a natural size, the change of its
 position if the parts move by the size of the mechanism, or turn by 1 rad; and each speed has a unit, the size of the
-mechanism or 1 rad. In these units all entries of G are of the order of 1 at most, and what is below
-`constraint_rank.RANK` is zero, whatever the units of the file are.
+mechanism or 1 rad. In these units all entries of G are of the order of 1 at most, and what is below `RANK`
+of `mbd_sim.dynamics.math.rank` is zero, whatever the units of the file are.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ConstraintFunctions:
         return evaluated(self._traced.row_sizes, t, q, self.values).ravel()
 
     def scaled_gradient(self, t: float, q: Array) -> Array:
-        """G (m, nv) in natural units: zero up to `constraint_rank.RANK`."""
+        """G (m, nv) in natural units: zero up to `mbd_sim.dynamics.math.rank.RANK`."""
         return scaled(self.gradient(t, q), self.row_sizes(t, q), self.scales)
 
     def rank(self, t: float, q: Array) -> int:

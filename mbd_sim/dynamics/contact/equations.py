@@ -131,7 +131,7 @@ class OneSidedEquations:
 
     @property
     def slow(self) -> float:
-        """The speed in m/s up to which slip along two directions has none."""
+        """The speed in m/s up to which slip along two rows has no direction."""
         return SLOW * self.units.speed
 
     @property

@@ -46,7 +46,7 @@ class _Pair:
 
 
 def passing_functions(mechanism: Mechanism, loaded: Sequence[str] = ()) -> PassingFunctions | None:
-    """Those of the contacts and the one-sided constraints between points of a mechanism; None without any.
+    """The functions for contacts and for one-sided constraints between points of a mechanism; None without any.
 
     :param loaded: see `trace`.
     """
@@ -76,7 +76,7 @@ def _size(vector: ca.SX) -> ca.SX:
 
 
 def _constraint_pairs(mechanism: Mechanism) -> Iterator[_Pair]:
-    """Those between two points, or a point and a surface."""
+    """The pairs of one-sided constraints between two points, or a point and a surface."""
     for constraint in mechanism.constraints:
         match constraint:
             case c.Flat(law=law) if law is not None:

@@ -1,4 +1,7 @@
-"""Springs, dampers and forces between points: their wrenches on the links, their potential and their powers."""
+"""Force elements and external wrenches: their wrenches on the links, their potential and their powers.
+
+The elements are springs and dampers between points, bushings, compliant contacts, and applied forces and couples.
+"""
 
 from __future__ import annotations
 

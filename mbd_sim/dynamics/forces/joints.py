@@ -21,7 +21,7 @@ from mbd_sim.mechanism.values.laws import Linear, Varying
 
 @dataclass(frozen=True, eq=False)
 class CoordinateForces:
-    """The forces along the coordinates in N or N·m: `generalized` (nv,), and `on_driven` coordinates by name.
+    """The efforts and potentials of the file as forces in N or N·m: `generalized` (nv,), and `on_driven` ones by name.
 
     `potential` is in J, and the powers are in W.
     """
@@ -35,7 +35,7 @@ class CoordinateForces:
 def coordinate_forces(
     mechanism: Mechanism, state: StateVariables, q: ca.SX, q_rates: ca.SX, u: ca.SX
 ) -> CoordinateForces:
-    """All of them; those on driven coordinates are taken up by the drives.
+    """All efforts and potentials of the file; drives take up those on driven coordinates.
 
     :param q_rates: (nq,) N(q) u.
     """
@@ -61,7 +61,7 @@ def coordinate_forces(
 
 @dataclass(frozen=True, eq=False)
 class JointForces:
-    """The forces along the coordinates.
+    """The forces within joints, and those of the file along their coordinates.
 
     They are in N or N·m, positive with the speeds: `own` (nv,), each of which depends on its own coordinate only, and
     `varying` (nv,), which are given by expressions, as are those `on_driven` coordinates by name. `potential` is in J.

@@ -44,5 +44,5 @@ LOSS_STATES = ("impact_loss", "friction_loss")  # J, parts of the dissipated ene
 
 
 def audit_states(mechanism: Mechanism) -> tuple[str, ...]:
-    """The energies that are integrated with the state, in J and in their order after q and u."""
+    """The energies in J that are integrated with the state: its last components, in their order."""
     return (*LOSS_STATES, *AUDIT_STATES) if has_one_sided(mechanism) else AUDIT_STATES

@@ -27,7 +27,7 @@ from mbd_sim.mechanism.values.source import Source
 def mesh_path(uri: str, source: str) -> Path | None:
     """The file of a mesh, or None if there is none on this machine.
 
-    A package is searched in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, and then among the folders that contain the
+    A package is searched for in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, and then among the folders that contain the
     mechanism's file, beside them and above them.
 
     :param source: the file of the mechanism, from whose folder relative paths count.

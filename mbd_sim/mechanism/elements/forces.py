@@ -1,4 +1,7 @@
-"""Force elements as plain records: springs and dampers between two points, applied forces and couples."""
+"""Force elements as plain records: springs and dampers between two points, bushings, applied forces and couples.
+
+Efforts and potentials of the file, which act along joint coordinates, are among them.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ class Spring:
 
     @property
     def elastic(self) -> bool:
-        """Whether it stores energy, and is more than a damper."""
+        """Whether it stores energy, which a spring without stiffness or with a law that varies does not."""
         return not isinstance(self.law, Varying) and self.law != Linear(0.0)
 
     @property
@@ -91,7 +94,7 @@ class AppliedForce:
 
 @dataclass(frozen=True, eq=False)
 class AppliedEffort:
-    """An effort in N or N·m along a joint coordinate, or an angular velocity, by name: an expression as of a force."""
+    """An effort in N or N·m along a named joint coordinate or angular velocity, as an expression of time and state."""
 
     name: str
     coordinate: str

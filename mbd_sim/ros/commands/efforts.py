@@ -1,4 +1,7 @@
-"""Buffers commands from the topics until the next step, with a watchdog for efforts. Independent of ROS."""
+"""Buffers efforts from the topics until the next step, with a watchdog. Independent of ROS.
+
+Commands of actuators and velocities of bases are taken here as well, and kept by `mbd_sim.ros.commands.actuators`.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ class DueEfforts:
     expired: tuple[str, ...] = ()
 
     def apply(self, simulation: Simulation) -> None:
-        """Let it act from the next step on; the simulation reports what that changes."""
+        """Command these efforts from the next step on; the simulation reports what changes."""
         if self.efforts is not None:
             simulation.set_efforts(self.efforts)
         else:
@@ -39,7 +42,10 @@ class DueEfforts:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A trajectory that is followed: its `number`, its `start` in ns of the run, and taker and curve of each joint."""
+    """A trajectory that is followed: its `number`, and its `start` in ns of the run.
+
+    `curves` has, for each joint, the name of the actuator or drive that takes its positions, and its curve.
+    """
 
     number: int
     start: int

@@ -35,7 +35,7 @@ class Wrench:
     point: str | None = None
 
     def apply(self, simulation: Simulation) -> None:
-        """Let it act from the next step on; the simulation reports what that changes.
+        """Apply the wrench from the next step on; the simulation reports what changes.
 
         Given in the part's own frame, it rotates with the part. Given in the frame of another part, it keeps the
         direction that this frame has now.
@@ -56,7 +56,7 @@ class ExpiredWrench:
     part: str
 
     def apply(self, simulation: Simulation) -> None:
-        """Let it act from the next step on."""
+        """End the wrench from the next step on."""
         simulation.expire_wrench(self.part)
 
 

@@ -1,4 +1,7 @@
-"""The one-sided rows of a mechanism: as a system for the compiler, and the terms of their events at one state."""
+"""The one-sided rows of a mechanism in numbers: their readings, and the terms of their events, at one state.
+
+The system that the compiler makes steps of is put together here as well.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,8 @@ class OneSidedModel:
     `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
-    `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,).
+    `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,). `loaded` are
+    the indices of the friction elements that depend on the load of a joint.
     """
 
     __repr__ = short_repr

@@ -65,7 +65,7 @@ def uniform(integers: NDArray[np.uint64]) -> Array:
 
 
 def normal(probability: Array) -> Array:
-    """The normal numbers (n,) that are exceeded from below with these probabilities, to a relative error of 1e-15."""
+    """The numbers (n,) below which normal ones are with these probabilities, to a relative error of 1e-15."""
     offset = probability - 0.5
     central = np.abs(offset) <= 0.425
     squared = 0.180625 - offset * offset

@@ -1,6 +1,7 @@
 """What can be computed from a state, as plain records, such as energies, reactions and the motion of parts.
 
-The motion of parts includes the velocities and accelerations of points and frames that are fixed in them.
+The motion of parts includes the velocities and accelerations of points and frames that are fixed in them; the compiled
+functions that give it are here as well.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """What a simulation exchanges with its caller: inputs from the next step on, and reports of a recorded run.
 
-The inputs are efforts, wrenches, commands of actuators, and live values.
+The inputs written here are efforts, wrenches and commands of actuators and drives. `Simulation.apply_live` writes live
+values.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class PresentState(ReadOnlyAttributes):
 
     @property
     def state(self) -> Array:
-        """A copy of the integrated state: q, u, and the energies of the audit."""
+        """A copy of the integrated state y: q, u, the states of actuators, and the energies of the audit."""
         return self._memory.y.copy()
 
     @property

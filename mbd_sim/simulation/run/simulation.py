@@ -50,9 +50,10 @@ class Simulation(PresentState):
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
     in m, rad, m/s and rad/s. A free joint has a position and a unit quaternion (w, x, y, z) in q; in u it has the
-    velocity in the parent's axes and the angular velocity in the child's. `y` is the integrated state: q, u, and the
-    energies of the audit. `q`, `u`, `y`, `efforts` and `inputs` are read-only views of the kernel's own memory and
-    follow the motion; copy what you want to keep. A simulation must not be used by several threads at once.
+    velocity in the parent's axes and the angular velocity in the child's. `y` is the integrated state: q, u, the states
+    of actuators, and the energies of the audit. `q`, `u`, `y`, `efforts` and `inputs` are read-only views of the
+    kernel's own memory and follow the motion; copy what you want to keep. A simulation must not be used by several
+    threads at once.
 
     >>> sim = Simulation.from_file("double_rod")
     >>> sim.run(until=3.0)
@@ -157,8 +158,8 @@ class Simulation(PresentState):
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
 
-        This is compiled code, at 0.05 µs a call. A subclass may override it; then `super().step(n)` costs 1 µs. So it
-        does with sensors, and some µs more whenever one measures.
+        This is compiled code, at 0.05 µs a call. A subclass may override it; then `super().step(n)` costs 1 µs. A
+        mechanism with sensors costs that too, and a few µs more whenever one measures.
 
         :raises DivergedError: the state would become infinite; it stays as it was before this call, or at the last
             measurement of a sensor.

@@ -51,10 +51,11 @@ _NAMES = {
 class RunPoint:
     """A run at a step boundary: everything that the rest of it depends on besides later commands.
 
-    `steps` are those since time zero. `state` (n,) is q, u and the energies of the audit; `inputs` (m,) hold the
-    efforts, the wrenches and the live values; `live` are the live values by key. `start_energy` is T + V at the start
-    in J. `samples` are the states that sensors have measured, see `SensorSamples.table`, and `history` is what the
-    method keeps of earlier steps. `layout` says what the numbers stand for; a recording has it in its metadata.
+    `steps` are those since time zero. `state` (n,) is the integrated state y; `inputs` (m,) hold the efforts, the
+    wrenches, the commands, the live values and the modes of contacts; `live` are the live values by key. `start_energy`
+    is T + V at the start in J. `samples` are the states that sensors have measured, see `SensorSamples.table`, and
+    `history` is what the method keeps of earlier steps. `layout` says what the numbers stand for; a recording has it in
+    its metadata.
     """
 
     steps: int

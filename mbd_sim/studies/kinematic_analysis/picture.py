@@ -190,7 +190,7 @@ def draw_motion(
 ) -> None:
     """Draw the motion into a file.
 
-    :param show: what is drawn, of `motion_panels.GROUPS`; by default, everything for which there are data.
+    :param show: what is drawn, of `GROUPS`; by default, everything for which there are data.
     :param targets: (k, 3) that the first point is to reach, drawn as dots; nan where a component does not matter. Rows
         are left out that leave open where the dot is.
     :raises InputError: the file has another suffix, or a name of `show` is unknown or has no data.
