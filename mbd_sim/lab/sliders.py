@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import yaml
 
-from mbd_sim.base.errors import InputError
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.checks.override import location_of
 from mbd_sim.files.text.units import si_factor
 from mbd_sim.files.text.values import split_unit
@@ -154,7 +154,7 @@ def _values(simulation: Simulation, size: float) -> Iterator[Setting]:
 def _written(mechanism: Mechanism, key: str) -> Any:
     try:
         return value_at(mechanism.source.data, location_of(mechanism, key))
-    except InputError:
+    except MechanismError:
         return None
 
 

@@ -12,7 +12,7 @@ from mbd_sim.examples.arm_trajectory.arm_trajectory import HOME, POSES
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.verification import verify
-from mbd_sim.ros.commands.trajectory_player import CurvePoint, JointCurve
+from mbd_sim.ros.commands.trajectory_player import JointCurve, JointPoint
 from test.examples.programs import beside
 
 OPTIONS = {
@@ -52,7 +52,7 @@ def test_the_arm_follows_a_trajectory_from_another_process(tmp_path):
     assert verification.is_intact and verification.agrees, verification.first
     commands = applied(path)
     points = zip(np.radians([0, 20, -30, 0, 40, 0]), *POSES, strict=True)
-    passed = [JointCurve([CurvePoint(0.4 * k, p, 0.0, 0.0) for k, p in enumerate(joint)]) for joint in points]
+    passed = [JointCurve([JointPoint(0.4 * k, p, 0.0, 0.0) for k, p in enumerate(joint)]) for joint in points]
     ticks = [tick for tick in commands if tick < 1000 * start]
     assert len(ticks) > 990 and not any(tick % 2 for tick in ticks)  # 2 s at 500 Hz
 

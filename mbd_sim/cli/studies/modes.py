@@ -81,10 +81,14 @@ def _execute(options: argparse.Namespace) -> int:
 
 def _modes(options: argparse.Namespace) -> int:
     require_table(options.out)
+    if options.animate is not None:
+        require_suffix(options.animate, ANIMATIONS)
     simulation, state = simulation_at(options)
     Waiting.stage("linearize")
     linearization = simulation.linearize()
     shapes = mode_shapes(linearization)
+    if options.animate is not None and not 1 <= options.mode <= len(shapes):
+        raise InputError(f"--mode {options.mode}: there are {len(shapes)} modes", "Choose one of them.")
     print(state)
     if linearization.remark:
         print(f"REMARK: {linearization.remark}")
@@ -96,9 +100,6 @@ def _modes(options: argparse.Namespace) -> int:
         )
         print(f"wrote {options.out}")
     if options.animate is not None:
-        require_suffix(options.animate, ANIMATIONS)
-        if not 1 <= options.mode <= len(shapes):
-            raise InputError(f"--mode {options.mode}: there are {len(shapes)} modes", "Choose one of them.")
         shape = shapes[options.mode - 1]
         title = f"mode {options.mode}: {_rate(shape)}"
         amplitude = animate_mode(simulation, shape, options.animate, title=title)

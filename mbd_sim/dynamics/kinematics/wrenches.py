@@ -20,7 +20,7 @@ from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 
 
 @dataclass(frozen=True, eq=False)
-class PointMotion:
+class AttachmentMotion:
     """A point Q of a part, in ground's axes: p_WQ (3,) in m, its velocity (3,) in m/s, and its part's ω (3,)."""
 
     position: ca.SX
@@ -36,13 +36,13 @@ class AppliedWrenches:
         self._index = {link.joint.outboard: index for index, link in enumerate(links)}
         self.wrenches = [ca.SX(6, 1) for _ in links]
 
-    def motion_of(self, at: Attachment) -> PointMotion:
+    def motion_of(self, at: Attachment) -> AttachmentMotion:
         """The position and velocity of a point of a part."""
         if at.part == GROUND:
-            return PointMotion(constant(at.point), ca.SX(3, 1), ca.SX(3, 1))
+            return AttachmentMotion(constant(at.point), ca.SX(3, 1), ca.SX(3, 1))
         index = self._index[at.part]
         X_WB, V_WL, R_WL = self._poses[index], self._motions[index].V_WL, self._R_WL(index)
-        return PointMotion(
+        return AttachmentMotion(
             position=X_WB.position + X_WB.rotation @ constant(at.point),
             velocity=R_WL @ (V_WL[3:] - skew(self._p_LQ(index, at)) @ V_WL[:3]),
             omega=R_WL @ V_WL[:3],

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from mbd_sim.base.errors import Problem
 from mbd_sim.files.checks.json_schema import known_keys, known_types
-from mbd_sim.files.checks.problems import TYPE_SYNONYMS, in_file, problem_of
+from mbd_sim.files.checks.problems import CUTOFF, TYPE_SYNONYMS, in_file, problems_of
 from mbd_sim.files.schema.base import validator_of
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import Parameters
@@ -22,7 +22,6 @@ from mbd_sim.mechanism.values.source import Location, Source, value_at
 
 SECTIONS = ("parts", "joints", "constraints", "contacts", "forces", "actuators", "bases", "sensors")
 ENTRIES = {section: get_args(MechanismFile.model_fields[section].annotation)[1] for section in SECTIONS}
-CUTOFF = 0.75  # similarity above which a word counts as a misspelling
 
 
 def as_meant(source: Source, errors: Sequence[ErrorDetails]) -> Source:
@@ -77,7 +76,7 @@ def _problems_as(source: Source, location: Location, kind: str, parameters: Para
         for details in errors:
             details["loc"] = (section, name, *details["loc"])
         inside = [details for details in errors if in_file(tried, details["loc"])[0][: len(location)] == location]
-        return [problem_of(tried, details) for details in inside]
+        return problems_of(tried, inside)
     return []
 
 

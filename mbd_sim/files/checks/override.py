@@ -51,6 +51,8 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
             _require_known_shape(source, locations[name])
             _require_declared(source, locations[name])
             _require_like_unit(source, locations[name], changes[name])
+        except MechanismError as error:
+            problems += error.problems
         except InputError as error:
             problems.append(_problem(mechanism, name, error))
     if problems:
@@ -141,15 +143,19 @@ def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
 def location_of(mechanism: Mechanism, key: str) -> Location:
     """The location in the file's data that a key names.
 
-    :raises InputError: it is not a key of a mechanism file.
+    :raises MechanismError: it is not a key of a mechanism file.
     """
     data = mechanism.source.data
-    location = split_key(key)
-    if len(location) == 1 and location[0] in (data.get("parameters") or {}):
-        return ("parameters", *location)
-    if not location or location[0] not in _SECTIONS:
-        first, known = str(location[0]) if location else "", [*(data.get("parameters") or {}), *_SECTIONS]
-        raise InputError("is not a key of this file", _similar(first, known))
+    parameters = data.get("parameters") or {}
+    try:
+        location = split_key(key)
+        if len(location) == 1 and location[0] in parameters:
+            return ("parameters", *location)
+        if not location or location[0] not in _SECTIONS:
+            first = str(location[0]) if location else ""
+            raise InputError("is not a key of this file", _similar(first, [*parameters, *_SECTIONS]))
+    except InputError as error:
+        raise MechanismError([_problem(mechanism, key, error)]) from error
     return tuple(location)
 
 

@@ -6,8 +6,9 @@ else.
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from pydantic_core import ErrorDetails
@@ -19,6 +20,7 @@ from mbd_sim.mechanism.values.expression import QUOTE_COMMAS, is_cut
 from mbd_sim.mechanism.values.names import LONGEST_NAME, PLAIN_PATTERN
 from mbd_sim.mechanism.values.source import Location, Source
 
+CUTOFF = 0.75  # similarity above which a word counts as a misspelling
 Words = tuple[str, ...]
 
 _SERVO = "A servo is a key of an actuator: '{type: effort, joint: …, servo: {controls: position, kp: …}}'."
@@ -174,6 +176,18 @@ TYPE_SYNONYMS = {
 }  # fmt: skip
 
 
+def problems_of(source: Source, errors: Sequence[ErrorDetails]) -> list[Problem]:
+    """The problems that pydantic's errors describe; a missing key is none if an unknown one is to be written so."""
+    found = [(details, problem_of(source, details)) for details in errors]
+    misspelled = {
+        (*details["loc"][:-1], key)
+        for details, problem in found
+        if details["type"] == "extra_forbidden"
+        for key in re.findall(r"'(\w+)", problem.remedy)
+    }
+    return [problem for details, problem in found if details["type"] != "missing" or details["loc"] not in misspelled]
+
+
 def problem_of(source: Source, details: ErrorDetails) -> Problem:
     """The problem that one of pydantic's errors describes."""
     loc, kind, context = details["loc"], details["type"], details.get("ctx", {})
@@ -195,9 +209,12 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
         case "missing" if value is None:
             return source.problem(location, "has no value", "Give it a value.")
         case "missing":
-            return source.problem(location, f"'{leaf}' is missing", _in_place_of(value, leaf))
+            return source.problem(location, f"'{leaf}' is missing", "Add it.")
         case "union_tag_not_found":
-            return source.problem(location, "'type' is missing", nearest("", known_types(loc)))
+            words = [word for word in value if isinstance(word, str)] if isinstance(value, dict) else []
+            written = next(iter(difflib.get_close_matches("type", words, n=1, cutoff=CUTOFF)), "")
+            instead = f"Write it in place of '{written}'. " if written else ""
+            return source.problem(location, "'type' is missing", instead + nearest("", known_types(loc)))
         case "union_tag_invalid":
             return _unknown_type(source, location, loc, value)
         case "literal_error":
@@ -208,12 +225,6 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
     elif value is None:
         message, remedy = "has no value", remedy or "Give it a value."
     return source.problem(location, message or details["msg"], remedy, value)
-
-
-def _in_place_of(value: Any, key: str) -> str:
-    """What to do about a missing key of a mapping: perhaps another word stands in its place."""
-    words = [str(word) for word in value] if isinstance(value, dict) else []
-    return next((f"Write it in place of '{word}'." for word in words if synonym(word, [key])), "Add it.")
 
 
 def _unknown_type(source: Source, location: Location, loc: PydanticLocation, value: object) -> Problem:

@@ -13,7 +13,7 @@ from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.base.geometry.pose import Pose, identity_pose
 from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order
 from mbd_sim.files.checks.meant import ENTRIES, as_meant, problems_of_any_type
-from mbd_sim.files.checks.problems import problem_of
+from mbd_sim.files.checks.problems import problems_of
 from mbd_sim.files.schema.base import validator_of
 from mbd_sim.files.schema.file import GroundSpec, IntegrationSpec, MechanismFile
 from mbd_sim.files.schema.laws import TableSpec
@@ -39,7 +39,7 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     file, errors = _read(source, parameters)
     if file is not None and not problems:
         return file, parameters.values
-    problems += [problem_of(source, details) for details in errors]
+    problems += problems_of(source, errors)
     if len(problems) <= MANY:
         problems += _hidden_problems(source, errors)
     raise MechanismError(in_order(problems))
@@ -62,7 +62,7 @@ def _hidden_problems(source: Source, errors: list[ErrorDetails]) -> list[Problem
             break
         source, parameters = meant, _all_names(meant)
         errors = _read(source, parameters)[1]
-        problems += parameters.problems + [problem_of(source, details) for details in errors]
+        problems += parameters.problems + problems_of(source, errors)
     if not isinstance(source.data.get("parts"), dict):
         return problems  # without any parts, no reference is right
     parameters = _all_names(source)

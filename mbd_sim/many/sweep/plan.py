@@ -87,7 +87,7 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
             unit = mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*")
             return parse_value(_plain(word), mechanism.parameters, unit)
         except InputError as error:
-            raise CommandError(f"{text}: '{word.strip()}' {error.message}", error.remedy) from error
+            raise CommandError(f"{text}: '{word.strip()}': {error.message}", error.remedy) from error
 
     if called := _CALL.fullmatch(rest):
         return _random(name, called[1], [number(word) for word in called[2].split(",")], text)
@@ -144,7 +144,7 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
         value = value_of(mechanism, name)
     except MechanismError as error:
         problem = error.problems[0]
-        raise CommandError(f"'{name}' {problem.message}", problem.remedy) from error
+        raise CommandError(f"{name}: {problem.message}", problem.remedy) from error
     if value is None:
         raise CommandError(f"'{name}' is not a number in the file", "Name a number, for example joints.elbow.damping.")
 

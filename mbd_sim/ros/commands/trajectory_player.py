@@ -18,7 +18,7 @@ from mbd_sim.recordings.messages.journal import publication_schedule
 from mbd_sim.simulation.model.commands import CommandMap
 
 
-class CurvePoint(NamedTuple):
+class JointPoint(NamedTuple):
     """A point at a time in s from the start of the trajectory, in rad or m; None: not given."""
 
     time: float
@@ -38,7 +38,7 @@ class JointMotion(NamedTuple):
 class JointCurve:
     """The motion through points whose times increase; after the last one, its position is held."""
 
-    def __init__(self, points: Sequence[CurvePoint]) -> None:
+    def __init__(self, points: Sequence[JointPoint]) -> None:
         self.points = list(points)
         self._times = [point.time for point in points]
 
@@ -52,7 +52,7 @@ class JointCurve:
         later = [point for point in self.points if point.time > time]
         if len(later) < len(self.points):  # it has begun already
             return self
-        return JointCurve([CurvePoint(time, *motion), *later])
+        return JointCurve([JointPoint(time, *motion), *later])
 
     def at(self, time: float) -> JointMotion:
         """The motion at a time in s, which is not before the first point."""
@@ -62,7 +62,7 @@ class JointCurve:
         return between(self.points[index - 1], self.points[index], time)
 
 
-def between(first: CurvePoint, second: CurvePoint, time: float) -> JointMotion:
+def between(first: JointPoint, second: JointPoint, time: float) -> JointMotion:
     """The motion at a time in s between two points."""
     t, duration = time - first.time, second.time - first.time
     p, rise = first.position, second.position - first.position
@@ -183,9 +183,9 @@ def _arrays(point: TrajectoryPoint) -> tuple[tuple[str, Sequence[float]], ...]:
     return ("positions", point.positions), ("velocities", point.velocities), ("accelerations", point.accelerations)
 
 
-def _of_joint(point: TrajectoryPoint, index: int) -> CurvePoint:
+def _of_joint(point: TrajectoryPoint, index: int) -> JointPoint:
     velocity, acceleration = (values[index] if values else None for values in (point.velocities, point.accelerations))
-    return CurvePoint(point.time, point.positions[index], velocity, acceleration)
+    return JointPoint(point.time, point.positions[index], velocity, acceleration)
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,7 +108,7 @@ def _location(mechanism: Mechanism, key: str) -> object:
     """Where a value is, or the key of one that does not exist: its problem is reported with its value."""
     try:
         return location_of(mechanism, key)
-    except InputError:
+    except MechanismError:
         return key
 
 
@@ -357,7 +357,7 @@ class LiveValues:
             return name
         try:
             location = location_of(self._mechanism, name)
-        except InputError:
+        except MechanismError:
             location = ()
         for key in self.current:
             if location and location_of(self._mechanism, key) == location:

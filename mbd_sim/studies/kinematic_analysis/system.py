@@ -120,7 +120,7 @@ def parameter_number(text: str, key: str, value: str, mechanism: Mechanism) -> f
     try:
         return number_at(mechanism, key, _plain(value), mechanism.parameters)
     except InputError as error:
-        raise InputError(f"{text}: '{value}' {error.message}", error.remedy) from error
+        raise InputError(f"{text}: '{value}': {error.message}", error.remedy) from error
 
 
 def position_count(given: Sequence[tuple[DriveRange, int | None]], default: int) -> int:

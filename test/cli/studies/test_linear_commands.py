@@ -54,8 +54,20 @@ def test_modes_and_a_root_locus(column, capsys):
         rows = list(csv.DictReader(file))
     assert len(rows) == 41 and float(rows[-1]["real_1_1_s"]) == pytest.approx(-0.478073, rel=1e-5)
     assert main(["modes", "column.yaml", "--plot", "locus.png"]) == 1
-    assert main(["modes", "column.yaml", "--mode", "9", "--animate", "mode.gif"]) == 1
-    assert "there are 2 modes" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--mode", "9", "--animate", "mode.gif"], "--mode 9: there are 2 modes"),
+        (["--mode", "0", "--animate", "mode.gif"], "--mode 0: there are 2 modes"),
+        (["--animate", "mode.txt"], "mode.txt: this file format is not supported"),
+    ],
+)
+def test_a_mode_that_cannot_be_animated_is_refused_before_anything_is_written(column, words, message, capsys):
+    assert main(["modes", "column.yaml", "--out", "modes.csv", *words]) == 1
+    printed = capsys.readouterr()
+    assert message in printed.err and printed.out == "" and not Path("modes.csv").exists()
 
 
 def test_a_frequency_response(column, capsys):

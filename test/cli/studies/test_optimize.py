@@ -58,6 +58,10 @@ def test_a_function_and_the_least_effort(capsys):
     ("words", "message"),
     [
         (["--vary", "rocker", "--least-effort"], "'rocker' gives no bounds. Write KEY=LOW:HIGH"),
+        (["--vary", "nope=1:2", "--least-effort"], "nope: is not a key of this file"),
+        (["--vary", "[2]=1:2", "--least-effort"], "[2]: is not a key of a mechanism file"),
+        (["--vary", "rocker=1 m:2 kg", "--least-effort"], "'2 kg': the unit 'kg' does not fit"),
+        (["--vary", "parameters.nope=1:2", "--least-effort"], "parameters.nope: there is no 'nope'"),
         (["--vary", "rocker=2:1", "--least-effort"], "the lower bound is not below"),
         (["--vary", "rocker=1:2", "--path", "coupler.tip=none.csv"], "none.csv cannot be read"),
         (["--vary", "rocker=1:2", "--path", "coupler.tip"], "is no path. Write PART.POINT=FILE.csv"),

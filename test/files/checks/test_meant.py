@@ -1,6 +1,7 @@
 """Mistakes hide no others: any few of them in one file are all reported at once, in the order of its lines."""
 
 import random
+import re
 from functools import cache
 
 import pytest
@@ -132,3 +133,32 @@ def test_a_part_that_nothing_joins_is_named_beside_mistakes_elsewhere():
     cage = "  cage: {type: free, between: [ground, bob]}"
     for other in ("rate: 100", "stiffness: 10", "at: rod.tip, rate"):
         assert named(problems_with(cage, other)) >= UNCONNECTED
+
+
+KEYS = "type between axis wheel radius terms stiffness coordinate effort vector joint torque_constant resistance"
+WRITTEN = [found for found in re.finditer(r"(?<!^  )\b([a-z_]+): ", FILE, re.MULTILINE) if found[1] in KEYS.split()]
+
+
+def misspelled(key, generator):
+    """The key with a letter left out, doubled, or exchanged with the next one."""
+    at = generator.randrange(len(key) - 1)
+    ways = key[:at] + key[at + 1 :], key[: at + 1] + key[at:], key[:at] + key[at + 1] + key[at] + key[at + 2 :]
+    return generator.choice([word for word in ways if word != key])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_misspelled_required_key_is_one_problem_which_names_both_spellings(seed):
+    """It was two: the key was missing, and the word unknown."""
+    generator = random.Random(seed)
+    for found in generator.sample(WRITTEN, 12):
+        word = misspelled(found[1], generator)
+        with pytest.raises(MechanismError) as caught:
+            parse_mechanism(FILE[: found.start()] + word + FILE[found.end(1) :], "m.yaml")
+        (problem,) = caught.value.problems
+        assert f"'{word}'" in str(problem) and f"'{found[1]}'" in str(problem), word
+
+
+def test_a_missing_key_beside_an_unknown_one_of_another_meaning_stays_a_problem():
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(FILE.replace("vector: [0, 0, 1]", "tint: [0, 0, 1]"), "m.yaml")
+    assert [problem.message for problem in caught.value.problems] == ["'vector' is missing", "unknown key 'tint'"]

@@ -93,12 +93,11 @@ def test_a_file_of_something_else_is_told_as_one_problem(text):
     assert len(caught.value.problems) == 1 and OTHER_FILES[text] in str(caught.value)
 
 
-def test_a_section_with_another_name_is_not_just_missing():
+def test_a_section_with_another_name_is_one_problem():
     text = "mechanism: a\nlinks: {a: {mass: 1}}\njoints: {j: {type: free, between: [ground, a]}}\n"
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(text, "file.yaml")
     assert [(problem.message, problem.remedy) for problem in caught.value.problems] == [
-        ("'parts' is missing", "Write it in place of 'links'."),
         ("unknown key 'links'", "Write 'parts'."),
     ]
 

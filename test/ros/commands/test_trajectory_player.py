@@ -9,9 +9,9 @@ from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
 from mbd_sim.ros.commands.efforts import CommandBuffer
 from mbd_sim.ros.commands.trajectory_player import (
-    CurvePoint,
     JointCurve,
     JointMotion,
+    JointPoint,
     Outcome,
     Tolerance,
     Trajectory,
@@ -80,9 +80,9 @@ def played(simulation):
 @pytest.mark.parametrize(
     ("first", "second", "degree"),
     [
-        (CurvePoint(1.0, 0.3), CurvePoint(3.0, -0.5, 0.7, 0.1), 1),
-        (CurvePoint(1.0, 0.3, 0.2), CurvePoint(3.0, -0.5, 0.7, 0.1), 3),
-        (CurvePoint(1.0, 0.3, 0.2, -0.4), CurvePoint(3.0, -0.5, 0.7, 0.1), 5),
+        (JointPoint(1.0, 0.3), JointPoint(3.0, -0.5, 0.7, 0.1), 1),
+        (JointPoint(1.0, 0.3, 0.2), JointPoint(3.0, -0.5, 0.7, 0.1), 3),
+        (JointPoint(1.0, 0.3, 0.2, -0.4), JointPoint(3.0, -0.5, 0.7, 0.1), 5),
     ],
 )
 def test_between_two_points_is_the_polynomial_of_what_both_give(first, second, degree):
@@ -95,7 +95,7 @@ def test_between_two_points_is_the_polynomial_of_what_both_give(first, second, d
 
 
 def test_a_curve_holds_its_end_and_begins_anywhere():
-    curve = JointCurve([CurvePoint(1.0, 2.0, 0.0), CurvePoint(2.0, 3.0, 0.0)])
+    curve = JointCurve([JointPoint(1.0, 2.0, 0.0), JointPoint(2.0, 3.0, 0.0)])
     assert curve.at(2.0) == curve.at(9.0) == JointMotion(3.0)
     begun = curve.begun(0.0, JointMotion(1.0, 0.5))
     assert begun.at(0.0) == JointMotion(1.0, 0.5, begun.at(0.0).acceleration)
