@@ -12,7 +12,7 @@ import yaml
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.checks.override import location_of
 from mbd_sim.files.text.units import si_factor
-from mbd_sim.files.text.values import split_unit
+from mbd_sim.files.text.values import is_number, split_unit
 from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.positions import PositionBench
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -142,12 +142,17 @@ def _values(simulation: Simulation, size: float) -> Iterator[Setting]:
         unit, factor = "", 1.0
         if isinstance(text, str):
             number, unit = split_unit(text)
-            if not _is_number(number):
+            if not is_number(number):
                 continue  # a formula: it follows other values
             factor = si_factor(unit) if unit else 1.0
         shown = float(f"{value / factor:.12g}")
         group, label = _named(key)
-        low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size)
+        given = mechanism.ranges.get(label) if group == "Parameters" else None
+        if given is not None:  # a value that was changed with --set may be outside
+            low, high = (float(f"{end / factor:.12g}") for end in given)
+            low, high = min(low, shown), max(high, shown)
+        else:
+            low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size)
         yield Setting("value", group, key, label, unit, factor, shown, low, high)
 
 
@@ -156,14 +161,6 @@ def _written(mechanism: Mechanism, key: str) -> Any:
         return value_at(mechanism.source.data, location_of(mechanism, key))
     except MechanismError:
         return None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _named(key: str) -> tuple[str, str]:

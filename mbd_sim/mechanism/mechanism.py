@@ -44,7 +44,7 @@ class Mechanism:
     `tree` has their names from ground outwards, those that split parts last. `closing` joints close loops;
     they have no coordinates. Contacts that approach more slowly than `rest_speed` in m/s or rad/s do not rebound.
     `sensor_seed` selects the noise of `sensors`. `moved` are the joints that differ from the file, see
-    `mbd_sim.mechanism.exact_geometry`.
+    `mbd_sim.mechanism.exact_geometry`. `ranges` are the least and the greatest sensible value of parameters.
     """
 
     name: str
@@ -73,6 +73,7 @@ class Mechanism:
     sensor_seed: int = 0
     rest_speed: float = 1e-5
     moved: Mapping[str, Move] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         parts, joints = counted(len(self.parts), "part"), counted(len(self.all_joints), "joint")

@@ -10,13 +10,14 @@ from mbd_sim.lab.sliders import as_yaml, settings_of
 
 TEXT = """
 mechanism: arm
-parameters: {l: 800 mm, tilt: 30 deg, twice: 2*l, e: 0.5}
+parameters: {l: 800 mm, tilt: 30 deg, slack: 30 deg, twice: 2*l, e: 0.5}
+ranges: {slack: [-0.25 rev, 60 deg]}
 parts:
   arm: {shape: {type: rod, to: [l, 0, 0], mass: 2 kg}}
   tip: {shape: {type: rod, to: [twice, 0, 0], mass: 1 kg}}
 joints:
   pin: {type: revolute, between: [ground, arm], axis: [0, -1, 0], position: tilt, damping: 20 mN*m*s/rad}
-  elbow: {type: revolute, between: [arm, tip], axis: [0, -1, 0], stiffness: 3 N*m/rad, effort_limit: 7 N*m}
+  elbow: {type: revolute, between: [arm, tip], axis: [0, -1, 0], stiffness: 3 N*m/rad, rest: slack, effort_limit: 7 N*m}
 """
 
 
@@ -35,6 +36,15 @@ def test_values_have_the_units_of_the_file(settings):
     assert (length.value, length.unit, length.factor) == (800.0, "mm", 1e-3)
     assert (damping.value, damping.unit) == (20.0, "mN*m*s/rad")
     assert damping.factor == pytest.approx(1e-3)
+
+
+def test_ranges_of_the_file_are_the_ends(bench, settings):
+    slack, length = settings["parameters.slack"], settings["parameters.l"]
+    assert (slack.low, slack.high, slack.unit) == (-90.0, 60.0, "deg")
+    assert (length.low, length.high) == (200.0, 1600.0)
+    changed = Bench.of(with_values(bench.simulation.mechanism, {"slack": "70 deg"}))
+    slack = next(one for one in settings_of(changed, 1.6) if one.key == "parameters.slack")
+    assert (slack.low, slack.value, slack.high) == (-90.0, 70.0, 70.0)
 
 
 def test_values_that_follow_others_have_no_slider(settings):

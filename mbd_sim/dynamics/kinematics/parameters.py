@@ -284,7 +284,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
     Mechanism: (
         "name", "description", "parameters", "source", "method", "step", "rest_speed", "ground_points", "tree",
         "sensor_seed",
-        "bases", "moved",
+        "bases", "moved", "ranges",
     ),
     Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),

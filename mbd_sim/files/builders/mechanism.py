@@ -6,12 +6,12 @@ The records of a file that the schema refuses in part are built as well, for the
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from mbd_sim.base.errors import MechanismError, Problem, listed
+from mbd_sim.base.errors import InputError, MechanismError, Problem, listed, nearest
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.files.builders.actuators import actuated_joints, build_actuators, build_bases
 from mbd_sim.files.builders.constraints import build_constraints, coupled_joints
@@ -24,6 +24,8 @@ from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import POSITION, VELOCITY
+from mbd_sim.files.text.units import factor
+from mbd_sim.files.text.values import is_number, split_unit
 from mbd_sim.mechanism.contents import force_expressions
 from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
@@ -40,8 +42,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
     elements = build_elements(file, source)
-    if elements.problems:
-        raise MechanismError(in_order(elements.problems))
+    if found := [*elements.problems, *_problems_of_ranges(file, parameters, source)]:
+        raise MechanismError(in_order(found))
     joints = elements.joints
     coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
     massive = {end.part for spring in elements.forces.springs if spring.mass for end in (spring.first, spring.second)}
@@ -75,8 +77,41 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         sensors=elements.sensors,
         bases=elements.bases,
         sensor_seed=round(file.sensor_seed),
+        ranges=file.ranges,
     )
     return with_exact_loops(mechanism, file.tolerance) if file.tolerance else _as_written(mechanism, file)
+
+
+def _problems_of_ranges(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Iterator[Problem]:
+    """Ranges of no parameter, of one that follows others, in other units, upside down, or without its value."""
+    for name, ends in file.ranges.items():
+        try:
+            _require_range(name, ends, parameters, source)
+        except InputError as error:
+            yield source.problem(("ranges", name), error.message, error.remedy, source.data["ranges"][name])
+
+
+def _require_range(name: str, ends: tuple[float, float], parameters: Mapping[str, float], source: Source) -> None:
+    """Refuse a range that does not fit its parameter. A value that was changed after reading may be outside.
+
+    :raises InputError: why.
+    """
+    if name not in parameters:
+        raise InputError("there is no such parameter", nearest(name, parameters) or "Define it under 'parameters'.")
+    written = source.data["parameters"][name]
+    number, unit = split_unit(written) if isinstance(written, str) else ("0", "")
+    if not is_number(number):
+        raise InputError("the parameter follows from an expression", "Give the ranges of what it depends on.")
+    for end in source.data["ranges"][name]:
+        if unit and isinstance(end, str) and (other := split_unit(end)[1]):
+            factor(other, unit)
+    low, high = ends
+    if not low < high:
+        raise InputError("the first end must be less than the second", "Exchange the ends, or write different ones.")
+    changed = {name, f"parameters.{name}"} & source.changes.keys()
+    if not changed and not low <= parameters[name] <= high:
+        message = f"the parameter's value, {written}, is outside"
+        raise InputError(message, "Widen the range, or change the value.")
 
 
 def _as_written(mechanism: Mechanism, file: MechanismFile) -> Mechanism:

@@ -214,7 +214,7 @@ def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
     """The keys of the file's numbers that match any of the patterns, such as `joints.*.damping`, in its order."""
     file, _ = _validated(mechanism.source)
     keys = [f"parameters.{name}" for name in mechanism.parameters]
-    keys += [dotted(location) for location in _numbers(file, ()) if location[0] != "parameters"]
+    keys += [dotted(location) for location in _numbers(file, ()) if location[0] not in ("parameters", "ranges")]
     wanted = [_current_spelling(pattern).replace("[", "[[]") for pattern in patterns]
     return [key for key in keys if any(fnmatch.fnmatchcase(key, pattern) for pattern in wanted)]
 

@@ -247,7 +247,7 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
             text = str(loc[-2] if loc[-1:] == ("[key]",) else value)
             if "{" in text:
                 return "not a valid name", "An index in braces needs for: {i: 1..6} in the entry."
-            if loc[:1] in (("parameters",), ("tables",)):
+            if loc[:1] in (("parameters",), ("ranges",), ("tables",)):
                 valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
                 example = f", for example {valid}" if len(valid) <= 60 and re.match(PLAIN_PATTERN, valid) else ""
                 return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."

@@ -24,7 +24,7 @@ from mbd_sim.files.schema.base import (
     written_as,
 )
 from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
-from mbd_sim.files.schema.fields import Acceleration, Mass, MomentOfInertia, Number, PositiveTime, Quantity
+from mbd_sim.files.schema.fields import Acceleration, AnyNumber, Mass, MomentOfInertia, Number, PositiveTime, Quantity
 from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.schema.laws import TableSpec
@@ -135,6 +135,9 @@ class MechanismFile(Spec):
         None, description="whether the root link of the URDF is fixed to ground or free"
     )
     parameters: dict[PlainName, Value] = Field({}, description="named numbers for use in expressions")
+    ranges: dict[PlainName, tuple[AnyNumber, AnyNumber]] = Field(
+        {}, description="the least and the greatest sensible value of parameters: ends of sliders"
+    )
     functions: dict[FunctionHead, Value] = Field(
         {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
     )

@@ -105,3 +105,12 @@ def _factor(expression: str, unit: str, names: Mapping[str, float], si_unit: str
             remedy = f"To multiply by the parameter, write {expression}*{unit}."
             raise InputError(error.message, remedy) from error
         raise
+
+
+def is_number(text: str) -> bool:
+    """Whether a value without its unit is a plain number, and no expression."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

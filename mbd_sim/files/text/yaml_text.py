@@ -276,7 +276,7 @@ def _node(value: Any, location: Location) -> yaml.Node:
 def _block(location: Location) -> bool:
     """Whether each entry at a location is on its own line: in sections, in their entries, and in the lists of parts."""
     match location:
-        case () | ("parameters" | "functions" | "ground",) | ("ground", "points"):
+        case () | ("parameters" | "ranges" | "functions" | "ground",) | ("ground", "points"):
             return True
         case ("parts" | "joints" | "constraints" | "contacts" | "forces" | "actuators", *rest) if len(rest) <= 1:
             return True

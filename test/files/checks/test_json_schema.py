@@ -89,6 +89,7 @@ forces:
   c: {type: couple, on: four, vector: [0, "sin(t)", 0], axes: three}
 actuators:
   d: {type: dc_motor, joint: r, torque_constant: 1, resistance: 1}
+ranges: {n: [1, 3]}
 sensor_seed: 3
 sensors:
   a: {type: imu, at: one, rate: 200 Hz, delay: 5 ms, drop_out: 0.1, orientation: {bias: 1 deg, bias_walk: 1, noise_density: 1},
