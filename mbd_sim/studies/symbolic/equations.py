@@ -20,7 +20,7 @@ from mbd_sim.mechanism.elements.contacts import Cam
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
 from mbd_sim.studies.symbolic.algebra.polynomial import MAX_INSTRUCTIONS, too_large
-from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol, SymbolicValues, symbolic_values, with_forces_alone
+from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol, SymbolicValues, as_in_textbooks, symbolic_values
 from mbd_sim.studies.symbolic.constraints import (
     SymbolicConstraint,
     SymbolicContact,
@@ -116,7 +116,7 @@ def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = 
     require_no_commanded_drives(require_mechanism(mechanism), "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     _require_formulas(mechanism)
-    mechanism = with_forces_alone(mechanism)
+    mechanism = as_in_textbooks(mechanism)
     values = None
     if parameters is None or parameters:
         keys = list(mechanism.parameters) if parameters is None else parameters

@@ -208,3 +208,19 @@ def test_the_snippets_of_the_page_run(capsys):
     for snippet in re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
         exec(compile(snippet, "docs/symbolic.md", "exec"), {})
         assert len(capsys.readouterr().out.splitlines()) >= 2
+
+
+@pytest.mark.parametrize("exponent", [2, 3])
+def test_drag_of_a_power_of_the_speed_is_written_without_its_guard_at_rest(exponent):
+    """Géradin & Rixen p. 30: F = -C |v|^(p-1) v and D = C |v|^(p+1)/(p+1), in the plane and about a joint."""
+    model = sympy(with_values(load_mechanism("quadratic_drag"), {"forces.drag.exponent": exponent}))
+    (c,), (x, y, _) = symbols(model, "C"), model.u
+    speed = sp.sqrt(x**2 + y**2)
+    assert sp.simplify(model.D - c * speed ** (exponent + 1) / (exponent + 1)) == 0
+    assert sp.simplify(model.Q - model.efforts + c * speed ** (exponent - 1) * column(x, y, 0)) == sp.zeros(3, 1)
+    turning = load_mechanism("rod_pendulum")
+    damper = f"    damper: {{coefficient: 0.3, exponent: {exponent}}}\n"
+    model = sympy(parse_mechanism(turning.source.text.replace("    type: revolute\n", "    type: revolute\n" + damper)))
+    (rate,) = model.u
+    drag = sp.simplify(model.Q[0] - model.efforts[0] - sympy(turning).Q[0] + sympy(turning).efforts[0])
+    assert sp.simplify(drag + sp.Rational(3, 10) * sp.Abs(rate) ** (exponent - 1) * rate) == 0

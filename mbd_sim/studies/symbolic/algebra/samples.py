@@ -28,9 +28,10 @@ from mbd_sim.dynamics.kinematics.parameters import (
     varying_parameters,
 )
 from mbd_sim.dynamics.lagrange import MassMoments, mass_moments
+from mbd_sim.files.builders.joints import REGULARIZATION
 from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.mechanism.values.laws import Expressed, Varying
+from mbd_sim.mechanism.values.laws import Expressed, PowerLaw, Varying
 from mbd_sim.studies.symbolic.algebra.formulas import MAX_TERMS, Factor, Formula, ParameterSamples, formulas
 from mbd_sim.studies.symbolic.algebra.names import key_name, symbol_latex
 from mbd_sim.studies.symbolic.algebra.polynomial import Exact, exact
@@ -223,10 +224,10 @@ def symbolic_values(mechanism: Mechanism, keys: Sequence[str]) -> SymbolicValues
     :param keys: of its file, as for live values.
     :raises MechanismError: there is no such key.
     """
-    mechanism = with_forces_alone(mechanism)
+    mechanism = as_in_textbooks(mechanism)
     data, base = equation_data(mechanism), _numbers(mechanism)
     samples = number_samples(
-        lambda changes: with_forces_alone(with_values(mechanism, changes)),
+        lambda changes: as_in_textbooks(with_values(mechanism, changes)),
         values_of(mechanism, keys),
         _numbers,
         _numbers_of_variants,
@@ -273,6 +274,19 @@ def with_forces_alone(mechanism: Mechanism) -> Mechanism:
 
     joints = {name: opened(joint, "spring") for name, joint in mechanism.joints.items()}
     return replace(mechanism, joints=joints, springs=tuple(opened(spring, "law") for spring in mechanism.springs))
+
+
+def as_in_textbooks(mechanism: Mechanism) -> Mechanism:
+    """The mechanism `with_forces_alone` whose dampers have no regularization that is only for derivatives at rest."""
+
+    def plain(record: Any, key: str) -> Any:
+        law = getattr(record, key)
+        guarded = isinstance(law, PowerLaw) and law.exponent > 1.0 and law.regularization == REGULARIZATION
+        return replace(record, **{key: replace(law, regularization=0.0)}) if guarded else record
+
+    mechanism = with_forces_alone(mechanism)
+    joints = {name: plain(joint, "damper") for name, joint in mechanism.joints.items()}
+    return replace(mechanism, joints=joints, dampers=tuple(plain(damper, "law") for damper in mechanism.dampers))
 
 
 def _numbers(mechanism: Mechanism) -> Array:
