@@ -81,7 +81,9 @@ _KEYS: Mapping[str, Mapping[Words, str]] = {
         "'{type: line_force, between: […], force: …}'.",
     },
 }  # fmt: skip
-_OF_A_JOINT = "It measures a joint: write 'joint: …'. At points are accelerometer, imu, odometry, pose and twist."
+_OF_A_JOINT = (
+    "It measures a joint: write 'joint: …'. At points are accelerometer, imu, odometry, pose, range and twist."
+)
 _AT_A_POINT = _AT + " Of a joint are encoder, force_torque and tachometer."
 _ERRORS = ("noise", "noise_density", "bias", "bias_walk", "resolution", "limit", "stddev")
 _QUANTITIES = ("angular_velocity", "specific_force", "force", "torque", "position", "orientation", "velocity")

@@ -20,6 +20,7 @@ from mbd_sim.pictures.drawing.picture import mechanism_sheet
 from mbd_sim.pictures.drawing.sheet import Page, view_of
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.pictures.shapes.primitives import connectors, primitives
+from mbd_sim.studies.kinematic_analysis.parametric import without_forces
 from mbd_sim.studies.report.elements import force_reports
 from test.generators.mechanisms import accelerations
 from test.oracles import kane
@@ -69,6 +70,23 @@ def test_it_acts_in_both_derivations(kind):
     assert np.max(np.abs(found - free)) > 0.1
     np.testing.assert_allclose(lagrange_equations(loaded(kind)).accelerations(Q, U, NONE, 0.0), found, rtol=1e-11)
     np.testing.assert_allclose(kane.equations(loaded(kind), Q, U, NONE).accelerations, found, rtol=1e-11)
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_energy_is_accounted_for(kind):
+    """Accelerations do not show a potential, a dissipation or a power that is missing."""
+    simulation = Simulation(loaded(kind))
+    simulation.reset(q=Q, u=U)
+    start = simulation.energies.kinetic
+    simulation.step(100)
+    energies = simulation.energies
+    assert abs(energies.kinetic - start) > 1e-3
+    assert abs(energies.residual) < 1e-13 * (energies.kinetic + abs(energies.potential))
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_positions_are_studied_without_it(kind):
+    assert without_forces(loaded(kind)).force_elements == ()
 
 
 @pytest.mark.parametrize("kind", KEYS)

@@ -4,13 +4,17 @@ from pathlib import Path
 from typing import get_args
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
-from mbd_sim import parse_mechanism
+from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.measurements import measured_values
+from mbd_sim.files.checks import problems
 from mbd_sim.files.schema.sensors import AnySensorSpec
 from mbd_sim.mechanism.elements.sensors import ORIENTATION, AnySensor
+from mbd_sim.recordings.messages.cdr import RecordedTopic, decode
+from mbd_sim.recordings.messages.topics import SensorMessages
 from mbd_sim.recordings.views import sensor_columns
 from mbd_sim.studies.report.elements import sensor_report
 from mbd_sim.studies.symbolic import latex_elements
@@ -66,6 +70,20 @@ def test_its_messages_can_be_read_from_recordings(kind):
 
 
 @pytest.mark.parametrize("kind", KEYS)
+def test_its_message_contains_what_it_measures(kind):
+    """Fields in another order or number than those of the type would be read as other quantities."""
+    simulation = Simulation(sensed(kind))
+    simulation.step(5)
+    (measured,) = SensorMessages(simulation.model, simulation.step_size).measured(simulation.arrivals, 10**9)
+    message_type = simulation.mechanism.sensors[0].message_type
+    message = decode(RecordedTopic(measured.topic, message_type, "", "", "cdr", 1), measured.payload)
+    found, values = sensor_columns._READERS[message_type](message), measured.reading.values
+    for name, value in values.items():
+        value = value[[1, 2, 3, 0]] if len(value) == 4 else value  # of quaternions, w is the last in ROS
+        np.testing.assert_allclose(found[name], value, rtol=1e-7, err_msg=name)  # a distance has single precision
+
+
+@pytest.mark.parametrize("kind", KEYS)
 def test_its_quantities_have_letters_in_formulas(kind):
     (sensor,) = sensed(kind).sensors
     assert {quantity.name for quantity in sensor.quantities} <= set(latex_elements.LETTERS)
@@ -82,6 +100,23 @@ def test_the_package_depends_on_its_messages(kind):
 def test_the_report_names_it(kind):
     (sensor,) = sensed(kind).sensors
     assert sensor_report(sensor, 0.001)["type"] == kind
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_advice_about_at_and_joint_names_it(kind):
+    (spec,) = (
+        one for one in get_args(get_args(AnySensorSpec)[0]) if get_args(one.model_fields["type"].annotation)[0] == kind
+    )
+    advice = {"at": problems._OF_A_JOINT, "joint": problems._AT_A_POINT}
+    assert all(kind in text for key, text in advice.items() if key in spec.model_fields)
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_the_page_of_the_node_describes_its_message(kind):
+    page = (ROOT / "docs" / "node.md").read_text(encoding="utf-8")
+    rows = [line for line in page.partition("### Sensors")[2].partition("\n#")[0].splitlines() if line.startswith("|")]
+    ((_, _, message, *_),) = ([*row.split("|")] for row in rows if f"`{kind}`" in row.split("|")[1])
+    assert message.strip() == sensed(kind).sensors[0].message_type.replace("/msg/", "/")
 
 
 @pytest.mark.parametrize("kind", KEYS)
