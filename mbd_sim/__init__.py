@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from mbd_sim.base.geometry.pose import Pose
     from mbd_sim.files.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.mechanism import Mechanism
-    from mbd_sim.recordings.notebook.runs import RunPicture
-    from mbd_sim.recordings.notebook.simulation import Simulation
+    from mbd_sim.notebook.runs import RunPicture
+    from mbd_sim.notebook.simulation import Simulation
     from mbd_sim.recordings.run.run_recorder import RunRecorder
     from mbd_sim.simulation.ensemble.ensemble import Ensemble
     from mbd_sim.simulation.kernel.sensors import SensorReading
@@ -146,7 +146,7 @@ _MODULES = {
         "parse_mechanism",
     ),
     "mbd_sim.mechanism.mechanism": ("Mechanism",),
-    "mbd_sim.recordings.notebook.runs": ("RunPicture",),
+    "mbd_sim.notebook.runs": ("RunPicture",),
     "mbd_sim.recordings.run.run_recorder": ("RunRecorder",),
     "mbd_sim.simulation.model.model": ("Model",),
     "mbd_sim.simulation.ensemble.ensemble": ("Ensemble",),
@@ -159,7 +159,7 @@ _MODULES = {
         "Violation",
     ),
     "mbd_sim.simulation.kernel.sensors": ("SensorReading",),
-    "mbd_sim.recordings.notebook.simulation": ("Simulation",),
+    "mbd_sim.notebook.simulation": ("Simulation",),
     "mbd_sim.studies.symbolic": (
         "SymbolicEquations",
         "symbolic_equations",
@@ -182,6 +182,6 @@ def __dir__() -> list[str]:
 
 
 if "IPython" in sys.modules and (_shell := sys.modules["IPython"].get_ipython()) is not None:
-    from mbd_sim.recordings.notebook.formatters import register
+    from mbd_sim.notebook.formatters import register
 
     register(_shell.display_formatter.formatters)

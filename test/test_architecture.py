@@ -14,7 +14,7 @@ LONGEST = 60  # lines of a function
 LONGEST_DERIVE = 40  # lines of code of `derive`, the table of contents of the equations of motion
 # From above to below; a module imports only from its own folder and from those after it.
 ORDER = (
-    "__main__", "programs", "cli", "examples", "ros", "lab", "many", "exports", "recordings", "studies", "pictures", "simulation",
+    "__main__", "programs", "cli", "examples", "ros", "many", "exports", "notebook", "lab", "recordings", "studies", "pictures", "simulation",
     "files", "analysis", "dynamics", "compiler", "integrators", "mechanism", "base",
 )  # fmt: skip
 TEXT = re.compile(r"\bmbd_sim(?:\.\w+)+")
@@ -128,7 +128,7 @@ def test_every_kind_of_import_is_seen(text, monkeypatch):
 
 def test_names_of_the_public_interface_count_as_their_modules(monkeypatch):
     monkeypatch.setitem(modules(), "base.invented", ast.parse("from mbd_sim import Simulation"))
-    assert imports_of.__wrapped__("base.invented") == {"recordings.notebook.simulation"}
+    assert imports_of.__wrapped__("base.invented") == {"notebook.simulation"}
 
 
 def test_folders_are_small():

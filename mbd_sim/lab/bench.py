@@ -51,14 +51,14 @@ class Bench:
         self.period = max(1, round(PULL_PERIOD / simulation.step_size))  # steps
 
     @classmethod
-    def of(cls, mechanism: Mechanism) -> Bench:
-        """Build the simulation of a mechanism.
+    def of(cls, mechanism: Mechanism, *, method: str | None = None, step: float | None = None) -> Bench:
+        """Build the simulation of a mechanism; `method` and `step` (s) replace those of its file.
 
         :raises MechanismError: with all problems of the file.
         """
         live = names_with_matches(mechanism, LIVE)
         movable = [name for name, part in mechanism.parts.items() if part.mass]
-        return cls(Simulation(mechanism, live=live, wrenches=movable))
+        return cls(Simulation(mechanism, live=live, wrenches=movable, method=method, step=step))
 
     def advance(self, steps: int) -> None:
         """Take steps; the force of the hand changes at multiples of `period`.

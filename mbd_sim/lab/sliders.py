@@ -145,6 +145,9 @@ def _values(simulation: Simulation, size: float) -> Iterator[Setting]:
             if not is_number(number):
                 continue  # a formula: it follows other values
             factor = si_factor(unit) if unit else 1.0
+            value = float(number) * factor
+        elif text is not None:
+            value = float(text)
         shown = float(f"{value / factor:.12g}")
         group, label = _named(key)
         given = mechanism.ranges.get(label) if group == "Parameters" else None

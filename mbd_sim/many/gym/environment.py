@@ -13,8 +13,8 @@ from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.notebook.simulation import Simulation
 from mbd_sim.pictures.drawing.animation import Animation
-from mbd_sim.recordings.notebook.simulation import Simulation
 from mbd_sim.simulation.run.arguments import positive_count
 
 try:

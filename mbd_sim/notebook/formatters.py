@@ -18,13 +18,13 @@ def register(formatters: Any) -> None:
 
 
 def _mechanism_html(mechanism: Mechanism) -> str:
-    from mbd_sim.recordings.notebook.runs import mechanism_html
+    from mbd_sim.notebook.runs import mechanism_html
 
     return mechanism_html(mechanism)
 
 
 def _mechanism_png(mechanism: Mechanism) -> bytes:
-    from mbd_sim.recordings.notebook.runs import mechanism_png
+    from mbd_sim.notebook.runs import mechanism_png
 
     return mechanism_png(mechanism)
 

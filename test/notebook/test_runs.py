@@ -13,7 +13,7 @@ from IPython.core.formatters import DisplayFormatter
 from PIL import Image
 
 from mbd_sim import InputError, Simulation, load_mechanism, symbolic_equations
-from mbd_sim.recordings.notebook.formatters import FORMATTERS, register
+from mbd_sim.notebook.formatters import FORMATTERS, register
 
 
 class Table(HTMLParser):

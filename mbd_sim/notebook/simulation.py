@@ -1,16 +1,17 @@
-"""The `Simulation` of the public interface: that of the engine, with recordings, and with pictures in notebooks."""
+"""The `Simulation` of the public interface: that of the engine, with recordings, pictures and the lab."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from mbd_sim.simulation.run import simulation as engine
 from mbd_sim.simulation.run.arguments import RecordingOptions
 
 if TYPE_CHECKING:
-    from mbd_sim.recordings.notebook.runs import RunPicture
+    from mbd_sim.lab.lab import Lab
+    from mbd_sim.notebook.runs import RunPicture
     from mbd_sim.recordings.run.run_recorder import RunRecorder
 
 
@@ -54,7 +55,7 @@ class Simulation(engine.Simulation):  # noqa: D101
         :raises ValueError: the time is not finite, or is in the past.
         :raises DivergedError: see `advance`.
         """
-        from mbd_sim.recordings.notebook.runs import plot
+        from mbd_sim.notebook.runs import plot
 
         return plot(self, until, show, style, theme)
 
@@ -67,7 +68,7 @@ class Simulation(engine.Simulation):  # noqa: D101
         :raises ValueError: the time is not finite, or is in the past.
         :raises DivergedError: see `advance`.
         """
-        from mbd_sim.recordings.notebook.runs import animate
+        from mbd_sim.notebook.runs import animate
 
         return animate(self, until, traces)
 
@@ -81,16 +82,34 @@ class Simulation(engine.Simulation):  # noqa: D101
         :raises ValueError: the time is not finite, or is in the past.
         :raises DivergedError: see `advance`.
         """
-        from mbd_sim.recordings.notebook.runs import view
+        from mbd_sim.notebook.runs import view
 
         return view(self, until)
 
+    def lab(self, port: int = 0, theme: Literal["light", "dark"] = "light", running: bool = False) -> Lab:
+        """Open a page in the browser that starts where this simulation is, which itself stays as it is.
+
+        In a notebook, the page is shown inline if this is the last line of a cell; elsewhere open the `url`.
+
+        >>> from mbd_sim import Simulation
+        >>> sim = Simulation.from_file("four_bar")
+        >>> lab = sim.lab()  # doctest: +SKIP
+        >>> lab.close()  # doctest: +SKIP
+
+        :param port: 0: a free one.
+        :param running: whether the motion goes on at once.
+        :raises MissingPackageError: viser is not installed.
+        """
+        from mbd_sim.lab.lab import Lab
+
+        return Lab(self.mechanism, port=port, theme=theme, running=running, start=self)
+
     def _repr_html_(self) -> str:
-        from mbd_sim.recordings.notebook.runs import simulation_html
+        from mbd_sim.notebook.runs import simulation_html
 
         return simulation_html(self)
 
     def _repr_png_(self) -> bytes:
-        from mbd_sim.recordings.notebook.runs import simulation_png
+        from mbd_sim.notebook.runs import simulation_png
 
         return simulation_png(self)
