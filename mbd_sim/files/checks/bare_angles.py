@@ -15,7 +15,7 @@ from mbd_sim.mechanism.values.names import split_key
 from mbd_sim.mechanism.values.source import Location, Source, dotted, value_at
 
 TURN = 2.0 * math.pi
-SECTIONS = ("parameters", "ground", "parts", "joints", "constraints", "contacts", "forces", "actuators")
+SECTIONS = ("parameters", "ranges", "ground", "parts", "joints", "constraints", "contacts", "forces", "actuators")
 BOUNDED = ("sin", "cos", "tanh", "sign")  # functions that do not exceed 1
 
 
@@ -62,6 +62,8 @@ def is_angle(source: Source, location: Location) -> bool:
     from mbd_sim.files.checks.json_schema import unit_at  # with the schema, which few files need here
     from mbd_sim.files.text.yaml_text import parse_source
 
+    if location[0] == "ranges":
+        location = ("parameters", location[1])
     if location[0] != "parameters":
         return unit_at(source.data, location) == "rad"
     data = parse_source(source.text).data if source.changed and source.text else source.data

@@ -3,6 +3,7 @@
 import pytest
 
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.checks.bare_angles import bare_angle_remarks
 from mbd_sim.files.checks.override import matching, with_values
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.text.yaml_text import yaml_text
@@ -58,6 +59,12 @@ def test_a_changed_value_may_be_outside(key):
 
 def test_ends_are_no_values_of_the_motion():
     assert not [key for key in matching(rod("[0.5, 1]"), ["*"]) if key.startswith("ranges")]
+
+
+def test_an_end_of_an_angle_without_a_unit_is_noted():
+    (remark,) = bare_angle_remarks(rod("[0, 90]", "tilt").source)
+    assert remark.startswith("ranges.tilt[1] is 90 rad") and "90 deg" in remark
+    assert not bare_angle_remarks(rod("[0, 90]", "l").source)
 
 
 def test_written_ranges_are_read_again():
