@@ -78,9 +78,10 @@ class OneSidedMotion:
         states = np.zeros(self._equations.core.stop - len(q) - len(u))
         found, readings = self._evaluated(t, q, u, states, given)
         for _ in range(ITERATIONS):
-            slopes = found.by_inputs[: len(u), actuated]
+            slopes, least = found.by_inputs[: len(u), actuated], BLOCKED * found.mobility
+            slopes = np.where(np.abs(slopes) > least, slopes, 0.0)
             needed = u_rates - found.u_rates + slopes @ efforts[actuated]
-            new = _least_squares(slopes, needed, BLOCKED * found.mobility)
+            new = _least_squares(slopes, needed, least)
             change = new - efforts[actuated]
             efforts[actuated] = new
             given[self._equations.inputs.efforts] = base + efforts

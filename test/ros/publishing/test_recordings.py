@@ -150,7 +150,7 @@ def test_a_folder_that_cannot_be_written_is_an_answer_and_no_error(tmp_path):
         raise RecordingError("cannot record to 'x'")
 
     node.recordings._open_recorder = refuse
-    assert node.recordings.start() == (False, "cannot record to 'x'")
+    assert node.recordings.start() == (False, "cannot record to 'x'.")
     node.go(1)
     node.recordings.close()
 
