@@ -3,6 +3,7 @@
 import asyncio
 import time
 
+import msgspec
 import pytest
 import websockets
 from websockets.datastructures import Headers
@@ -11,7 +12,7 @@ from websockets.http11 import Request
 from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
 from mbd_sim.lab.safety import Gate, guarded
-from test.waiting import wait_until
+from test.waiting import PATIENCE
 
 viser = pytest.importorskip("viser")
 
@@ -87,28 +88,45 @@ def test_no_page_can_open_the_tunnel(lab):
     assert viser._messages.ShareUrlRequest not in lab.page.server._websock_server._incoming_handlers
 
 
-def test_a_flood_of_messages_does_not_change_the_pace(lab):
-    """A page that sends as fast as it can, bytes that are no messages among them, does not stop the run."""
+async def go_on(lab, send):
+    """Send until the run has taken many turns."""
+    start = lab.session.turns
+    deadline = time.monotonic() + PATIENCE
+    while lab.session.turns < start + 30:
+        assert time.monotonic() < deadline, "the run stands still"
+        await send()
+
+
+def test_a_flood_of_messages_does_not_stop_the_run(lab):
+    """A page that sends as fast as it can."""
+    slider = next(iter(lab.page.server.gui._gui_input_handle_from_uuid))
+    messages = [
+        msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": 1.0}})
+        for uuid in ("nothing", slider)
+    ]
 
     async def flood():
-        sent = 0
         async with connect(lab) as connection:
-            message = viser._messages.GuiUpdateMessage(uuid="nothing", updates={"value": 1.0})
-            data = message.serialize() if hasattr(message, "serialize") else b"\x80"
-            end = time.monotonic() + 1.0
-            while time.monotonic() < end:
-                await connection.send(data if isinstance(data, bytes) else b"\x80")
-                sent += 1
-                await asyncio.sleep(0)
-        return sent
 
-    before = lab.session.turns
-    try:
-        sent = asyncio.run(flood())
-    except websockets.ConnectionClosed:  # it was thrown out for what it sent
-        sent = 1
-    assert sent
-    turns = lab.session.turns
-    assert turns > before
-    wait_until(lambda: lab.session.turns > turns, "the run to go on")
+            async def send():
+                for message in messages:
+                    await connection.send(message)
+                await asyncio.sleep(0)
+
+            await go_on(lab, send)
+
+    asyncio.run(flood())
+
+
+def test_bytes_that_are_no_message_end_only_the_page_that_sent_them(lab):
+    async def send_nonsense():
+        async with connect(lab) as good:
+            async with connect(lab) as bad:
+                await bad.send(b"\x80")
+                with pytest.raises(websockets.ConnectionClosed):
+                    while True:
+                        await bad.recv()
+            await go_on(lab, good.recv)
+
+    asyncio.run(send_nonsense())
     assert lab.session.frame.running
