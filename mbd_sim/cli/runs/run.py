@@ -69,7 +69,7 @@ def simulate(
 
     viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
     feed = None if viewer is None else _ViewerFeed(viewer, simulation)
-    samplers: list[Sampler] = [] if feed is None else [feed]
+    samplers: list[PeriodicOutput] = [] if feed is None else [feed]
     if outputs is not None and outputs.frame_rate:
         samplers.append(_Frames(outputs, simulation))
     last = round(duration / simulation.step_size)
@@ -102,7 +102,7 @@ def simulate(
     )
 
 
-class Sampler(Protocol):
+class PeriodicOutput(Protocol):
     """Takes a sample of a simulation at a rate in Hz."""
 
     rate: float

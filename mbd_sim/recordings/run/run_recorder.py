@@ -16,7 +16,7 @@ from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic, offered_qos_profiles
 from mbd_sim.recordings.messages.events import EventWriter
 from mbd_sim.recordings.messages.journal import Journal, publication_schedule
-from mbd_sim.recordings.messages.states import Accelerations, StateWriter
+from mbd_sim.recordings.messages.states import AccelerationMessages, StateWriter
 from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,
     CONSTRAINT_VIOLATION,
@@ -26,7 +26,7 @@ from mbd_sim.recordings.messages.topics import (
     TOPICS,
     OutputTopic,
     Recorded,
-    SensorMessages,
+    SensorSerializer,
     absolute_name,
     for_accelerations,
     for_each_part,
@@ -93,7 +93,7 @@ class RunRecorder:
         self._numbers = {topic.name: number for number, topic in enumerate(requested)}
         self._state_writers: dict[str, StateWriter] = {t.name: t.on_state(model, "") for t in requested if t.on_state}
         self._event_writers: dict[str, EventWriter] = {t.name: t.on_event(model) for t in requested if t.on_event}
-        self._sensors = SensorMessages(model, simulation.step_size)
+        self._sensors = SensorSerializer(model, simulation.step_size)
         simulation.listen(self)
         try:
             self._writer = McapWriter(self.path, [_described(topic) for topic in requested])
@@ -235,7 +235,7 @@ def _requested(
     for part in poses:
         if part not in (*parts, ALL):
             raise InputError(f"poses: there is no part '{part}'", nearest(part, parts))
-    Accelerations(simulation.model, accelerations)  # refuses unknown names
+    AccelerationMessages(simulation.model, accelerations)  # refuses unknown names
     wanted = {JOINT_REACTIONS.name: reactions, CONSTRAINT_VIOLATION.name: violation}
     found: list[OutputTopic] = []
     for topic in TOPICS:

@@ -25,7 +25,7 @@ from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.files.urdf.writer import ControlTopics, control_blocks, floating_joints
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.events import robot_description
-from mbd_sim.recordings.messages.states import Accelerations, floating_transforms
+from mbd_sim.recordings.messages.states import AccelerationMessages, floating_transforms
 from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,
     CLOCK,
@@ -159,7 +159,7 @@ def _accelerations(names: list[str], model: Model) -> OutputTopic:
     :raises ValueError: there is no such part or point.
     """
     try:
-        Accelerations(model, names)
+        AccelerationMessages(model, names)
     except InputError as error:
         raise ValueError(f"accelerations: {error}") from error
     return for_accelerations(names)

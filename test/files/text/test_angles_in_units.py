@@ -15,7 +15,7 @@ from mbd_sim.files.checks.json_schema import json_schema
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.schema.base import Spec
-from mbd_sim.files.schema.fields import ExpressionField, Quantity
+from mbd_sim.files.schema.fields import ExpressionField, QuantityField
 from mbd_sim.many.sweep.plan import variation
 from mbd_sim.simulation.run.simulation import Simulation
 from mbd_sim.studies.kinematic_analysis.system import drive_speed, parameter_value
@@ -98,7 +98,7 @@ def expected(unit, wanted):
 
 def markers(kind):
     for mark in getattr(kind, "__metadata__", ()):
-        if isinstance(mark, Quantity | ExpressionField):
+        if isinstance(mark, QuantityField | ExpressionField):
             yield mark
     for inner in typing.get_args(kind):
         yield from markers(inner)

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.pictures.drawing.forces import AWAY, LETTER, MOTOR, drive_paths, force_paths
-from mbd_sim.pictures.drawing.sheet import Page, view_of
+from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder
 from mbd_sim.simulation.run.simulation import Simulation
 
@@ -31,7 +31,7 @@ def drawn(text, page):
 @pytest.fixture
 def page():
     simulation = Simulation.from_text(TEXT)
-    return Page(view_of(simulation.mechanism, simulation.poses()), 100.0)
+    return ScaledView(view_of(simulation.mechanism, simulation.poses()), 100.0)
 
 
 def test_a_motor_is_a_circle_with_an_m_beside_its_joint(page):
