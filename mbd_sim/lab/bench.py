@@ -92,6 +92,11 @@ class Bench:
             self.simulation.set_wrench(self.hold.part)
             self.hold = None
 
+    def clear_wrenches(self) -> None:
+        """Remove the force of a hand that the state at hand still contains."""
+        for part in self.simulation.wrench_map.slices:
+            self.simulation.set_wrench(part)
+
     def drag(self, part: str, point: Array, target: Array) -> None:
         """Move through the configurations, with loops closed, so that a point of a part comes close to a `target`.
 

@@ -193,6 +193,8 @@ class Session:
 
     def pause(self) -> None:
         """Stop in the present state; a hand lets go."""
+        if self.running:
+            self._remember(always=True)
         self.running = False
         self.bench.let_go()
 
@@ -217,11 +219,12 @@ class Session:
         self._restart_clock()
 
     def wind_to(self, time: float) -> None:
-        """Pause in the state of the history nearest to a time in s."""
+        """Pause in the state of the history nearest to a time in s; a hand that pulled there has let go."""
         point = self.history.nearest(time)
         if point is not None:
             self.pause()
             self.bench.simulation.restore(point)
+            self.bench.clear_wrenches()
             self.edition += 1
             self._note(f"wound back to {self.bench.simulation.time:.6g} s")
 
