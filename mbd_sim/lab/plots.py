@@ -14,7 +14,7 @@ from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.session import Samples
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.palette import Color
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 POINTS = 400
 HEIGHT = 170  # pixels
@@ -65,7 +65,7 @@ def _numbers(state: Any) -> list[str]:
 class Plots:
     """The curves of a mechanism in the panel of a page."""
 
-    def __init__(self, gui: Any, simulation: Simulation, *, dark: bool) -> None:
+    def __init__(self, gui: Any, simulation: BaseSimulation, *, dark: bool) -> None:
         """Add the plots to the container that is open in viser's `gui`."""
         mechanism = simulation.mechanism
         self._names = simulation.coordinate_names

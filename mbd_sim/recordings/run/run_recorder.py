@@ -36,7 +36,7 @@ from mbd_sim.recordings.messages.topics import (
 from mbd_sim.recordings.run.metadata import run_metadata
 from mbd_sim.recordings.run.paths import RecordingError
 from mbd_sim.simulation.run.events import RESTARTS, EventKind, Payload
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 SUFFIX = ".mcap"
 DEFAULT_RATE = 100.0  # Hz, as `publish_rate` of the node
@@ -57,7 +57,7 @@ class RunRecorder:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         path: str | Path,
         *,
         rate: float | None = None,
@@ -228,7 +228,7 @@ def _possible_rate(rate: float | None, step_size: float) -> float:
 
 
 def _requested(
-    simulation: Simulation, reactions: bool, violation: bool, poses: Sequence[str], accelerations: Sequence[str]
+    simulation: BaseSimulation, reactions: bool, violation: bool, poses: Sequence[str], accelerations: Sequence[str]
 ) -> list[OutputTopic]:
     """The topics to record: those that the node always records, and those on request."""
     parts = simulation.model.part_names

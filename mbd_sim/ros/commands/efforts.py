@@ -22,7 +22,7 @@ from mbd_sim.ros.commands.actuators import ActuatorBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges, JointCommandRouter
 from mbd_sim.ros.commands.trajectory_player import JointCurve, Setpoint, Trajectory
 from mbd_sim.simulation.model.commands import CommandMap, EffortMap
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class DueEfforts:
     efforts: Array | None = None
     expired: tuple[str, ...] = ()
 
-    def apply(self, simulation: Simulation) -> None:
+    def apply(self, simulation: BaseSimulation) -> None:
         """Command these efforts from the next step on; the simulation reports what changes."""
         if self.efforts is not None:
             simulation.set_efforts(self.efforts)

@@ -10,7 +10,7 @@ from mbd_sim.pictures.drawing.outlines import pin_bar_paths
 from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.palette import part_colors
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 COUPLER = """mechanism: coupler
 parts:
@@ -25,7 +25,7 @@ joints: {pin: {type: revolute, between: [ground, bar], axis: [0, -1, 0], positio
 
 @pytest.fixture(scope="module")
 def simulation():
-    return Simulation.from_text(COUPLER)
+    return BaseSimulation.from_text(COUPLER)
 
 
 def paths(simulation, point):
