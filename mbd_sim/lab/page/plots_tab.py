@@ -14,10 +14,6 @@ from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.session import Frame, Session
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.palette import Color
-<<<<<<< HEAD:mbd_sim/lab/page/plots_tab.py
-=======
-from mbd_sim.simulation.run.simulation import BaseSimulation
->>>>>>> renames:mbd_sim/lab/plots.py
 
 POINTS = 400
 HEIGHT = 170  # pixels
@@ -68,11 +64,7 @@ def _numbers(state: Any) -> list[str]:
 class PlotsTab:
     """The curves of a mechanism in the panel of a page."""
 
-<<<<<<< HEAD:mbd_sim/lab/page/plots_tab.py
     def __init__(self, gui: Any, session: Session, *, dark: bool) -> None:
-=======
-    def __init__(self, gui: Any, simulation: BaseSimulation, *, dark: bool) -> None:
->>>>>>> renames:mbd_sim/lab/plots.py
         """Add the plots to the container that is open in viser's `gui`."""
         self._session, simulation = session, session.bench.simulation
         self._add_choice(gui)
