@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import load_mechanism
-from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.lab import Lab
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.recordings.run.verification import verify
 from test.docs.site_browser import browser
 from test.waiting import wait_until
@@ -183,7 +183,7 @@ def test_winding_back_by_the_time_line(opened):
     opened.button("Pause")
     wait_until(lambda: not opened.frame.running, "the pause")
     reached = opened.frame.time
-    wait_until(lambda: abs(opened.lab.page._time.value - reached) < 1e-3, "the paused time in the page")
+    wait_until(lambda: abs(opened.lab.page._run_bar.time.value - reached) < 1e-3, "the paused time in the page")
     opened.type("Time (s)", "0.2")
     wait_until(
         lambda: opened.frame.time < 0.5 * (0.2 + reached),
