@@ -11,8 +11,8 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.page.page import Page, Theme
 from mbd_sim.lab.session.background import FileWatch
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.positions import PositionBench
-from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.simulation import Simulation
@@ -54,7 +54,7 @@ class Lab:
         require_packages("viser", purpose="The lab")
         self._drive = drive
         bench = self._bench(mechanism) if start is None else _bench_from(start)
-        self.session = Session(bench, running=running and drive is None)
+        self.session = OwnSession(bench, running=running and drive is None)
         if record is not None:
             self.session.record(record)
         self.page = Page(self.session, host=host, port=port, theme=theme, check=self._checked)

@@ -10,7 +10,7 @@ from pathlib import Path
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.mechanism.mechanism import Mechanism
 
 PERIOD = 0.1  # s between two looks at the file
@@ -72,7 +72,7 @@ class Preparer:
     To refuse a length that closes no loop takes seconds, in which the motion must not stop.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: OwnSession) -> None:
         self._session, self._wanted = session, dict[str, float]()
         self._lock, self._wake, self._stopped = threading.Lock(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="lab_values", daemon=True)
@@ -107,10 +107,10 @@ class Preparer:
         try:
             prepared = simulation.prepare_live(known, reassemble=True)
         except MbdSimError as error:
-            session.ask("refused value", partial(Session.tell, message=str(error)))
+            session.ask("refused value", partial(OwnSession.tell, message=str(error)))
             return
 
-        def apply(session: Session) -> None:
+        def apply(session: OwnSession) -> None:
             try:
                 if session.edition == edition:
                     session.apply(prepared)

@@ -53,23 +53,6 @@ class Setting:
         """The step of the slider: a round number."""
         return float(f"{(self.high - self.low) / STEPS:.0e}")
 
-    def apply(self, bench: Bench, shown: float) -> None:
-        """Give the mechanism a value in `unit`.
-
-        :raises CommandError: it does not fit.
-        """
-        match self.kind:
-            case "value":
-                bench.simulation.set_live({self.key: shown * self.factor}, reassemble=True)
-            case "effort":
-                bench.simulation.set_efforts({self.key: shown * self.factor})
-            case "command":
-                name, _, channel = self.key.rpartition(".")
-                command: Any = {channel: shown * self.factor} if name else shown * self.factor
-                bench.simulation.set_commands({name or channel: command})
-            case "drive":
-                raise AssertionError("the session moves the drive")
-
 
 def settings_of(bench: Bench, size: float) -> list[Setting]:
     """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m."""

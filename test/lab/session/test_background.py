@@ -8,7 +8,7 @@ import pytest
 from mbd_sim import load_mechanism
 from mbd_sim.lab.session.background import FileWatch
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.own_session import OwnSession
 
 
 class Edited:
@@ -18,7 +18,7 @@ class Edited:
         self.file = folder / "edited.yaml"
         self.text = load_mechanism(name).source.text
         self.file.write_text(self.text, encoding="utf-8")
-        self.session = Session(Bench.of(load_mechanism(self.file)), running=False)
+        self.session = OwnSession(Bench.of(load_mechanism(self.file)), running=False)
         self.problems = []
         self.watch = FileWatch(self.file, Bench.of, self._adopt, self.problems.append)
 
