@@ -14,7 +14,7 @@ from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.simulation.run.state import RunPoint
 
 PLOT = '<div style="position:fixed;left:12px;bottom:12px;width:min(34vw,420px);z-index:9">{}</div>'
@@ -28,7 +28,7 @@ def write_html(mechanism: Mechanism, path: Path, duration: float, *, dark: bool)
 
     :raises DivergedError: the motion would become infinite.
     """
-    simulation = Simulation(mechanism)
+    simulation = BaseSimulation(mechanism)
     stride = max(1, round(1.0 / (PICTURES * simulation.step_size)))
     points = [(simulation.time, simulation.snapshot())]
     while simulation.time < duration - 0.5 * simulation.step_size:

@@ -12,7 +12,7 @@ from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.recordings.run.verification import verify
 from test.docs.site_browser import browser
-from test.waiting import wait_until
+from test.waiting import PATIENCE, wait_until
 
 viser_transforms = pytest.importorskip("viser.transforms")
 playwright = pytest.importorskip("playwright.sync_api")
@@ -54,6 +54,7 @@ class Opened:
 
     def __init__(self, chromium, lab, size=SIZE):
         self.page, self.lab, self.requests, self.size = chromium.new_page(viewport=size), lab, [], size
+        self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.route(lambda url: not url.startswith((lab.url, "blob:", "data:")), lambda route: route.abort())
         self.page.goto(lab.url)
@@ -221,6 +222,7 @@ def test_a_page_with_the_motion_opens_without_a_server(opened, chromium, tmp_pat
         opened.button("Page with the motion")
     download.value.save_as(tmp_path / "motion.html")
     page = chromium.new_page()
+    page.set_default_timeout(1000.0 * PATIENCE)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"file://{tmp_path}/motion.html")
