@@ -256,7 +256,7 @@ class Session:
         self.bench.let_go()
         self._note("the file was saved: another mechanism goes on")
         try:
-            bench.adopt_state(self.bench)
+            bench.adopt_state(self.bench.simulation, self.bench.file)
             self.message = "the file was read again"
         except MbdSimError as error:
             self.message = f"the file was read again; the motion begins at its start: {error}"
