@@ -139,7 +139,7 @@ class Session:
         self._waiting: dict[str, Request] = {}
         self._lock, self._wake, self._stopped = threading.Lock(), threading.Event(), threading.Event()
         self._recorder: RunRecorder | None = None
-        self._recorded, self._last_point = 0, -math.inf
+        self._last_point = -math.inf
         self._anchor, self._rate, self._advanced = (clock(), bench.simulation.time), 0.0, clock()
         self._thread = threading.Thread(target=self._run, name="lab_session", daemon=True)
         self.frame = self._framed()
@@ -270,17 +270,16 @@ class Session:
             self.record(path)
 
     def record(self, path: Path | str) -> None:
-        """Record to an MCAP file from here on; after a change of the file, to the next one of a series.
+        """Record to an MCAP file from here on; where there is one of this name, to the next one of a series.
 
         :raises RecordingError: the file cannot be written.
         """
         self.end_recording()
-        path = Path(path)
-        self._recorded += 1
-        name = (
-            path if self._recorded == 1 else path.with_name(f"{path.stem.split('_part')[0]}_part{self._recorded}.mcap")
-        )
-        self._recorder = RunRecorder(self.bench.simulation, name)
+        path, part = Path(path), 1
+        while path.exists():
+            part += 1
+            path = path.with_name(f"{path.stem.split('_part')[0]}_part{part}{path.suffix}")
+        self._recorder = RunRecorder(self.bench.simulation, path)
 
     def end_recording(self) -> Path | None:
         """Complete the recording; its path."""
