@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -10,7 +9,7 @@ from mbd_sim.lab.page.touched import Touched
 from mbd_sim.lab.session.background import Preparer
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
-from mbd_sim.lab.session.sliders import Kind, Setting, as_yaml
+from mbd_sim.lab.session.sliders import Setting, as_yaml
 
 OPEN_SLIDERS = 12  # folders with more sliders are closed at first
 OPEN = ("Drive", "Parameters", "Commands", "Actuators")
@@ -70,17 +69,10 @@ class ChangeTab:
             self._apply(setting, setting.value)
 
     def _apply(self, setting: Setting, shown: float) -> None:
-        key, value = setting.key, shown * setting.factor
         if setting.kind == "value" and self._preparer is not None:
-            self._preparer.ask(key, value)
-            return
-        changes: dict[Kind, Callable[[Session], None]] = {
-            "drive": lambda session: session.drive_to(value),
-            "value": lambda session: session.change(key, value),
-            "effort": lambda session: session.set_effort(key, value),
-            "command": lambda session: session.set_command(key, value),
-        }
-        self._session.ask(f"{setting.kind} {key}", changes[setting.kind])
+            self._preparer.ask(setting.key, shown * setting.factor)
+        else:
+            self._session.ask(f"{setting.kind} {setting.key}", lambda session: setting.apply(session, shown))
 
 
 def _within(setting: Setting, value: float) -> float:

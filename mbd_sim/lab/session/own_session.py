@@ -26,7 +26,7 @@ class OwnSession(Session):
     def __init__(self, bench: Bench, *, running: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
         self.speed = 1.0
         self._recorder: RunRecorder | None = None
-        self._recorded, self._anchor = 0, (clock(), bench.simulation.time)
+        self._anchor = (clock(), bench.simulation.time)
         super().__init__(bench, running=running, clock=clock)
 
     def start(self) -> None:
@@ -132,7 +132,7 @@ class OwnSession(Session):
         self.bench.let_go()
         self._note("the file was saved: another mechanism goes on")
         try:
-            bench.adopt_state(self.bench)
+            bench.adopt_state(self.bench.simulation, self.bench.file)
             self.message = "the file was read again"
         except MbdSimError as error:
             self.message = f"the file was read again; the motion begins at its start: {error}"
@@ -146,17 +146,16 @@ class OwnSession(Session):
             self.record(path)
 
     def record(self, path: Path | str) -> None:
-        """Record to an MCAP file from here on; after a change of the file, to the next one of a series.
+        """Record to an MCAP file from here on; where there is one of this name, to the next one of a series.
 
         :raises RecordingError: the file cannot be written.
         """
         self.end_recording()
-        path = Path(path)
-        self._recorded += 1
-        name = (
-            path if self._recorded == 1 else path.with_name(f"{path.stem.split('_part')[0]}_part{self._recorded}.mcap")
-        )
-        self._recorder = RunRecorder(self.bench.simulation, name)
+        path, part = Path(path), 1
+        while path.exists():
+            part += 1
+            path = path.with_name(f"{path.stem.split('_part')[0]}_part{part}{path.suffix}")
+        self._recorder = RunRecorder(self.bench.simulation, path)
 
     def end_recording(self) -> Path | None:
         """Complete the recording; its path."""

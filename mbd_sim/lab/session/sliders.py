@@ -15,6 +15,7 @@ from mbd_sim.files.text.units import si_factor
 from mbd_sim.files.text.values import is_number, split_unit
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight
@@ -52,6 +53,22 @@ class Setting:
     def step(self) -> float:
         """The step of the slider: a round number."""
         return float(f"{(self.high - self.low) / STEPS:.0e}")
+
+    def apply(self, session: Session, shown: float) -> None:
+        """Give the mechanism of a session a value in `unit`.
+
+        :raises CommandError: it does not fit.
+        """
+        value = shown * self.factor
+        match self.kind:
+            case "value":
+                session.change(self.key, value)
+            case "effort":
+                session.set_effort(self.key, value)
+            case "command":
+                session.set_command(self.key, value)
+            case "drive":
+                session.drive_to(value)
 
 
 def settings_of(bench: Bench, size: float) -> list[Setting]:
