@@ -9,7 +9,8 @@ from typing import Any
 
 from mbd_sim.lab.page.touched import Touched
 from mbd_sim.lab.session.background import Preparer
-from mbd_sim.lab.session.session import Frame, Session
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import Setting, as_yaml
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -31,7 +32,7 @@ class ChangeTab:
     """Folders of sliders, and what to write into the file."""
 
     def __init__(
-        self, gui: Any, session: Session, preparer: Preparer, settings: list[Setting], touched: Touched
+        self, gui: Any, session: Session, preparer: Preparer | None, settings: list[Setting], touched: Touched
     ) -> None:
         self._session, self._preparer, self._touched = session, preparer, touched
         self._yaml, groups = "", dict[str, list[Setting]]()
@@ -68,12 +69,10 @@ class ChangeTab:
 
     def apply(self, setting: Setting, shown: float) -> None:
         """Ask for a value, in the unit of the file."""
-        if setting.kind == "drive":
-            self._session.ask("drive", lambda session: session.drive_to(shown * setting.factor))
-        elif setting.kind == "value":
+        if setting.kind == "value" and self._preparer is not None:
             self._preparer.ask(setting.key, shown * setting.factor)
         else:
-            self._session.ask(f"{setting.kind} {setting.key}", lambda session: setting.apply(session.bench, shown))
+            self._session.ask(f"{setting.kind} {setting.key}", lambda session: setting.apply(session, shown))
 
 
 class _Group:

@@ -15,6 +15,7 @@ from mbd_sim.files.text.units import si_factor
 from mbd_sim.files.text.values import is_number, split_unit
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight
@@ -58,26 +59,25 @@ class Setting:
         """Whether `value` is what the mechanism goes back to; a position or speed is that of the start only."""
         return self.kind not in ("drive", "position", "speed")
 
-    def apply(self, bench: Bench, shown: float) -> None:
-        """Give the mechanism a value in `unit`.
+    def apply(self, session: Session, shown: float) -> None:
+        """Give the mechanism of a session a value in `unit`.
 
         :raises CommandError: it does not fit.
         """
+        value = shown * self.factor
         match self.kind:
             case "value":
-                bench.simulation.set_live({self.key: shown * self.factor}, reassemble=True)
+                session.change(self.key, value)
             case "effort":
-                bench.simulation.set_efforts({self.key: shown * self.factor})
+                session.set_effort(self.key, value)
             case "command":
-                name, _, channel = self.key.rpartition(".")
-                command: Any = {channel: shown * self.factor} if name else shown * self.factor
-                bench.simulation.set_commands({name or channel: command})
+                session.set_command(self.key, value)
             case "position":
-                bench.simulation.set_state({self.label: shown * self.factor})
+                session.set_state({self.label: value}, {})
             case "speed":
-                bench.simulation.set_state(velocities={self.label: shown * self.factor})
+                session.set_state({}, {self.label: value})
             case "drive":
-                raise AssertionError("the session moves the drive")
+                session.drive_to(value)
 
 
 def settings_of(bench: Bench, size: float) -> list[Setting]:

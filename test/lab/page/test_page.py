@@ -9,7 +9,7 @@ import pytest
 from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.recordings.run.verification import verify
 from test.docs.site_browser import browser
 from test.waiting import PATIENCE, wait_until
@@ -182,7 +182,7 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
 
 
 def test_two_pages_see_the_same(opened, chromium, lab):
-    lab.session.ask("run", Session.pause)
+    lab.session.ask("run", OwnSession.pause)
     second = Opened(chromium, lab)
     second.type("rocker (m)", "1.25")
     wait_until(lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
