@@ -8,13 +8,14 @@ from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.packages import require_packages
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.page import Page, Theme
-from mbd_sim.lab.positions import PositionBench
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.page.page import Page, Theme
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
+from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 HEIGHT = 640  # px of the page in a notebook
 
@@ -38,7 +39,7 @@ class Lab:
         running: bool = True,
         drive: str | None = None,
         record: Path | None = None,
-        start: Simulation | None = None,
+        start: BaseSimulation | None = None,
     ) -> None:
         """Build the mechanism, start its session, and open the server.
 
@@ -57,7 +58,7 @@ class Lab:
         else:
             method, step = start.model.method_name, start.step_size
             bench = Bench.of(mechanism, method=method, step=step, live=list(start.live))
-            bench.adopt_state(start, bench.file)
+            continue_run(bench.simulation, start, bench.file)
         self.session = Session(bench, running=running and drive is None)
         if record is not None:
             self.session.record(record)

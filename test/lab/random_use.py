@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import Session
-from mbd_sim.lab.sliders import settings_of
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.recordings.run.verification import verify
 
 NUMBER = re.compile(r"(?<=: )\d+\.?\d*|(?<=\")\d+\.\d+(?=\")")  # in a mechanism file, or in a URDF

@@ -1,9 +1,9 @@
 """Who may open the page, and what a hostile page can do."""
 
 import asyncio
-import time
+import subprocess
+import sys
 
-import msgspec
 import pytest
 import websockets
 from websockets.datastructures import Headers
@@ -11,8 +11,8 @@ from websockets.http11 import Request
 
 from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
-from mbd_sim.lab.safety import Gate, guarded
-from test.waiting import PATIENCE
+from mbd_sim.lab.page.safety import Gate, guarded
+from test.waiting import wait_until
 
 viser = pytest.importorskip("viser")
 
@@ -88,34 +88,39 @@ def test_no_page_can_open_the_tunnel(lab):
     assert viser._messages.ShareUrlRequest not in lab.page.server._websock_server._incoming_handlers
 
 
-async def go_on(lab, send):
-    """Send until the run has taken many turns."""
+def go_on(lab):
+    """Wait until the run has taken many turns."""
     start = lab.session.turns
-    deadline = time.monotonic() + PATIENCE
-    while lab.session.turns < start + 30:
-        assert time.monotonic() < deadline, "the run stands still"
-        await send()
+    wait_until(lambda: lab.session.turns > start + 30, "the run to go on")
+    assert lab.session.frame.running
+
+
+FLOOD = """
+import asyncio, sys, msgspec, websockets
+
+async def flood(address, origin, protocol, uuid):
+    message = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": 1.0}})
+    async with websockets.connect(address, origin=origin, subprotocols=[protocol], max_size=None) as connection:
+        for number in range(10**9):
+            await connection.send(message)
+            if number == 1000:
+                print("flooding", flush=True)
+
+asyncio.run(flood(*sys.argv[1:]))
+"""
 
 
 def test_a_flood_of_messages_does_not_stop_the_run(lab):
-    """A page that sends as fast as it can."""
-    slider = next(iter(lab.page.server.gui._gui_input_handle_from_uuid))
-    messages = [
-        msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": 1.0}})
-        for uuid in ("nothing", slider)
-    ]
-
-    async def flood():
-        async with connect(lab) as connection:
-
-            async def send():
-                for message in messages:
-                    await connection.send(message)
-                await asyncio.sleep(0)
-
-            await go_on(lab, send)
-
-    asyncio.run(flood())
+    """A page that sends as fast as it can; another process, as in life."""
+    address, slider = lab.url.replace("http", "ws", 1), next(iter(lab.page.server.gui._gui_input_handle_from_uuid))
+    arguments = (address, lab.url.rstrip("/"), f"viser-v{viser.__version__}", slider)
+    with subprocess.Popen([sys.executable, "-c", FLOOD, *arguments], stdout=subprocess.PIPE, text=True) as page:
+        try:
+            assert page.stdout.readline() == "flooding\n"
+            go_on(lab)
+            assert page.poll() is None
+        finally:
+            page.kill()
 
 
 def test_bytes_that_are_no_message_end_only_the_page_that_sent_them(lab):
@@ -126,7 +131,7 @@ def test_bytes_that_are_no_message_end_only_the_page_that_sent_them(lab):
                 with pytest.raises(websockets.ConnectionClosed):
                     while True:
                         await bad.recv()
-            await go_on(lab, good.recv)
+            assert await good.recv()
 
     asyncio.run(send_nonsense())
-    assert lab.session.frame.running
+    go_on(lab)

@@ -7,9 +7,9 @@ import pytest
 
 from mbd_sim import load_mechanism
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
 
 
 class Edited:

@@ -11,8 +11,8 @@ from mbd_sim.base.errors import MbdSimError, MechanismError
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.mesh_files import files_of
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
 
 PERIOD = 0.1  # s between two looks at the file

@@ -19,8 +19,9 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
+from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
@@ -256,7 +257,7 @@ class Session:
         self.bench.let_go()
         self._note("the file was saved: another mechanism goes on")
         try:
-            bench.adopt_state(self.bench.simulation, self.bench.file)
+            continue_run(bench.simulation, self.bench.simulation, self.bench.file)
             self.message = "the file was read again"
         except MbdSimError as error:
             self.message = f"the file was read again; the motion begins at its start: {error}"
