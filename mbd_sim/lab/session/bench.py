@@ -6,12 +6,11 @@ of it can be recomputed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES
 from mbd_sim.lab.session.hold import Hold, pulled, spring_for
