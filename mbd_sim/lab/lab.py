@@ -8,12 +8,12 @@ from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.packages import require_packages
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.page import Page, Theme
-from mbd_sim.lab.positions import PositionBench
-from mbd_sim.lab.session import Session
-from mbd_sim.lab.sliders import settings_of
+from mbd_sim.lab.page.page import Page, Theme
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.simulation import BaseSimulation
 

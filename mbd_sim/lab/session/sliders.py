@@ -13,8 +13,8 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.checks.override import location_of
 from mbd_sim.files.text.units import si_factor
 from mbd_sim.files.text.values import is_number, split_unit
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import MOST_REQUESTS, Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import MOST_REQUESTS, Session
 from mbd_sim.recordings.run.verification import verify
 
 

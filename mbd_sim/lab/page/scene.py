@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import quaternions, to_quaternion
 from mbd_sim.files.text.mesh_files import mesh_path
-from mbd_sim.lab.session import Frame
+from mbd_sim.lab.session.session import Frame
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette, solids

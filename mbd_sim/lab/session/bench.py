@@ -12,7 +12,7 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.hold import Hold, pulled, spring_for
+from mbd_sim.lab.session.hold import Hold, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import names_with_matches
 from mbd_sim.simulation.run.simulation import BaseSimulation

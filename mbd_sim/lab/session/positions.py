@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError, nearest
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.bench import Bench
+from mbd_sim.lab.session.bench import Bench
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.simulation import BaseSimulation
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
