@@ -8,14 +8,14 @@ from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.packages import require_packages
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.page import Page, Theme
-from mbd_sim.lab.positions import PositionBench
-from mbd_sim.lab.session import Session
-from mbd_sim.lab.sliders import settings_of
+from mbd_sim.lab.page.page import Page, Theme
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 HEIGHT = 640  # px of the page in a notebook
 
@@ -39,7 +39,7 @@ class Lab:
         running: bool = True,
         drive: str | None = None,
         record: Path | None = None,
-        start: Simulation | None = None,
+        start: BaseSimulation | None = None,
     ) -> None:
         """Build the mechanism, start its session, and open the server.
 
@@ -108,7 +108,7 @@ class Lab:
         return report_text(cached_report(self.session.bench.simulation.mechanism))
 
 
-def _bench_from(start: Simulation) -> Bench:
+def _bench_from(start: BaseSimulation) -> Bench:
     """A bench of the same mechanism, method and step, in the present state of a simulation."""
     bench = Bench.of(start.mechanism, method=start.model.method_name, step=start.step_size)
     simulation = bench.simulation

@@ -43,7 +43,7 @@ class DistantPotential:
 
     def __init__(self, f: Callable[[ca.SX], ca.SX], table: PotentialTable) -> None:
         self._lower, self._upper = table.ends
-        at = _Evaluator(f)
+        at = _BatchEvaluator(f)
         first, last = table.panels.origins[:2], table.panels.origins[-2:]
         self._below = _Cells(at, self._lower, -max(float(first[1] - first[0]), -self._lower / CELLS_PER_END))
         self._above = _Cells(at, self._upper, max(float(last[1] - last[0]), self._upper / CELLS_PER_END))
@@ -88,7 +88,7 @@ class _Cells:
             self._integrals.append(total + self._rest)
 
 
-class _Evaluator:
+class _BatchEvaluator:
     """f as a function of arrays of numbers. Each value depends on its own number alone, to the last bit."""
 
     def __init__(self, f: Callable[[ca.SX], ca.SX]) -> None:

@@ -89,7 +89,7 @@ ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PartFrame:
     """A frame in the mechanism: its part, and its pose there."""
 
     part: str
@@ -202,12 +202,12 @@ class ModelParts:
         self.sections["joints"][name] = record
         self.origins["joints", name] = self.model.origin(kind, index)
 
-    def _add_sites(self) -> dict[int, Frame]:
+    def _add_sites(self) -> dict[int, PartFrame]:
         m, found = self.model.m, {}
         for index in range(m.nsite):
             part, place = self.parts[int(m.site_bodyid[index])], pose(m.site_pos[index], m.site_quat[index])
             self._add_point(part, place, self.model.name("site", index) or f"{part}_site")
-            found[index] = Frame(part, place)
+            found[index] = PartFrame(part, place)
         return found
 
 

@@ -19,7 +19,7 @@ from mbd_sim.recordings.run.reader import TopicRole, topic_roles
 from mbd_sim.simulation.model.commands import parse_wrench
 from mbd_sim.simulation.model.live_values import LARGEST_GAP, LiveValues
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, parse_event
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 __all__ = ["SEQUENCE_MODULUS", "LiveValueMismatch", "Recomputation", "RecomputeError"]
 
@@ -61,7 +61,7 @@ class Recomputation:
         self.file, self.changes = file, dict(changes or {})
         start = self._start = read_run_start(file)
         try:
-            self.simulation = Simulation(
+            self.simulation = BaseSimulation(
                 self._mechanism(),
                 method=method or start.method,
                 step=step or start.step,

@@ -20,7 +20,7 @@ from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.advice import OPEN_ACCOUNT, TOLERATED, open_share
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 AUDIT_PERIOD = 1.0  # simulated s between looks at the energy account
 
@@ -34,7 +34,7 @@ class SteppedRun:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         commands: CommandBuffer,
         wrenches: WrenchBuffer,
         start_values: StateValues | None = None,

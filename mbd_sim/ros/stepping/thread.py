@@ -17,7 +17,7 @@ from mbd_sim.ros.stepping.clock import FollowedClock, Followers, Pacer, Rates
 from mbd_sim.ros.stepping.run import SteppedRun
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 P = ParamSpec("P")
 
@@ -76,7 +76,7 @@ class SteppingThread:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         commands: CommandBuffer,
         rates: Rates,
         *,

@@ -38,14 +38,14 @@ from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layou
 if TYPE_CHECKING:
     from mbd_sim.simulation.contact.records import ContactObserver
 
-Kind = TypeVar("Kind", bound="Simulation")
+Kind = TypeVar("Kind", bound="BaseSimulation")
 RUN_CHUNK = 20_000  # steps between two calls of `progress` in `run`
 _RESET = "Call reset(q=…, u=…) to start from given coordinates and speeds."
 _RESTORE = "Call reset() to return to time zero, or restore(…) to continue from a snapshot."
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(PresentState):
+class BaseSimulation(PresentState):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
@@ -127,19 +127,19 @@ class Simulation(PresentState):
     def __reduce__(self) -> NoReturn:
         raise TypeError("a Simulation cannot be pickled. Pickle its snapshot(), and restore that in a new one.")
 
-    def copy(self) -> Simulation:
+    def copy(self) -> BaseSimulation:
         """Another simulation in the same state, which goes on by itself; both share the compiled equations."""
-        return self._copied_to(Simulation.__new__(Simulation))
+        return self._copied_to(BaseSimulation.__new__(BaseSimulation))
 
     def _copied_to(self, copied: Kind) -> Kind:
         copied._begin(self.mechanism, self.model, self._live.copy(), self.step_size)
         copied.restore(self.snapshot())
         return copied
 
-    def __copy__(self) -> Simulation:
+    def __copy__(self) -> BaseSimulation:
         return self.copy()
 
-    def __deepcopy__(self, memo: object) -> Simulation:
+    def __deepcopy__(self, memo: object) -> BaseSimulation:
         return self.copy()
 
     @classmethod
@@ -212,7 +212,8 @@ class Simulation(PresentState):
             vars(self).pop("step", None)  # the method divides the steps, which compiled code does not
 
     def _use_compiled_step(self) -> None:
-        if type(self).step is Simulation.step and self.sensor_model is None:  # a subclass with its own `step` keeps it
+        # A subclass with its own `step` keeps it.
+        if type(self).step is BaseSimulation.step and self.sensor_model is None:
             vars(self).pop("step", None)
             vars(self)["step"] = self._memory.compiled_step(self.step)  # calls the method of this name if a step fails
 
@@ -347,7 +348,7 @@ class Simulation(PresentState):
     @cached_property
     def _write_efforts(self) -> EffortWriter:
         """Compiled code, which from its first call on also replaces the method that is called on the simulation."""
-        if type(self).set_efforts is Simulation.set_efforts:  # a subclass with its own `set_efforts` keeps it
+        if type(self).set_efforts is BaseSimulation.set_efforts:  # a subclass with its own `set_efforts` keeps it
             vars(self)["set_efforts"] = self._inputs.effort_writer(self.set_efforts, "set_efforts(efforts)")
         return self._inputs.effort_writer(self._inputs.set_efforts, "write(efforts)")
 

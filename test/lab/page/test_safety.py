@@ -1,7 +1,8 @@
 """Who may open the page, and what a hostile page can do."""
 
 import asyncio
-import time
+import subprocess
+import sys
 
 import pytest
 import websockets
@@ -10,7 +11,7 @@ from websockets.http11 import Request
 
 from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
-from mbd_sim.lab.safety import Gate, guarded
+from mbd_sim.lab.page.safety import Gate, guarded
 from test.waiting import wait_until
 
 viser = pytest.importorskip("viser")
@@ -87,28 +88,50 @@ def test_no_page_can_open_the_tunnel(lab):
     assert viser._messages.ShareUrlRequest not in lab.page.server._websock_server._incoming_handlers
 
 
-def test_a_flood_of_messages_does_not_change_the_pace(lab):
-    """A page that sends as fast as it can, bytes that are no messages among them, does not stop the run."""
-
-    async def flood():
-        sent = 0
-        async with connect(lab) as connection:
-            message = viser._messages.GuiUpdateMessage(uuid="nothing", updates={"value": 1.0})
-            data = message.serialize() if hasattr(message, "serialize") else b"\x80"
-            end = time.monotonic() + 1.0
-            while time.monotonic() < end:
-                await connection.send(data if isinstance(data, bytes) else b"\x80")
-                sent += 1
-                await asyncio.sleep(0)
-        return sent
-
-    before = lab.session.turns
-    try:
-        sent = asyncio.run(flood())
-    except websockets.ConnectionClosed:  # it was thrown out for what it sent
-        sent = 1
-    assert sent
-    turns = lab.session.turns
-    assert turns > before
-    wait_until(lambda: lab.session.turns > turns, "the run to go on")
+def go_on(lab):
+    """Wait until the run has taken many turns."""
+    start = lab.session.turns
+    wait_until(lambda: lab.session.turns > start + 30, "the run to go on")
     assert lab.session.frame.running
+
+
+FLOOD = """
+import asyncio, sys, msgspec, websockets
+
+async def flood(address, origin, protocol, uuid):
+    message = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": 1.0}})
+    async with websockets.connect(address, origin=origin, subprotocols=[protocol], max_size=None) as connection:
+        for number in range(10**9):
+            await connection.send(message)
+            if number == 1000:
+                print("flooding", flush=True)
+
+asyncio.run(flood(*sys.argv[1:]))
+"""
+
+
+def test_a_flood_of_messages_does_not_stop_the_run(lab):
+    """A page that sends as fast as it can; another process, as in life."""
+    address, slider = lab.url.replace("http", "ws", 1), next(iter(lab.page.server.gui._gui_input_handle_from_uuid))
+    arguments = (address, lab.url.rstrip("/"), f"viser-v{viser.__version__}", slider)
+    with subprocess.Popen([sys.executable, "-c", FLOOD, *arguments], stdout=subprocess.PIPE, text=True) as page:
+        try:
+            assert page.stdout.readline() == "flooding\n"
+            go_on(lab)
+            assert page.poll() is None
+        finally:
+            page.kill()
+
+
+def test_bytes_that_are_no_message_end_only_the_page_that_sent_them(lab):
+    async def send_nonsense():
+        async with connect(lab) as good:
+            async with connect(lab) as bad:
+                await bad.send(b"\x80")
+                with pytest.raises(websockets.ConnectionClosed):
+                    while True:
+                        await bad.recv()
+            assert await good.recv()
+
+    asyncio.run(send_nonsense())
+    go_on(lab)

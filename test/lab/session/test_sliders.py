@@ -5,8 +5,8 @@ import yaml
 
 from mbd_sim import parse_mechanism
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.sliders import as_yaml, settings_of
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.sliders import as_yaml, settings_of
 
 TEXT = """
 mechanism: arm

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
 
 PERIOD = 0.1  # s between two looks at the file

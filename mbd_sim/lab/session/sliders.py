@@ -13,12 +13,12 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.checks.override import location_of
 from mbd_sim.files.text.units import si_factor
 from mbd_sim.files.text.values import is_number, split_unit
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 Kind = Literal["drive", "value", "effort", "command"]
 STEPS = 400  # of a slider from end to end
@@ -115,7 +115,7 @@ def _drive(bench: PositionBench, size: float) -> Setting:
     return Setting("drive", "Drive", name, name, unit, factor, shown, _round(shown - end), _round(shown + end))
 
 
-def _commands(simulation: Simulation) -> Iterator[Setting]:
+def _commands(simulation: BaseSimulation) -> Iterator[Setting]:
     values = simulation.inputs[simulation.model.input_layout.commands].tolist()
     for name, value in zip(simulation.command_map.names, values, strict=True):
         unit, end = COMMANDS.get(name.rpartition(".")[2], ("", 100.0))
@@ -123,7 +123,7 @@ def _commands(simulation: Simulation) -> Iterator[Setting]:
         yield Setting("command", "Commands", name, name, unit, 1.0, value, low, high)
 
 
-def _efforts(simulation: Simulation, size: float) -> Iterator[Setting]:
+def _efforts(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
     mechanism = simulation.mechanism
     full = weight(mechanism, size)
     for joint in mechanism.joints.values():
@@ -135,7 +135,7 @@ def _efforts(simulation: Simulation, size: float) -> Iterator[Setting]:
             yield Setting("effort", "Efforts", name, name, unit, 1.0, 0.0, -end, end)
 
 
-def _values(simulation: Simulation, size: float) -> Iterator[Setting]:
+def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
     mechanism = simulation.mechanism
     for key, value in simulation.live.items():
         text = _written(mechanism, key)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import MOST_REQUESTS, Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import MOST_REQUESTS, Session
 from mbd_sim.recordings.run.verification import verify
 
 
@@ -69,6 +69,32 @@ def test_a_run_that_was_wound_back_goes_on_with_the_same_bits():
     assert 0.65 < simulation.time < 0.75
     simulation.step(steps - simulation.steps)
     assert np.array_equal(simulation.state, end)
+
+
+def test_a_pause_is_the_last_point_of_the_history():
+    """Otherwise the time line ends up to 33 ms before the state that is shown."""
+    session, clock = session_of("cart_pendulum")
+    for count in range(2, 7):
+        session.ask("run", Session.play)
+        turns(session, clock, count)
+        session.ask("run", Session.pause)
+        turns(session, clock, 1)
+        assert session.frame.span[1] == session.frame.time > 0.0
+
+
+def test_winding_back_keeps_what_lies_ahead_and_lets_go():
+    session, clock = session_of("cart_pendulum")
+    turns(session, clock, 30)
+    session.ask("hold", lambda one: one.bench.take_hold("pendulum", np.zeros(3), np.array([3.0, 0.0, 0.0])))
+    turns(session, clock, 30)
+    simulation = session.bench.simulation
+    hand = simulation.wrench_map.slices["pendulum"]
+    assert simulation.inputs[hand].any()
+    for when in (0.7, 0.9):
+        session.ask("wind", lambda one, when=when: one.wind_to(when))
+        turns(session, clock, 1)
+        assert session.frame.time == pytest.approx(when, abs=0.04)
+        assert not simulation.inputs[hand][:6].any()
 
 
 def test_history_after_the_wound_back_moment_is_given_up():

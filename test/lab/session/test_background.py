@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import load_mechanism
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
 
 
 class Edited:

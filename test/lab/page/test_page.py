@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from mbd_sim import load_mechanism
-from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.lab import Lab
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.recordings.run.verification import verify
 from test.docs.site_browser import browser
-from test.waiting import wait_until
+from test.waiting import PATIENCE, wait_until
 
 viser_transforms = pytest.importorskip("viser.transforms")
 playwright = pytest.importorskip("playwright.sync_api")
@@ -54,6 +54,7 @@ class Opened:
 
     def __init__(self, chromium, lab, size=SIZE):
         self.page, self.lab, self.requests, self.size = chromium.new_page(viewport=size), lab, [], size
+        self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.route(lambda url: not url.startswith((lab.url, "blob:", "data:")), lambda route: route.abort())
         self.page.goto(lab.url)
@@ -183,7 +184,7 @@ def test_winding_back_by_the_time_line(opened):
     opened.button("Pause")
     wait_until(lambda: not opened.frame.running, "the pause")
     reached = opened.frame.time
-    wait_until(lambda: abs(opened.lab.page._time.value - reached) < 1e-3, "the paused time in the page")
+    wait_until(lambda: abs(opened.lab.page._run_bar.time.value - reached) < 1e-3, "the paused time in the page")
     opened.type("Time (s)", "0.2")
     wait_until(
         lambda: opened.frame.time < 0.5 * (0.2 + reached),
@@ -221,6 +222,7 @@ def test_a_page_with_the_motion_opens_without_a_server(opened, chromium, tmp_pat
         opened.button("Page with the motion")
     download.value.save_as(tmp_path / "motion.html")
     page = chromium.new_page()
+    page.set_default_timeout(1000.0 * PATIENCE)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"file://{tmp_path}/motion.html")

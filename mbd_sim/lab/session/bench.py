@@ -12,10 +12,10 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.hold import Hold, pulled, spring_for
+from mbd_sim.lab.session.hold import Hold, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import names_with_matches
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 LIVE = (  # what can change while it runs, as far as the equations allow it
     "parameters.*",
@@ -45,7 +45,7 @@ class Bench:
     drive = ""
     message = ""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: BaseSimulation) -> None:
         self.simulation = simulation
         self.hold: Hold | None = None
         self.period = max(1, round(PULL_PERIOD / simulation.step_size))  # steps
@@ -58,7 +58,7 @@ class Bench:
         """
         live = names_with_matches(mechanism, LIVE)
         movable = [name for name, part in mechanism.parts.items() if part.mass]
-        return cls(Simulation(mechanism, live=live, wrenches=movable, method=method, step=step))
+        return cls(BaseSimulation(mechanism, live=live, wrenches=movable, method=method, step=step))
 
     def advance(self, steps: int) -> None:
         """Take steps; the force of the hand changes at multiples of `period`.
@@ -91,6 +91,11 @@ class Bench:
         if self.hold is not None:
             self.simulation.set_wrench(self.hold.part)
             self.hold = None
+
+    def clear_wrenches(self) -> None:
+        """Remove the force of a hand that the state at hand still contains."""
+        for part in self.simulation.wrench_map.slices:
+            self.simulation.set_wrench(part)
 
     def drag(self, part: str, point: Array, target: Array) -> None:
         """Move through the configurations, with loops closed, so that a point of a part comes close to a `target`.

@@ -19,8 +19,8 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
@@ -193,6 +193,8 @@ class Session:
 
     def pause(self) -> None:
         """Stop in the present state; a hand lets go."""
+        if self.running:
+            self._remember(always=True)
         self.running = False
         self.bench.let_go()
 
@@ -217,11 +219,12 @@ class Session:
         self._restart_clock()
 
     def wind_to(self, time: float) -> None:
-        """Pause in the state of the history nearest to a time in s."""
+        """Pause in the state of the history nearest to a time in s; a hand that pulled there has let go."""
         point = self.history.nearest(time)
         if point is not None:
             self.pause()
             self.bench.simulation.restore(point)
+            self.bench.clear_wrenches()
             self.edition += 1
             self._note(f"wound back to {self.bench.simulation.time:.6g} s")
 
