@@ -76,8 +76,7 @@ class Bench:
         simulation, last = self.simulation, self.simulation.steps + steps
         while simulation.steps < last:
             if self.hold is not None and simulation.steps % self.period == 0:
-                force = self.hold.force(*self.moving(self.hold))
-                simulation.set_wrench(self.hold.part, force, at=self.hold.point)
+                self.hold.apply(simulation)
             simulation.step(min(self.period - simulation.steps % self.period, last - simulation.steps))
 
     def take_hold(self, part: str, point: Array, target: Array) -> None:
@@ -163,12 +162,6 @@ class Bench:
             **dict(zip(simulation.coordinate_names, simulation.efforts.tolist(), strict=True)),
             **dict(zip(simulation.command_map.names, commands, strict=True)),
         }
-
-    def moving(self, hold: Hold) -> tuple[Array, Array]:
-        """The position and velocity (3,) of the held point."""
-        frame = self.simulation.frame(hold.part)
-        arm = frame.rotation @ hold.point
-        return frame.position + arm, frame.velocity + np.cross(frame.angular_velocity, arm)
 
 
 def _placed(new: BaseSimulation, other: BaseSimulation, y: Array) -> tuple[dict[str, float], dict[str, float]]:
