@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.lab.session.session import Frame
+from mbd_sim.lab.session.frames import Frame
 
 HELP = """
 **Look:** drag the background to turn, the wheel or two fingers to come closer, the right button to move.

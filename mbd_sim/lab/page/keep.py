@@ -10,7 +10,7 @@ import numpy as np
 from mbd_sim.lab.page.camera import aim
 from mbd_sim.lab.page.safety import Gate, guarded
 from mbd_sim.lab.page.scene import Scene
-from mbd_sim.lab.session.session import Frame
+from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.simulation.model.model import Model

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
 from mbd_sim.lab.page.keep import motion_html
-from mbd_sim.lab.session.session import Frame, Session
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.lab.session.session import Session
 
 
 class KeepTab:
@@ -20,7 +22,7 @@ class KeepTab:
         record = gui.add_button("Record", color="red")
         stop = gui.add_button("End the recording", color="gray")
         record.on_click(lambda _: session.ask("record", lambda session: session.record(Path(path.value).name)))
-        stop.on_click(lambda _: session.ask("end", Session.end_recording_told))
+        stop.on_click(lambda _: session.ask("end", methodcaller("end_recording_told")))
         gui.add_button("Picture").on_click(self._send_picture)
         gui.add_button("Page with the motion").on_click(self._send_motion)
         self._recording = gui.add_markdown("")

@@ -19,9 +19,12 @@ from mbd_sim.lab.page.run_bar import RunBar
 from mbd_sim.lab.page.safety import Gate, guarded
 from mbd_sim.lab.page.scene import Scene
 from mbd_sim.lab.page.show_tab import ShowTab
+from mbd_sim.lab.page.style import style
 from mbd_sim.lab.page.touched import Touched
 from mbd_sim.lab.session.background import Preparer
-from mbd_sim.lab.session.session import Frame, Session
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.pictures.shapes.extent import extent_of
 
@@ -49,10 +52,13 @@ class Page:
         with guarded(self._gate):
             self.server = viser.ViserServer(host=host, port=port, label="mbd_sim lab", verbose=False)
         self.server._websock_server.unregister_handler(_messages.ShareUrlRequest)  # it would open a tunnel
-        self._preparer = Preparer(session)
+        self._preparer = Preparer(session) if isinstance(session, OwnSession) else None
         self._touched, self._stopped = Touched(), threading.Event()
         self._problem = self._note = ""
+        self.server.on_client_connect(self._opened)
+        self.server.on_client_disconnect(self._closed)
         self._build()
+        self.server.on_client_connect(lambda client: self._aim(client.camera))
         self._thread = threading.Thread(target=self._run, name="lab_page", daemon=True)
         self._thread.start()
 
@@ -67,7 +73,8 @@ class Page:
         """Close the page and the server."""
         self._stopped.set()
         self._thread.join()
-        self._preparer.stop()
+        if self._preparer is not None:
+            self._preparer.stop()
         self.server.stop()
 
     def refuse(self, problem: str) -> None:
@@ -91,14 +98,19 @@ class Page:
             control_width="medium",
             brand_color=(52, 120, 190),
         )
-        extent = extent_of(simulation.model)
+        extent = self._extent = extent_of(simulation.model)
         aim(server.initial_camera, extent)
         self._scene = Scene(server.scene, simulation.model, extent, self._dragged, dark=self._dark)
         self._build_panel(server.gui, extent.size)
+        server.gui.main_panel.dock_right()
+
+    def _aim(self, camera: Any) -> None:
+        aim(camera, self._extent, camera.aspect, camera.image_width)
 
     def _build_panel(self, gui: Any, size: float) -> None:
         session, mechanism = self.session, self.session.bench.simulation.mechanism
         settings = settings_of(session.bench, size)
+        self._style = gui.add_html(style(large=False))
         gui.add_markdown(f"**{mechanism.name}** · {mechanism.description or ''}")
         self._run_bar = RunBar(gui, session, self._touched)
         self._told = gui.add_markdown("")
@@ -117,20 +129,15 @@ class Page:
     def _darken(self, dark: bool) -> None:
         self._dark, self._generation = dark, 0  # the page is built again
 
-    def _dragged(self, phase: str, part: str, point: Any, target: Any) -> None:
-        """A part is dragged: pulled in a run, moved through its configurations otherwise."""
+    def _dragged(self, page: int, phase: str, part: str, point: Any, target: Any) -> None:
+        # A start and an end are never replaced by a move.
+        self.session.ask(f"drag {phase}", lambda session: session.drag(page, phase, part, point, target))
 
-        def request(session: Session) -> None:
-            if phase == "end":
-                session.bench.let_go()
-            elif not session.running or session.bench.positions_only:
-                session.bench.drag(part, point, target)
-            elif session.bench.hold is None or phase == "start":
-                session.bench.take_hold(part, point, target)
-            else:
-                session.bench.pull_to(target)
+    def _opened(self, client: Any) -> None:
+        self.session.ask(f"page {client.client_id}", lambda session: session.enter(client.client_id))
 
-        self.session.ask(f"drag {phase}", request)  # a start and an end are never replaced by a move
+    def _closed(self, client: Any) -> None:
+        self.session.ask(f"page {client.client_id}", lambda session: session.leave(client.client_id))
 
     def _run(self) -> None:
         last, told = -1, 0.0

@@ -11,7 +11,8 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.session import Frame, Session
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.lab.session.session import Session
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.palette import Color
 

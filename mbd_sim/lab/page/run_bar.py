@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from operator import methodcaller
 from typing import Any
 
 from mbd_sim.lab.page.touched import Touched
-from mbd_sim.lab.session.session import Frame, Session
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.lab.session.session import Session
 
 SPEEDS = {"1/100": 0.01, "1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "fastest": math.inf}
 STEP_BACK = 1.0 / 30.0  # s
 ACTIONS: dict[str, Callable[[Session], None]] = {
-    "Play": Session.play,
-    "Pause": Session.pause,
-    "Step": lambda session: session.step(session.bench.period),
-    "Reset": Session.reset,
+    "Play": methodcaller("play"),
+    "Pause": methodcaller("pause"),
+    "Step": methodcaller("step"),
+    "Reset": methodcaller("reset"),
 }
 KEYS: dict[str, tuple[str, Callable[[Session], None]]] = {
     "space": ("Play or pause", lambda session: session.pause() if session.running else session.play()),
     "arrowright": ("Step", ACTIONS["Step"]),
     "arrowleft": ("Step back", lambda session: session.wind_to(session.frame.time - STEP_BACK)),
-    "home": ("Reset", Session.reset),
+    "home": ("Reset", ACTIONS["Reset"]),
 }
 
 
