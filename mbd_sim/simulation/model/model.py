@@ -17,7 +17,6 @@ from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, LOSS_STATES
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.model.functions import MotionReaders
 from mbd_sim.simulation.model.live_values import LiveParameters
 from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, require_method, store_prepared
 from mbd_sim.simulation.model.state_records import Energies, Losses, Reaction, Violation
@@ -163,6 +162,8 @@ class Model:
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:
+        from mbd_sim.simulation.model.functions import MotionReaders
+
         return MotionReaders(self.equations)
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
