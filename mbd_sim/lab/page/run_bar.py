@@ -59,7 +59,7 @@ class RunBar:
             self.time.value = round(min(max(frame.time, low), high), 3)
 
     def _wound(self, event: Any) -> None:
-        if event.client is not None:
+        if event.client is not None and self.time is not None:
             self._touched.touch("time")
             where = self.time.value
             self._session.ask("wind", lambda session: session.wind_to(where))
