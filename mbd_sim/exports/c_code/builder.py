@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer
-from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Block, Function, Module, Type, Value
+from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, BasicBlock, Function, Module, Type, Value
 from mbd_sim.exports.c_code.functions import literal
 from mbd_sim.exports.c_code.statements import (
     BITS,
@@ -60,7 +60,7 @@ class CBuilder(IRBuilder):
 
     module: CModule
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: BasicBlock) -> None:
         super().__init__(block)
         self._statements: list[Statement] = []
         self._open = self._statements

@@ -12,7 +12,7 @@ from mbd_sim.compiler.kernel import StepNeeds, step_of
 from mbd_sim.compiler.lists.instruction_list import Instructions
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.steps.emitter import Samples, StepEmitter, System
+from mbd_sim.compiler.steps.emitter import ChangesBetweenSteps, StepEmitter, System
 from mbd_sim.exports.c_code.builder import CBuilder, CModule
 from mbd_sim.exports.c_code.functions import c_function
 from mbd_sim.exports.c_code.model import ExportedModel
@@ -79,7 +79,7 @@ def _sample(module: CModule, model: ExportedModel) -> Function | None:
         (sampler, _listed(module, sampler.function, f"sampled_{number}", ("t", "y", "in"), ("out",)))
         for number, sampler in enumerate(between.samplers)
     ]
-    samples = Samples(between.delays, sampled)
+    samples = ChangesBetweenSteps(between.delays, sampled)
     types = [INT, DOUBLE, POINTER, POINTER]
     function = Function(module, FunctionType(VOID, types), "sample", ("index", "t", "y", "in"))
     function.about = "Delayed commands move on, and sampled controllers act."

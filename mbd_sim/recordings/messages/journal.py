@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.simulation.run.events import RESTARTS, Event, EventKind, Payload
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
 @dataclass
@@ -41,7 +41,7 @@ class RunClock:
 class Journal:
     """Stamps the states and events of a simulation with ticks, which count its steps across resets."""
 
-    def __init__(self, simulation: Simulation, first_tick: int = 0) -> None:
+    def __init__(self, simulation: BaseSimulation, first_tick: int = 0) -> None:
         self.clock = RunClock(round(simulation.step_size * 1e9), first_tick)
         self._simulation, self._steps = simulation, simulation.steps
 

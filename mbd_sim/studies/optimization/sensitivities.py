@@ -20,7 +20,7 @@ from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions, casadi_functions
 from mbd_sim.studies.optimization.start_projection import StartProjection
 from mbd_sim.studies.optimization.tangent_kernel import TangentKernel, tangent_method
@@ -291,7 +291,7 @@ def _chained(kernel: TangentKernel, columns: Array, chain: Array) -> tuple[Array
 
 
 def sensitivities(
-    simulation: Simulation,
+    simulation: BaseSimulation,
     steps: int,
     parameters: Sequence[str] = (),
     *,
