@@ -17,7 +17,7 @@ from test.docs.site_browser import browser
 from test.lab.page.test_page import FLAGS, SIZE
 from test.system.growing_recordings import STEP_NS, stop_recording, verified
 from test.system.nodes import as_in_the_node, nanoseconds, running
-from test.waiting import PATIENCE, wait_until
+from test.waiting import wait_until
 
 pytest.importorskip("viser")
 playwright = pytest.importorskip("playwright.sync_api")
@@ -158,11 +158,11 @@ def test_sliders_are_parameters_and_commands(node, opened):
     opened.type("d", "0.08")
     opened.until(lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
     opened.page.get_by_text("Efforts", exact=True).click()
-    opened.type("pin (N*m)", "1.5")
-    opened.type("spin.effort", "0.25")
-    opened.shows("pin (N*m)", 1.5)
+    opened.type("pin (N*m)", "0.15")
+    opened.type("spin.effort", "0.5")
+    opened.shows("pin (N*m)", 0.15)
     opened.button("Play")
-    opened.until(lambda: list(node.listener.states[-1].effort) == [1.5, 0.25], "the commands")
+    opened.until(lambda: list(node.listener.states[-1].effort) == [0.15, 0.5], "the commands")
 
 
 def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
@@ -170,7 +170,7 @@ def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
     listener = node.listener
     now = nanoseconds(listener.states[-1].header.stamp)
     opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > now + 1.5e9, "1.5 s of the run")
-    assert listener.states[-1].effort[0] == 1.5
+    assert listener.states[-1].effort[0] == 0.15
     assert not [event for event in listener.events if "expired" in event]
 
 
@@ -179,10 +179,10 @@ def test_commands_of_others_arrive_on_all_pages(node, opened, chromium):
     node.listener.until_paused()
     second = NodePage(chromium, opened.page.url, node.listener)
     second.page.get_by_text("Efforts", exact=True).click()
-    node.listener.by_name.publish(JointState(name=["pin"], effort=[-0.5]))
+    node.listener.by_name.publish(JointState(name=["pin"], effort=[-0.1]))
     node.listener.set_parameter("parameters.d", 0.03)
     for page in (opened, second):
-        page.shows("pin (N*m)", -0.5)
+        page.shows("pin (N*m)", -0.1)
         page.shows("d", 0.03)
     second.type("d", "0.04")
     opened.shows("d", 0.04)

@@ -3,9 +3,9 @@
 | module | contents |
 |---|---|
 | `page` | the server, what its page contains, and the thread that shows the newest frame |
-| `scene`, `camera` | the scene of viser, and from where it is seen |
+| `scene`, `camera`, `style` | the scene of viser, from where it is seen, and how the panel looks |
 | `run_bar` | play, pause, step, reset, speed and the time line, with their keys |
-| `change_tab` | sliders of everything that can change |
+| `change_tab` | sliders of everything that can change, and the lines for the file |
 | `plots_tab` | curves of the motion |
 | `show_tab` | what the scene shows |
 | `keep_tab`, `keep` | recording, picture, and the motion as one HTML file |

@@ -19,6 +19,7 @@ from mbd_sim.lab.page.run_bar import RunBar
 from mbd_sim.lab.page.safety import Gate, guarded
 from mbd_sim.lab.page.scene import Scene
 from mbd_sim.lab.page.show_tab import ShowTab
+from mbd_sim.lab.page.style import style
 from mbd_sim.lab.page.touched import Touched
 from mbd_sim.lab.session.background import Preparer
 from mbd_sim.lab.session.frames import Frame
@@ -57,6 +58,7 @@ class Page:
         self.server.on_client_connect(self._opened)
         self.server.on_client_disconnect(self._closed)
         self._build()
+        self.server.on_client_connect(lambda client: self._aim(client.camera))
         self._thread = threading.Thread(target=self._run, name="lab_page", daemon=True)
         self._thread.start()
 
@@ -96,14 +98,19 @@ class Page:
             control_width="medium",
             brand_color=(52, 120, 190),
         )
-        extent = extent_of(simulation.model)
+        extent = self._extent = extent_of(simulation.model)
         aim(server.initial_camera, extent)
         self._scene = Scene(server.scene, simulation.model, extent, self._dragged, dark=self._dark)
         self._build_panel(server.gui, extent.size)
+        server.gui.main_panel.dock_right()
+
+    def _aim(self, camera: Any) -> None:
+        aim(camera, self._extent, camera.aspect, camera.image_width)
 
     def _build_panel(self, gui: Any, size: float) -> None:
         session, mechanism = self.session, self.session.bench.simulation.mechanism
         settings = settings_of(session.bench, size)
+        self._style = gui.add_html(style(large=False))
         gui.add_markdown(f"**{mechanism.name}** · {mechanism.description or ''}")
         self._run_bar = RunBar(gui, session, self._touched)
         self._told = gui.add_markdown("")
@@ -117,7 +124,7 @@ class Page:
         with tabs.add_tab("Keep"):
             self._keep = KeepTab(gui, session, dark=self._dark)
         with tabs.add_tab("Help"):
-            self._help = HelpTab(gui, self._check)
+            self._help = HelpTab(gui, self._check, of_node=session.of_node)
 
     def _darken(self, dark: bool) -> None:
         self._dark, self._generation = dark, 0  # the page is built again

@@ -24,8 +24,8 @@ class Frame:
 
     `poses` (parts, 12) are as in `Model.pose_array`, `contacts` (n, 6) as in `Model.contact_places`; `reactions` are
     the forces (3,) in N on the second part of each joint, where they are requested. `pull` are the held point, the
-    pointer (3,) and the force (3,), if something is held. `values` are those of the sliders by key, in SI units.
-    `generation` counts the mechanisms.
+    pointer (3,) and the force (3,), if something is held. `rate` is how many seconds are simulated in one, `speed` how
+    many were asked for. `values` are those of the sliders by key, in SI units. `generation` counts the mechanisms.
     """
 
     generation: int
@@ -33,6 +33,7 @@ class Frame:
     time: float
     running: bool
     rate: float
+    speed: float
     poses: Array
     contacts: Array
     energies: Array

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
 from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.lab.session.session import Session
 from mbd_sim.recordings.run.run_recorder import RunRecorder
@@ -24,7 +25,6 @@ class OwnSession(Session):
     """Runs a bench of its own."""
 
     def __init__(self, bench: Bench, *, running: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
-        self.speed = 1.0
         self._recorder: RunRecorder | None = None
         self._anchor = (clock(), bench.simulation.time)
         super().__init__(bench, running=running, clock=clock)
@@ -114,6 +114,10 @@ class OwnSession(Session):
         command: Any = {channel: value} if actuator else value
         self.bench.simulation.set_commands({actuator or channel: command})
 
+    def set_state(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """See `Session`."""
+        self.bench.simulation.set_state(positions, velocities)
+
     def take_hold(self, part: str, point: Array, target: Array) -> None:
         """See `Session`."""
         self.bench.take_hold(part, point, target)
@@ -132,7 +136,7 @@ class OwnSession(Session):
         self.bench.let_go()
         self._note("the file was saved: another mechanism goes on")
         try:
-            bench.adopt_state(self.bench.simulation, self.bench.file)
+            continue_run(bench.simulation, self.bench.simulation, self.bench.file)
             self.message = "the file was read again"
         except MbdSimError as error:
             self.message = f"the file was read again; the motion begins at its start: {error}"

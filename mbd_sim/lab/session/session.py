@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -38,7 +38,7 @@ class Session(ABC):
 
     def __init__(self, bench: Bench, *, running: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.bench, self.history, self.samples = bench, History(), Samples()
-        self.running, self.show_reactions = running, False
+        self.running, self.speed, self.show_reactions = running, 1.0, False
         self.reading: Callable[[Bench], float] | None = None
         self.message, self.generation, self.turns = "", 1, 0
         self.edition = 0  # counts changes of live values
@@ -136,6 +136,10 @@ class Session(ABC):
         """Set the command of a channel of an actuator or a drive, by its name in `Bench.values`."""
 
     @abstractmethod
+    def set_state(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """Set positions and speeds of joints, in rad and m: see `Simulation.set_state`."""
+
+    @abstractmethod
     def drive_to(self, position: float) -> None:
         """Move the driven joint of a mechanism of positions: see `PositionBench.drive_to`."""
 
@@ -220,6 +224,7 @@ class Session(ABC):
             time=simulation.time,
             running=self.running,
             rate=self._rate if self.running else 0.0,
+            speed=self.speed,
             poses=model.pose_array(*now).copy(),
             contacts=np.array(model.contact_readings.places(*now))
             if model.contact_readings.placed

@@ -1,4 +1,4 @@
-"""What the sliders of a page change: live values, efforts and commands, in the units of the file."""
+"""What the sliders of a page change: live values, efforts, commands and the state, in the units of the file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
-Kind = Literal["drive", "value", "effort", "command"]
+Kind = Literal["drive", "value", "effort", "command", "position", "speed"]
 STEPS = 400  # of a slider from end to end
 GRAVITY = 20.0  # m/s²
 COMMANDS: Mapping[str, tuple[str, float]] = {  # unit and range of a command, by its channel
@@ -54,6 +54,11 @@ class Setting:
         """The step of the slider: a round number."""
         return float(f"{(self.high - self.low) / STEPS:.0e}")
 
+    @property
+    def from_file(self) -> bool:
+        """Whether `value` is what the mechanism goes back to; a position or speed is that of the start only."""
+        return self.kind not in ("drive", "position", "speed")
+
     def apply(self, session: Session, shown: float) -> None:
         """Give the mechanism of a session a value in `unit`.
 
@@ -67,6 +72,10 @@ class Setting:
                 session.set_effort(self.key, value)
             case "command":
                 session.set_command(self.key, value)
+            case "position":
+                session.set_state({self.label: value}, {})
+            case "speed":
+                session.set_state({}, {self.label: value})
             case "drive":
                 session.drive_to(value)
 
@@ -75,7 +84,13 @@ def settings_of(bench: Bench, size: float) -> list[Setting]:
     """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m."""
     if isinstance(bench, PositionBench):
         return [_drive(bench, size), *(one for one in _values(bench.simulation, size) if one.group == "Parameters")]
-    return [*_commands(bench.simulation), *_values(bench.simulation, size), *_efforts(bench.simulation, size)]
+    simulation = bench.simulation
+    return [
+        *_commands(simulation),
+        *_values(simulation, size),
+        *_efforts(simulation, size),
+        *_states(simulation, size),
+    ]
 
 
 def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
@@ -133,6 +148,26 @@ def _efforts(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
             end = joint.effort_limit or _round(full * (0.5 * size if coordinate.rotation else 1.0))
             unit = "N*m" if coordinate.rotation else "N"
             yield Setting("effort", "Efforts", name, name, unit, 1.0, 0.0, -end, end)
+
+
+def _states(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
+    """The position and the speed of each joint with one coordinate; loops are closed from there."""
+    names, model = simulation.coordinate_names, simulation.model
+    places = dict(zip(names, model.coordinates(model.start).tolist(), strict=True))
+    speeds = dict(zip(names, model.start[model.u_range].tolist(), strict=True))
+    for joint in simulation.mechanism.joints.values():
+        if joint.drive or len(joint.kind.coordinates) != 1:
+            continue
+        (name,), (coordinate,) = joint.coordinate_names, joint.kind.coordinates
+        factor, reach, unit = (math.radians(1.0), 180.0, "deg") if coordinate.rotation else (1.0, _round(size), "m")
+        place, limits = float(f"{places[name] / factor:.12g}"), joint.limits_of(0)
+        lower, upper = (limits.lower / factor, limits.upper / factor) if limits else (-math.inf, math.inf)
+        low = min(_round(lower if math.isfinite(lower) else place - reach), place)
+        high = max(_round(upper if math.isfinite(upper) else place + reach), place)
+        yield Setting("position", "Positions", f"position {name}", name, unit, factor, place, low, high)
+        speed = float(f"{speeds[name] / factor:.12g}")
+        end = max(2.0 * reach, 2.0 * abs(speed))
+        yield Setting("speed", "Speeds", f"speed {name}", name, f"{unit}/s", factor, speed, -end, end)
 
 
 def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:

@@ -47,7 +47,7 @@ from mbd_sim.recordings.messages.topics import (
 from mbd_sim.recordings.run.metadata import run_metadata
 from mbd_sim.recordings.run.paths import FORMATS, new_recording_paths
 from mbd_sim.recordings.run.recorder import Recorder
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import ALL, WrenchTargets, wrench_targets
 from mbd_sim.ros.node.parameters import NodeParameters

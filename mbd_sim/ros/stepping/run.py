@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from mbd_sim.base.errors import CommandError, DivergedError, listed
 from mbd_sim.files.checks.bare_angles import TURN
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping.output import SteppingOutput

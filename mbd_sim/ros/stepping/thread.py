@@ -11,7 +11,7 @@ from typing import Generic, ParamSpec
 
 from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.recordings.messages.states import Due, Snapshot
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping.clock import FollowedClock, Followers, Pacer, Rates
 from mbd_sim.ros.stepping.run import SteppedRun

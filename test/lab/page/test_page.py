@@ -83,8 +83,8 @@ class Opened:
         camera = list(self.lab.page.server.get_clients().values())[-1].camera
         rotation = viser_transforms.SO3(np.array(camera.wxyz)).as_matrix()
         x, y, z = rotation.T @ (np.array(point) - camera.position)
-        focal = 0.5 * self.size["height"] / np.tan(0.5 * camera.fov)
-        return 0.5 * self.size["width"] + focal * x / z, 0.5 * self.size["height"] + focal * y / z
+        focal = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+        return 0.5 * camera.image_width + focal * x / z, 0.5 * camera.image_height + focal * y / z
 
     def drag(self, part, point, right, down, release=True):
         """Drag a point (3,) of a part over the screen."""
@@ -149,10 +149,23 @@ def test_a_typed_length_changes_the_linkage_and_goes_back(opened):
     tip = opened.lab.session.bench.simulation.point("coupler.tip").position
     crank = opened.lab.session.bench.simulation.point("crank.tip").position
     assert np.linalg.norm(tip - crank) == pytest.approx(1.3, abs=1e-9)
-    opened.button("Copy as YAML")
     opened.page.get_by_text(re.compile("coupler: 1.3 m")).first.wait_for()
-    opened.button("Back to the file")
+    opened.button("Copy as YAML")
+    assert "coupler: 1.3 m" in opened.page.evaluate("getSelection().toString()")
+    opened.button("coupler: 1.4")
     wait_until(lambda: opened.frame.values["parameters.coupler"] == 1.4, "the file's value")
+
+
+def test_a_typed_value_may_lie_outside_of_its_slider(opened):
+    (density,) = (one for one in opened.lab.page._change._settings if one.key == "parameters.density")
+    opened.type("density", "7.25")
+    wait_until(lambda: opened.frame.values["parameters.density"] == 7.25, "the value")
+    assert density.high < 7.25
+    opened.type("crank (m)", "0.6")
+    wait_until(lambda: opened.frame.values["parameters.crank"] == 0.6, "the length")
+    opened.button("all")
+    wait_until(lambda: opened.frame.values["parameters.density"] == 1.0, "the file's density")
+    wait_until(lambda: opened.frame.values["parameters.crank"] == 0.5, "the file's length")
 
 
 def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):

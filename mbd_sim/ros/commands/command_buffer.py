@@ -1,6 +1,7 @@
-"""Buffers efforts from the topics until the next step, with a watchdog. Independent of ROS.
+"""Buffers the commands from all topics until the next step, with a watchdog for efforts. Independent of ROS.
 
-Commands of actuators and velocities of bases are taken here as well, and kept by `mbd_sim.ros.commands.actuators`.
+Commands of actuators and velocities of bases are kept by `mbd_sim.ros.commands.actuators`, wrenches by
+`mbd_sim.ros.commands.wrenches`.
 """
 
 from __future__ import annotations
