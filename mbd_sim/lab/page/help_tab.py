@@ -25,10 +25,10 @@ one file that opens anywhere, without a network.
 """
 
 HELP_OF_NODE = """
-**This is the run of a node.** What the page does goes the way of messages and services: buttons are `~/pause`, `~/step`
-and `~/reset`, the speed is `real_time_factor`, sliders are parameters and commands. What others command, the sliders show.
-Efforts and pulls last as long as a page is open, or until others command the same; then `command_timeout` ends them. Time
-is not wound back, as other nodes follow it, and the page does not follow the file.
+**This is the run of a node.** What the page does goes the way of messages and services: buttons are `~/pause`,
+`~/step` and `~/reset`, the speed is `real_time_factor`, sliders are parameters and commands. Sliders follow what others
+command. Efforts and pulls last as long as a page is open, or until others command the same; then `command_timeout` ends
+them. Time is not wound back, as other nodes follow it, and the page does not follow the file.
 
 **Keep:** *Record* is `~/record`: the node names the file, and it contains all that the page does.
 """
