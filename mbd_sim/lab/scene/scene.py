@@ -64,6 +64,7 @@ class Scene:
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._add_arrows(dark)
         self.traces = Traces(scene, model.mechanism, extent.size)
+        self._path = scene.add_line_segments("/path", NOWHERE, palette.CURVE, thickness=0.6 * LINE_WIDTH * extent.size)
 
     def show(self, frame: Frame) -> None:
         """Move everything to a frame."""
@@ -79,6 +80,10 @@ class Scene:
         if self.shown.traces:
             self.traces.extend(self._at)
         self._last_time = frame.time
+
+    def draw_path(self, points: Array) -> None:
+        """Draw a line through points (n, 3) that do not move."""
+        self._path.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) else NOWHERE
 
     def _reshape(self, mechanism: Mechanism) -> None:
         """Draw a mechanism with other values, such as lengths."""
