@@ -11,6 +11,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.page.page import Page, Theme
 from mbd_sim.lab.session.background import FileWatch
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
 from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -57,7 +58,7 @@ class Lab:
         else:
             method, step = start.model.method_name, start.step_size
             bench = Bench.of(mechanism, method=method, step=step, live=list(start.live))
-            bench.adopt_state(start, bench.file)
+            continue_run(bench.simulation, start, bench.file)
         self.session = OwnSession(bench, running=running and drive is None)
         if record is not None:
             self.session.record(record)

@@ -111,8 +111,8 @@ class _BatchEvaluator:
 
 def _integrals(at: Callable[[Array], Array], starts: Array, stops: Array) -> Array:
     """The integrals (n,) from `starts` to `stops`; each interval is halved until that changes nothing twice."""
-    unsettled, most = np.zeros(len(starts), dtype=bool), MAX_PARTS * len(starts)
-    return _refined(at, starts, stops, _quadrature(at, starts, stops)[0], unsettled, most, MAX_HALVINGS)
+    unchanged, most = np.zeros(len(starts), dtype=bool), MAX_PARTS * len(starts)
+    return _refined(at, starts, stops, _quadrature(at, starts, stops)[0], unchanged, most, MAX_HALVINGS)
 
 
 def _refined(
@@ -120,11 +120,11 @@ def _refined(
     starts: Array,
     stops: Array,
     whole: Array,
-    settled: NDArray[np.bool_],
+    unchanged: NDArray[np.bool_],
     most: int,
     halvings: int,
 ) -> Array:
-    """Improve the integrals `whole`; for the `settled` intervals, the last halving changed nothing.
+    """Improve the integrals `whole`; for the `unchanged` intervals, the last halving changed nothing.
 
     At most `most` intervals are halved again, `halvings` times.
     """
@@ -133,7 +133,7 @@ def _refined(
     upper, upper_error = _quadrature(at, middles, stops)
     result = lower + upper
     rough = np.abs(whole - result) > lower_error + upper_error
-    again = rough | ~settled
+    again = rough | ~unchanged
     if np.count_nonzero(again) > most:
         result[rough] = np.nan
     elif halvings and np.any(again):

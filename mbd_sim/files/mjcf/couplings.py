@@ -16,7 +16,8 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.geometry.rotation import from_quaternion, unit
 from mbd_sim.files.mjcf.compiled_model import odd_polynomial, polynomial, signed, weighted_sum
-from mbd_sim.files.mjcf.parts import ModelParts, PartFrame
+from mbd_sim.files.mjcf.parts import ModelParts
+from mbd_sim.mechanism.elements.parts import PartFrame
 
 JOINT, SITE = 1, 3  # mjtWrap
 

@@ -11,6 +11,7 @@ from typing import Any
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
 from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.lab.session.session import Session
 from mbd_sim.recordings.run.run_recorder import RunRecorder
@@ -136,7 +137,7 @@ class OwnSession(Session):
         self.bench.let_go()
         self._note("the file was saved: another mechanism goes on")
         try:
-            bench.adopt_state(self.bench.simulation, self.bench.file)
+            continue_run(bench.simulation, self.bench.simulation, self.bench.file)
             self.message = "the file was read again"
         except MbdSimError as error:
             self.message = f"the file was read again; the motion begins at its start: {error}"

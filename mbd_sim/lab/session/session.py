@@ -216,8 +216,8 @@ class Session(ABC):
         model, now = simulation.model, (simulation.time, simulation.y, simulation.inputs)
         pull = None
         if hold is not None:
-            position, velocity = self.bench.moving(hold)
-            pull = position, hold.target, hold.force(position, velocity)
+            position, force = hold.acting(simulation)
+            pull = position, hold.target, force
         return Frame(
             generation=self.generation,
             number=self.turns,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, assert_never
+from typing import assert_never
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
@@ -27,7 +28,8 @@ BOUNDARY = 1e-6  # part of a step by which a time may miss a boundary between st
 SEQUENCE_MODULUS = 1 << 32  # sequence numbers are ticks modulo this
 
 
-class LiveValueMismatch(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LiveValueMismatch:
     """A live value in effect that differs from the one that a recorded event announced."""
 
     key: str

@@ -337,8 +337,9 @@ class Comparison:
         return not np.any(differ)
 
     def _add_mismatches(self, mismatches: Sequence[LiveValueMismatch], time_ns: int) -> None:
-        for key, recorded, announced in mismatches:
-            self._add(Difference("live_values", key, self.recomputation.tick, time_ns * 1e-9, recorded, announced))
+        for one in mismatches:
+            tick, time = self.recomputation.tick, time_ns * 1e-9
+            self._add(Difference("live_values", one.key, tick, time, one.recorded, one.announced))
 
     def _add_difference(
         self, message: Message, name: str, recorded: float, computed: float, tick: int | None = None

@@ -16,7 +16,7 @@ from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from mbd_sim.base.errors import CommandError, listed, nearest
-from mbd_sim.ros.commands.efforts import Followed
+from mbd_sim.ros.commands.command_buffer import Followed
 from mbd_sim.ros.commands.trajectory_player import Outcome, Setpoint, Tolerance, TrajectoryGoal
 from mbd_sim.ros.node.subscriptions import nanoseconds, trajectory_of
 from mbd_sim.ros.stepping.thread import SteppingThread

@@ -173,7 +173,7 @@ class BaseSimulation(PresentState):
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
-            self._reports.contacts()
+            self._reports.report_contacts()
 
     def advance(self, n: int) -> None:
         """Take n steps; if the state becomes infinite, take as many of them as possible.
@@ -243,9 +243,9 @@ class BaseSimulation(PresentState):
         memory = self._memory
         memory.load(y, inputs, 0)
         self.start_energy = self.model.energies(0.0, y, 0.0, inputs).total
-        if memory.contacts is not None:
-            memory.contacts.events.clear()
-        memory.settle()
+        if memory.stepper is not None:
+            memory.stepper.events.clear()
+        memory.find_modes()
         self._sensors.restart()
         self._report_state(EventKind.RESET, q is not None or u is not None)
 
@@ -297,14 +297,14 @@ class BaseSimulation(PresentState):
         given, count = own if inputs is None else finite_vector(inputs, own.size, "inputs"), checked_steps(steps)
         energy, goes_on = self.start_energy if start_energy is None else float(start_energy), count == self.steps
         point = RunPoint(count, y, given, energy, live or {}, history=np.empty(0) if history is None else history)
-        self._continue_from(point, samples, keep_samples=goes_on, settle=inputs is None)
+        self._continue_from(point, samples, keep_samples=goes_on, find_modes=inputs is None)
 
     def _continue_from(
-        self, point: RunPoint, samples: Array | None, *, keep_samples: bool = False, settle: bool = False
+        self, point: RunPoint, samples: Array | None, *, keep_samples: bool = False, find_modes: bool = False
     ) -> None:
         self._memory.load(point.state, point.inputs, point.steps, point.error_estimate, point.history)
-        if settle:
-            self._memory.settle()
+        if find_modes:
+            self._memory.find_modes()
         self.start_energy = point.start_energy
         self._live.restore(point.live)
         self._live.limit(self.effort_map)
@@ -429,7 +429,7 @@ class BaseSimulation(PresentState):
         self._memory.inputs[:], self._memory.y[:] = inputs, y
         self._live.apply(prepared)
         self.start_energy += self.energies.total - before
-        self._memory.settle()
+        self._memory.find_modes()
         if told:
             self._sensors.restart(keep=True)
         self._reports.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.live))
@@ -443,6 +443,6 @@ class BaseSimulation(PresentState):
 
         :raises ValueError: the mechanism has no one-sided elements.
         """
-        if self._memory.contacts is None:
+        if self._memory.stepper is None:
             raise ValueError(f"mechanism '{self.mechanism.name}' has no one-sided elements to observe")
-        self._memory.contacts.observer = observer
+        self._memory.stepper.observer = observer
