@@ -7,7 +7,7 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
-from mbd_sim.lab.page.keep import motion_html
+from mbd_sim.lab.scene.keep import motion_html
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
 

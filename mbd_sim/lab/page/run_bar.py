@@ -13,6 +13,7 @@ from mbd_sim.lab.session.session import Session
 
 SPEEDS = {"1/100": 0.01, "1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "fastest": math.inf}
 STEP_BACK = 1.0 / 30.0  # s
+NOT_BACK = "The time of a node is not wound back, as other nodes follow its clock. *Reset* returns to the start."
 ACTIONS: dict[str, Callable[[Session], None]] = {
     "Play": methodcaller("play"),
     "Pause": methodcaller("pause"),
@@ -36,14 +37,21 @@ class RunBar:
         buttons.on_click(lambda event: session.ask("run", ACTIONS[event.target.value]))
         speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", hint="Simulated seconds per second")
         speed.on_update(lambda _: session.ask("speed", lambda session: session.set_speed(SPEEDS[speed.value])))
-        self.time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=0.001, initial_value=0.0, hint="Wind back")
-        self.time.on_update(self._wound)
-        for key, (label, action) in KEYS.items():
+        keys, self.time = dict(KEYS), None
+        if session.of_node:
+            del keys["arrowleft"]
+            gui.add_markdown(NOT_BACK)
+        else:
+            self.time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=0.001, initial_value=0.0, hint="Wind back")
+            self.time.on_update(self._wound)
+        for key, (label, action) in keys.items():
             command = gui.add_command(label, hotkey=key)
             command.on_trigger(lambda _, label=label, action=action: session.ask(f"key {label}", action))
 
     def show(self, frame: Frame) -> None:
         """Move the time line to a frame."""
+        if self.time is None:
+            return
         low, high = frame.span
         high = max(high, low + 1e-3)
         if self._touched.free("time") and frame.number:
@@ -51,7 +59,7 @@ class RunBar:
             self.time.value = round(min(max(frame.time, low), high), 3)
 
     def _wound(self, event: Any) -> None:
-        if event.client is not None:
+        if event.client is not None and self.time is not None:
             self._touched.touch("time")
             where = self.time.value
             self._session.ask("wind", lambda session: session.wind_to(where))

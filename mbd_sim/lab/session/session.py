@@ -38,7 +38,8 @@ class Session(ABC):
 
     def __init__(self, bench: Bench, *, running: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.bench, self.history, self.samples = bench, History(), Samples()
-        self.running, self.show_reactions = running, False
+        self.running = running
+        self.watched: dict[str, Callable[[Bench], Any]] = {}  # what frames contain besides, by name
         self.reading: Callable[[Bench], float] | None = None
         self.message, self.generation, self.turns = "", 1, 0
         self.edition = 0  # counts changes of live values
@@ -215,9 +216,8 @@ class Session(ABC):
         model, now = simulation.model, (simulation.time, simulation.y, simulation.inputs)
         pull = None
         if hold is not None:
-            position, velocity = self.bench.moving(hold)
-            pull = position, hold.target, hold.force(position, velocity)
-        reactions = simulation.reactions() if self.show_reactions else {}
+            position, force = hold.acting(simulation)
+            pull = position, hold.target, force
         return Frame(
             generation=self.generation,
             number=self.turns,
@@ -231,7 +231,7 @@ class Session(ABC):
             energies=np.array(tuple(simulation.energies)),
             positions=model.coordinates(simulation.state),
             speeds=simulation.u.copy(),
-            reactions={name: one.force.copy() for name, one in reactions.items()},
+            watched={name: read(self.bench) for name, read in self.watched.items()},
             pull=pull,
             span=self.history.span,
             message=self.message or self.bench.message,

@@ -11,10 +11,9 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.trajectory_player import TrajectoryPlayer
-from mbd_sim.simulation.model.commands import CommandMap
+from mbd_sim.simulation.model.commands import Command, CommandMap
 
 
 class ActuatorBuffer:
@@ -38,7 +37,7 @@ class ActuatorBuffer:
         self.ranges = ranges
         self._new |= not np.all(np.isnan(self._requested))
 
-    def merged(self, commands: Mapping[str, Mapping[Channel, float]]) -> Array:
+    def merged(self, commands: Mapping[str, Command]) -> Array:
         """The newest commands (n,) with further ones, for `take`.
 
         :raises CommandError: one does not fit, or is not finite.
@@ -72,6 +71,18 @@ class ActuatorBuffer:
         self._requested, self._new = requested, True
         self._exceeded = self.ranges is not None and self.ranges.exceeded(requested)
         self.limited += self._exceeded
+
+    def renew(self, commands: Mapping[str, float]) -> None:
+        """Restart the watchdog of each actuator one of whose commands by channel is still the newest."""
+        for channel, value in zip(self.map.names, self._requested.tolist(), strict=True):
+            actuator = channel.rpartition(".")[0]
+            if commands.get(channel) == value and not self.player.plays(actuator):
+                self._commanded[actuator] = None
+
+    def newest(self, current: Array) -> Array:
+        """The commands (n,) that are due next; channels never commanded keep the `current` ones."""
+        commands = np.where(np.isnan(self._requested), current, self._requested)
+        return commands if self.ranges is None else self.ranges.clamped(commands)
 
     def due(self, time: float, current: Array) -> Array | None:
         """All commands (n,) to apply at a time in s of the run, if there are new ones.

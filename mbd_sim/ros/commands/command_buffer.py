@@ -22,7 +22,7 @@ from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.actuators import ActuatorBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges, JointCommandRouter
 from mbd_sim.ros.commands.trajectory_player import JointCurve, Setpoint, Trajectory
-from mbd_sim.simulation.model.commands import CommandMap, EffortMap
+from mbd_sim.simulation.model.commands import Command, CommandMap, EffortMap
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
@@ -140,6 +140,37 @@ class CommandBuffer:
                 self.rejected += 1
                 raise
             self.accepted += 1
+
+    def actuators_by_name(self, commands: Mapping[str, Command]) -> None:
+        """Take commands of some actuators and drives, as `Simulation.set_commands`; the others keep theirs.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        with self._lock:
+            try:
+                self._actuators.take(self._actuators.merged(commands), commands)
+            except CommandError:
+                self.rejected += 1
+                raise
+            self.accepted += 1
+
+    def renew(self, efforts: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Restart the watchdogs of efforts and of commands by channel that are still the newest, as if repeated."""
+        with self._lock:
+            pairs = zip(self.map.names, self._requested.tolist(), strict=True)
+            kept = np.array([efforts.get(name) == effort for name, effort in pairs], dtype=bool)
+            self._commanded |= kept
+            self._new |= bool(np.any(kept))
+            self._actuators.renew(commands)
+
+    def overlay(self, inputs: Array, layout: InputLayout) -> Array:
+        """The inputs of a run with the commands that take effect at its next step."""
+        inputs = inputs.copy()
+        with self._lock:
+            if self._new:
+                inputs[layout.efforts] = self.map.clamped(self._requested)
+            inputs[layout.commands] = self._actuators.newest(inputs[layout.commands])
+        return inputs
 
     def move(self, base: Base, linear: Sequence[float], angular: Sequence[float]) -> None:
         """Take a velocity of a base, (3,) in m/s and (3,) in rad/s; after `timeout` without another one, it stops.

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.lab.page.camera import aim
-from mbd_sim.lab.page.safety import Gate, guarded
-from mbd_sim.lab.page.scene import Scene
+from mbd_sim.lab.scene.camera import aim
+from mbd_sim.lab.scene.scene import Scene
+from mbd_sim.lab.server.safety import Gate
+from mbd_sim.lab.server.server import started, stop
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -39,10 +40,7 @@ def write_html(mechanism: Mechanism, path: Path, duration: float, *, dark: bool)
 
 def motion_html(model: Model, points: list[tuple[float, RunPoint]], *, dark: bool) -> str:
     """The motion through points of a run, with their times in s, and the plots of coordinates and energies."""
-    import viser
-
-    with guarded(Gate("127.0.0.1")):
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    server = started(Gate("127.0.0.1"), "127.0.0.1", 0)
     try:
         extent = extent_of(model)
         scene = Scene(server.scene, model, extent, None, dark=dark)
@@ -53,9 +51,9 @@ def motion_html(model: Model, points: list[tuple[float, RunPoint]], *, dark: boo
             serializer.insert_sleep(max(time - before, 0.0))
             before = time
             scene.show(_frame(model, time, point))
-        html = serializer.as_html(dark_mode=dark)
+        html: str = serializer.as_html(dark_mode=dark)
     finally:
-        server.stop()
+        stop(server)
     end = html.rindex("</body>")
     return html[:end] + PLOT.format(_plots(model, points, dark)) + html[end:]
 
@@ -73,7 +71,7 @@ def _frame(model: Model, time: float, point: RunPoint) -> Frame:
         energies=np.zeros(7),
         positions=np.empty(0),
         speeds=np.empty(0),
-        reactions={},
+        watched={},
         pull=None,
         span=(0.0, 0.0),
         message="",

@@ -11,33 +11,32 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import quaternions, to_quaternion
 from mbd_sim.files.text.mesh_files import mesh_path
+from mbd_sim.lab.scene.arrows import NOWHERE, Arrows
+from mbd_sim.lab.scene.ground import add_ground
+from mbd_sim.lab.scene.vectors import VIEWS, Vectors
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette, solids
 from mbd_sim.pictures.shapes.extent import Extent
-from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
+from mbd_sim.pictures.shapes.joints import default_traces, pulls, weight
 from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
-from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere
 from mbd_sim.simulation.model.model import Model
 
 THIN = 0.25  # of the width of a line, for lines as thin as they can be seen
 TRACE_POINTS = 600
-SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
-NOWHERE = np.zeros((0, 2, 3), dtype=np.float32)
 
 Dragged = Callable[[int, str, str, Array, Array], None]  # page, phase, part, point in its frame, pointer in ground's
 
 
 @dataclass
 class Shown:
-    """What the user has chosen to see."""
+    """What the user has chosen to see; the other vectors are those that the session was asked to watch."""
 
     traces: bool = True
     contacts: bool = True
-    reactions: bool = False
 
 
 class _Between:
@@ -66,11 +65,10 @@ class Scene:
         self._names = (*model.part_names, GROUND)
         self._index = {name: index for index, name in enumerate(self._names)}
         self._poses = np.vstack([model.pose_array(0.0, model.start), pack_poses(np.zeros(3), np.eye(3))])
-        self._full_force = weight(model.mechanism, extent.size)
         self.shown = Shown()
         self._frames = [scene.add_frame(f"/parts/{name}", show_axes=False) for name in self._names]
         self._last_time = np.inf
-        self._add_ground(extent, dark)
+        add_ground(scene, model.mechanism, extent, dark=dark)
         self._source = model.mechanism.source.file
         for number, one in enumerate([*primitives(model.mechanism, extent, self._can_draw), *wires(model, extent)]):
             if not one.hole:
@@ -78,14 +76,11 @@ class Scene:
         start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
         self._lines = [self._connected(one) for one in connectors(model.mechanism, extent, start)]
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
-        self._contacts = self._arrows("contacts", palette.CONTACT if dark else (196, 138, 0))
-        self._reactions = self._arrows("reactions", palette.REACTION if dark else (0, 120, 190))
-        self._pull = self._arrows("pull", palette.APPLIED)
+        self._add_arrows(dark)
         self._string = scene.add_line_segments(
             "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * self._size
         )
         self._add_traces(model.mechanism)
-        self._dark = dark
 
     def show(self, frame: Frame) -> None:
         """Move everything to a frame."""
@@ -111,31 +106,6 @@ class Scene:
     def _at(self, end: Attachment) -> Array:
         position, rotation = unpack_poses(self._poses[self._index[end.part]])
         return np.asarray(position + rotation @ end.point)
-
-    def _add_ground(self, extent: Extent, dark: bool) -> None:
-        """A grid: the plane behind a mechanism that moves in a plane, otherwise the floor below it."""
-        normal = extent.normal
-        side = 2.5 * float(np.max(extent.upper - extent.lower))
-        position, plane = extent.center.copy(), "xy"
-        if normal is not None and abs(normal[2]) < 0.5:
-            plane = "xz" if abs(normal[1]) > abs(normal[0]) else "yz"
-            axis = 1 if plane == "xz" else 0
-            position[axis] += (1.0 if plane == "xz" else -1.0) * 0.15 * extent.size
-        else:
-            position[2] = extent.lower[2] - 0.02 * extent.size
-        cell = 10.0 ** np.floor(np.log10(side / 4.0))
-        self._scene.add_grid(
-            "/grid",
-            width=side,
-            height=side,
-            plane=plane,
-            position=position,
-            cell_size=cell,
-            section_size=5.0 * cell,
-            cell_color=(52, 58, 68) if dark else (226, 229, 234),
-            section_color=(74, 82, 94) if dark else (198, 204, 212),
-            shadow_opacity=0.0,
-        )
 
     def _add(self, path: str, primitive: Primitive) -> None:
         pose = primitive.pose
@@ -205,38 +175,26 @@ class Scene:
         handle = self._scene.add_line_segments(f"/{one.kind}/{one.name}", NOWHERE, one.color, thickness=width)
         return _Between(handle, one.points, pairs)
 
-    def _arrows(self, name: str, color: Color) -> Any:
-        size = self._size
-        return self._scene.add_arrows(
-            f"/{name}", NOWHERE, color, shaft_radius=0.006 * size, head_radius=0.016 * size, head_length=0.045 * size
-        )
+    def _add_arrows(self, dark: bool) -> None:
+        """Contact forces, the force of a hand, and what the views read."""
+        mechanism, size = self._model.mechanism, self._size
+        force = weight(mechanism, size), 1.0
+        self._contacts = Arrows(self._scene, "contacts", palette.CONTACT if dark else (196, 138, 0), size, force)
+        self._pull = Arrows(self._scene, "pull", palette.APPLIED, size, force)
+        self._views = {
+            view.key: Arrows(self._scene, view.key, view.colors[dark], size, view.full(mechanism, size))
+            for view in VIEWS
+        }
 
     def _show_arrows(self, frame: Frame) -> None:
         contacts = frame.contacts if self.shown.contacts else np.empty((0, 6))
-        pushes = self._pushes[: len(contacts)]
-        self._set(self._contacts, [self._arrow(row[:3], row[3:], p) for row, p in zip(contacts, pushes, strict=True)])
-        joints, mechanism = frame.reactions, self._model.mechanism
-        ends = {name: Attachment(one.child, one.child_pose.position) for name, one in mechanism.all_joints.items()}
-        self._set(self._reactions, [self._arrow(self._at(ends[name]), force) for name, force in joints.items()])
-        held = [] if frame.pull is None else [self._arrow(frame.pull[0], frame.pull[2])]
-        self._set(self._pull, held)
+        self._contacts.show(Vectors([(row[:3], row[3:]) for row in contacts]), self._pushes[: len(contacts)])
+        for key, arrows in self._views.items():
+            arrows.show(frame.watched.get(key) or Vectors())
+        self._pull.show(Vectors([] if frame.pull is None else [(frame.pull[0], frame.pull[2])]))
         string = NOWHERE if frame.pull is None else np.array([frame.pull[:2]], dtype=np.float32)
         if len(string) or len(self._string.points):
             self._string.points = string
-
-    def _arrow(self, point: Array, force: Array, push: bool = False) -> Array | None:
-        """The ends (2, 3) of the arrow of a force (3,) in N; None if it is too short to be seen."""
-        magnitude = float(np.linalg.norm(force))
-        length = min(LONG * magnitude / self._full_force, LONGEST)
-        if not length > SHORT:
-            return None
-        along = length * self._size * force / magnitude
-        return np.array([point - along, point] if push else [point, point + along])
-
-    def _set(self, handle: Any, arrows: list[Array | None]) -> None:
-        drawn = [arrow for arrow in arrows if arrow is not None]
-        if drawn or len(handle.points):
-            handle.points = np.array(drawn, dtype=np.float32).reshape(-1, 2, 3)
 
     def _add_traces(self, mechanism: Mechanism) -> None:
         colors = palette.part_colors(mechanism)
