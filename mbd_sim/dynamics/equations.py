@@ -39,9 +39,8 @@ from mbd_sim.dynamics.kinematics.drives import hold_drives
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, CoordinateLayout
-from mbd_sim.dynamics.layouts.inputs import InputLayout
 from mbd_sim.dynamics.layouts.state_scales import state_scales
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, CoordinateLayout, InputLayout
 from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.dynamics.measurements import Measurements

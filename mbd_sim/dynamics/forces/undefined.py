@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MechanismError, Problem
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
 from mbd_sim.mechanism.elements.forces import Damper, Spring
 from mbd_sim.mechanism.mass_properties import state_numbers

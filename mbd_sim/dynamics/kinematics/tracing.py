@@ -22,8 +22,7 @@ from mbd_sim.dynamics.kinematics.links import Link, build_links, rotor_inertias
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, no_parameters, with_symbols
 from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose, coordinate_rates, link_motions, part_poses
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout, actuator_layout
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout, audit_states, coordinate_layout
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout, InputLayout, audit_states, coordinate_layout
 from mbd_sim.dynamics.math.spatial import constant, inlined
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
