@@ -1,4 +1,7 @@
-"""Where the coordinates and speeds of each joint are in q and u, and which energies the state has for the audit."""
+"""Places in the vectors of the equations: joints in q and u, the energies of the audit in y, and all inputs.
+
+The inputs are efforts, wrenches on parts, commands, parameters, and the modes of one-sided elements.
+"""
 
 from __future__ import annotations
 

@@ -1,14 +1,20 @@
-"""Advice for a step that is too large: for the accuracy of a mechanism's motion, or for the method's stability."""
+"""Why a run diverges: its step is too large for the accuracy or the method, or an expression has no finite value."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, assert_never
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import assert_never
 
+import casadi as ca
 import numpy as np
 
-from mbd_sim.base.errors import DivergedError, listed
-from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.errors import DivergedError, Problem, listed
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.dynamics.math.expressions import function_of
+from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
+from mbd_sim.mechanism.elements.constraints import Surface, expressions_of
 from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
     AppliedForce,
@@ -18,19 +24,6 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
-from mbd_sim.simulation.model.method_choice import fastest_mode
-from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.state_records import Energies
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-import casadi as ca
-import numpy as np
-from mbd_sim.base.errors import Problem
-from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.dynamics.math.expressions import function_of
-from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
-from mbd_sim.mechanism.elements.constraints import Surface, expressions_of
-from mbd_sim.mechanism.elements.forces import Spring
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
 from mbd_sim.mechanism.mass_properties import DIFFERENCE, state_numbers
@@ -39,9 +32,9 @@ from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
-
-if TYPE_CHECKING:
+from mbd_sim.simulation.model.state_records import Energies
 
 TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
 OPEN_ACCOUNT = 1e-4  # residual relative to the largest energy or work
