@@ -42,7 +42,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
     elements = build_elements(file, source)
-    if found := [*elements.problems, *_problems_of_ranges(file, parameters, source)]:
+    if found := [*elements.problems, *problems_of_ranges(file.ranges, parameters, source)]:
         raise MechanismError(in_order(found))
     joints = elements.joints
     coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
@@ -82,9 +82,18 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     return with_exact_loops(mechanism, file.tolerance) if file.tolerance else _as_written(mechanism, file)
 
 
-def _problems_of_ranges(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Iterator[Problem]:
-    """Ranges of no parameter, of one that follows others, in other units, upside down, or without its value."""
-    for name, ends in file.ranges.items():
+def problems_of_ranges(
+    ranges: Mapping[str, tuple[float, float]], parameters: Mapping[str, float], source: Source
+) -> Iterator[Problem]:
+    """Ranges of no parameter, of one that follows others, in other units, upside down, or without its value.
+
+    Those of parameters of the file that have no value, because it is wrong, are left out.
+    """
+    written = source.data.get("parameters")
+    unknown = set(written if isinstance(written, dict) else ()) - parameters.keys()
+    for name, ends in ranges.items():
+        if name in unknown:
+            continue
         try:
             _require_range(name, ends, parameters, source)
         except InputError as error:
