@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.mechanism.elements.actuators import Base, Velocity
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.actuators import ActuatorBuffer
