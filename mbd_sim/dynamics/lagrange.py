@@ -30,7 +30,7 @@ from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, with_symbols
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose, joint_motion, part_poses
 from mbd_sim.dynamics.kinematics.state_variables import StateVariables
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.inputs import coordinate_layout
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant, is_absent, skew
 from mbd_sim.mechanism.elements.actuators import CoordinatePort

@@ -23,8 +23,7 @@ from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, no_parame
 from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose, coordinate_rates, link_motions, part_poses
 from mbd_sim.dynamics.kinematics.state_variables import kinetic_energy
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout, actuator_layout
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout, audit_states, coordinate_layout
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.inputs import CoordinateLayout, InputLayout, audit_states, coordinate_layout
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 

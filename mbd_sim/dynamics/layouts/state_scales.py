@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
+from mbd_sim.dynamics.layouts.inputs import CoordinateLayout
 from mbd_sim.mechanism.elements.joint_types import STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 

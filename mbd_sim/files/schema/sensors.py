@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Direction, Spec
-from mbd_sim.files.schema.fields import Angle, PositiveLength, Quantity
+from mbd_sim.files.schema.fields import Angle, Direction, PositiveLength, Quantity, Spec
 
 Frequency = Annotated[float, Quantity("Hz", above=0)]
 Delay = Annotated[float, Quantity("s", at_least=0)]

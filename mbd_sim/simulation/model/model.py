@@ -14,7 +14,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, LOSS_STATES
+from mbd_sim.dynamics.layouts.inputs import AUDIT_STATES, LOSS_STATES
 from mbd_sim.files.load import cached
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import LiveParameters

@@ -17,8 +17,7 @@ from mbd_sim.base.errors import MechanismError, Problem, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.code.machine_code import compiler_identity, load_code
 from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.inputs import CoordinateLayout, InputLayout
 from mbd_sim.files.load import casadi_version, records_digest, versions
 from mbd_sim.mechanism.mechanism import Mechanism
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
