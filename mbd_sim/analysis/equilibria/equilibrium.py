@@ -247,7 +247,7 @@ def nearest_equilibrium(
     :raises TypeError: `equations` are none, for example a simulation.
     :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
     """
-    return _Search(equations, inputs, q, states).nearest()
+    return _EquilibriumSearch(equations, inputs, q, states).nearest()
 
 
 def equilibria(
@@ -257,7 +257,7 @@ def equilibria(
 
     They are sought along the paths of rest from it, and from other configurations around it. There may be more.
     """
-    return _Search(equations, inputs, q, states).all()
+    return _EquilibriumSearch(equations, inputs, q, states).all()
 
 
 def is_autonomous(equations: Equations) -> bool:
@@ -281,7 +281,7 @@ def growth_of(matrix: Array) -> float:
     return growth if growth > size_of_zeros(values) else 0.0
 
 
-class _Search:
+class _EquilibriumSearch:
     """The search for equilibria around a configuration."""
 
     def __init__(self, equations: Equations, inputs: Array | None, q: Array | None, states: Array | None) -> None:

@@ -67,9 +67,9 @@ def _execute(options: argparse.Namespace) -> int:
 
 
 def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
-    from mbd_sim.simulation.run.simulation import Simulation
+    from mbd_sim.simulation.run.simulation import BaseSimulation
 
-    simulation = Simulation(mechanism)
+    simulation = BaseSimulation(mechanism)
     if options.draw:
         from mbd_sim.pictures.drawing.picture import draw
 

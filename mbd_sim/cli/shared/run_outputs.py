@@ -25,7 +25,7 @@ from mbd_sim.cli.shared.common import (
 from mbd_sim.cli.shared.progress import COUNT, ProgressBar, temporary_file
 from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.joints import traced_points
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 RECORDING = ".mcap"
 SIZE = 600, 400  # px, of an animation
@@ -145,7 +145,7 @@ class RunOutputs:
         return FRAME_RATE / self._pace
 
     @contextmanager
-    def of(self, simulation: Simulation) -> Iterator[None]:
+    def of(self, simulation: BaseSimulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
@@ -166,7 +166,7 @@ class RunOutputs:
                 raise
             self._write(simulation, path)
 
-    def add_frame(self, simulation: Simulation) -> None:
+    def add_frame(self, simulation: BaseSimulation) -> None:
         """Keep the present poses for the animation."""
         self._frames.append((simulation.time, simulation.poses()))
 
@@ -175,7 +175,7 @@ class RunOutputs:
         """Whether the run is recorded."""
         return self._options.out is not None or self._options.plot is not None
 
-    def _recording(self, simulation: Simulation, path: Path) -> AbstractContextManager[object]:
+    def _recording(self, simulation: BaseSimulation, path: Path) -> AbstractContextManager[object]:
         from mbd_sim.recordings.run.run_recorder import RunRecorder
 
         options = self._options
@@ -192,7 +192,7 @@ class RunOutputs:
             accelerations=accelerations,
         )
 
-    def _write(self, simulation: Simulation, path: Path) -> None:
+    def _write(self, simulation: BaseSimulation, path: Path) -> None:
         options = self._options
         if self.records:
             self._write_table_and_plot(path)
@@ -218,7 +218,7 @@ class RunOutputs:
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")
 
-    def _animate(self, simulation: Simulation) -> None:
+    def _animate(self, simulation: BaseSimulation) -> None:
         from mbd_sim.pictures.drawing.animation import Animation, Frame, write_animation
 
         options = self._options

@@ -115,7 +115,7 @@ def _table(name: str, matrix: Array, rows: Sequence[str], columns: Sequence[str]
     yield f"\n{name} ({len(rows)} × {len(columns)})"
     if not matrix.size:
         return
-    texts = [[f"{value:.6g}" for value in row] for row in settled(matrix).tolist()]
+    texts = [[f"{value:.6g}" for value in row] for row in without_round_off(matrix).tolist()]
     widths = [max(len(column), *(len(row[place]) for row in texts)) for place, column in enumerate(columns)]
     first = max(map(len, rows))
     yield " ".join([" " * first, *(f"{column:>{width}}" for column, width in zip(columns, widths, strict=True))])
@@ -123,7 +123,7 @@ def _table(name: str, matrix: Array, rows: Sequence[str], columns: Sequence[str]
         yield " ".join([f"{row:<{first}}", *(f"{value:>{width}}" for value, width in zip(values, widths, strict=True))])
 
 
-def settled(matrix: Array) -> Array:
+def without_round_off(matrix: Array) -> Array:
     """A matrix with 0 in place of entries that are round-off in comparison with their row and with their column."""
     size = np.abs(matrix)
     scale = np.minimum(size.max(axis=0, keepdims=True), size.max(axis=1, keepdims=True))

@@ -23,9 +23,9 @@ from mbd_sim.mechanism.elements.actuators import (
     PRESSURES,
     Actuator,
     CoordinatePort,
-    Cylinder,
     DcMotor,
     EffortMotor,
+    FluidCylinder,
     LinePort,
     Servo,
     SumPort,
@@ -199,7 +199,7 @@ def _output(
         case DcMotor() as motor:
             current = traced.y[slots.states["current"]] if "current" in slots.states else ca.SX(1, 1)
             return dc_motor(_without_repeated_limit(motor, actuator.servo), command, current, port.v)
-        case Cylinder() as cylinder:
+        case FluidCylinder() as cylinder:
             pressures = [traced.y[slots.states[name]] for name in PRESSURES]
             return cylinder_output(cylinder, command, pressures, port.x, port.v)
         case _:

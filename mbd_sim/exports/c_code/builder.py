@@ -12,12 +12,12 @@ from contextlib import AbstractContextManager, contextmanager
 import casadi as ca
 
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer
-from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Block, Function, FunctionType, Module, Type, Value
+from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, BasicBlock, Function, FunctionType, Module, Type, Value
 from mbd_sim.compiler.kernel import StepNeeds, step_of
 from mbd_sim.compiler.lists.instruction_list import Instructions
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.steps.emitter import Samples, StepEmitter, System
+from mbd_sim.compiler.steps.emitter import ChangesBetweenSteps, StepEmitter, System
 from mbd_sim.exports.c_code.functions import c_function, literal
 from mbd_sim.exports.c_code.model import ExportedModel
 from mbd_sim.exports.c_code.statements import (
@@ -69,7 +69,7 @@ class CBuilder(IRBuilder):
 
     module: CModule
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: BasicBlock) -> None:
         super().__init__(block)
         self._statements: list[Statement] = []
         self._open = self._statements
@@ -386,7 +386,7 @@ def _sample(module: CModule, model: ExportedModel) -> Function | None:
         (sampler, _listed(module, sampler.function, f"sampled_{number}", ("t", "y", "in"), ("out",)))
         for number, sampler in enumerate(between.samplers)
     ]
-    samples = Samples(between.delays, sampled)
+    samples = ChangesBetweenSteps(between.delays, sampled)
     types = [INT, DOUBLE, POINTER, POINTER]
     function = Function(module, FunctionType(VOID, types), "sample", ("index", "t", "y", "in"))
     function.about = "Delayed commands move on, and sampled controllers act."

@@ -44,7 +44,7 @@ UNKNOWN = TimeExpression("0", {})  # in place of an expression whose problem is 
 
 
 @dataclass(frozen=True)
-class Quantity:
+class QuantityField:
     """Marks a float field as a quantity in the SI unit `unit`, within bounds; with `unit` None, of any dimension."""
 
     unit: str | None
@@ -105,29 +105,29 @@ class Quantity:
         return number
 
 
-Number = Annotated[float, Quantity("")]
-AnyNumber = Annotated[float, Quantity(None)]  # with a unit of any dimension
-Restitution = Annotated[float, Quantity("", at_least=0, at_most=1)]
-Angle = Annotated[float, Quantity("rad")]
-AngularVelocity = Annotated[float, Quantity("rad/s")]
-PositiveAngularVelocity = Annotated[float, Quantity("rad/s", above=0)]
-Length = Annotated[float, Quantity("m")]
-PositiveLength = Annotated[float, Quantity("m", above=0)]
-Lead = Annotated[float, Quantity("m/turn")]
-PositiveLead = Annotated[float, Quantity("m/turn", above=0)]
-Velocity = Annotated[float, Quantity("m/s")]
-PositiveVelocity = Annotated[float, Quantity("m/s", above=0)]
-Acceleration = Annotated[float, Quantity("m/s**2")]
-Mass = Annotated[float, Quantity("kg", at_least=0)]
-PositiveDensity = Annotated[float, Quantity("kg/m**3", above=0)]
-MomentOfInertia = Annotated[float, Quantity("kg*m**2")]
-PositiveTime = Annotated[float, Quantity("s", above=0)]
-PositiveForce = Annotated[float, Quantity("N", above=0)]
-PositiveTorque = Annotated[float, Quantity("N*m", above=0)]
-LinearStiffness = Annotated[float, Quantity("N/m", at_least=0)]
-LinearDamping = Annotated[float, Quantity("N*s/m", at_least=0)]
-TorsionStiffness = Annotated[float, Quantity("N*m/rad", at_least=0)]
-TorsionDamping = Annotated[float, Quantity("N*m*s/rad", at_least=0)]
+Number = Annotated[float, QuantityField("")]
+AnyNumber = Annotated[float, QuantityField(None)]  # with a unit of any dimension
+Restitution = Annotated[float, QuantityField("", at_least=0, at_most=1)]
+Angle = Annotated[float, QuantityField("rad")]
+AngularVelocity = Annotated[float, QuantityField("rad/s")]
+PositiveAngularVelocity = Annotated[float, QuantityField("rad/s", above=0)]
+Length = Annotated[float, QuantityField("m")]
+PositiveLength = Annotated[float, QuantityField("m", above=0)]
+Lead = Annotated[float, QuantityField("m/turn")]
+PositiveLead = Annotated[float, QuantityField("m/turn", above=0)]
+Velocity = Annotated[float, QuantityField("m/s")]
+PositiveVelocity = Annotated[float, QuantityField("m/s", above=0)]
+Acceleration = Annotated[float, QuantityField("m/s**2")]
+Mass = Annotated[float, QuantityField("kg", at_least=0)]
+PositiveDensity = Annotated[float, QuantityField("kg/m**3", above=0)]
+MomentOfInertia = Annotated[float, QuantityField("kg*m**2")]
+PositiveTime = Annotated[float, QuantityField("s", above=0)]
+PositiveForce = Annotated[float, QuantityField("N", above=0)]
+PositiveTorque = Annotated[float, QuantityField("N*m", above=0)]
+LinearStiffness = Annotated[float, QuantityField("N/m", at_least=0)]
+LinearDamping = Annotated[float, QuantityField("N*s/m", at_least=0)]
+TorsionStiffness = Annotated[float, QuantityField("N*m/rad", at_least=0)]
+TorsionDamping = Annotated[float, QuantityField("N*m*s/rad", at_least=0)]
 
 
 @dataclass(frozen=True)
@@ -259,7 +259,7 @@ def plain(value: Any) -> Any:
     return value if isinstance(value, Batch) else float(value)
 
 
-class MeasuredQuantity(Quantity):
+class MeasuredField(QuantityField):
     """Marks a field as a quantity whose unit is checked later; its value is `Measured`."""
 
     def _parsed(self, value: Any, parameters: Parameters) -> float:
@@ -273,9 +273,9 @@ class MeasuredQuantity(Quantity):
         return number
 
 
-AnyAmount = Annotated[float, MeasuredQuantity(None)]
-PositiveAmount = Annotated[float, MeasuredQuantity(None, above=0)]
-AmountFromZero = Annotated[float, MeasuredQuantity(None, at_least=0)]
+AnyAmount = Annotated[float, MeasuredField(None)]
+PositiveAmount = Annotated[float, MeasuredField(None, above=0)]
+AmountFromZero = Annotated[float, MeasuredField(None, at_least=0)]
 
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it

@@ -24,7 +24,7 @@ from mbd_sim.files.schema.fields import (
     PlainName,
     PointOrVector,
     PositiveTime,
-    Quantity,
+    QuantityField,
     RotationSpec,
     Spec,
     Value,
@@ -111,8 +111,8 @@ class PartSpec(Spec):
         return self
 
 
-Tolerance = Annotated[float, Quantity("", at_least=0, at_most=0.01)]
-RestSpeed = Annotated[float, Quantity("m/s", at_least=0)]
+Tolerance = Annotated[float, QuantityField("", at_least=0, at_most=0.01)]
+RestSpeed = Annotated[float, QuantityField("m/s", at_least=0)]
 
 
 class IntegrationSpec(Spec):

@@ -66,7 +66,7 @@ _EXAMPLE = "Write for example 'stroke(t): 0.1*sin(5*t)'."
 
 
 @dataclass(frozen=True)
-class Function:
+class FunctionDefinition:
     """A function: the names of its arguments, and its body, in which no other function of the file is left."""
 
     arguments: tuple[str, ...]
@@ -80,7 +80,7 @@ class Functions:
     `parameters` are the names of the file's parameters; `expanded_length` counts the characters inserted so far.
     """
 
-    by_name: dict[str, Function] = field(default_factory=dict)
+    by_name: dict[str, FunctionDefinition] = field(default_factory=dict)
     unresolved: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
     parameters: frozenset[str] = frozenset()
@@ -111,14 +111,14 @@ class Functions:
 
 
 @functools.lru_cache(maxsize=4096)  # a file is read again for each change of a live value; `parsed` shares the bodies
-def _inlined(expression: str, functions: tuple[tuple[str, Function], ...]) -> str:
+def _inlined(expression: str, functions: tuple[tuple[str, FunctionDefinition], ...]) -> str:
     return ast.unparse(_Inlined(dict(functions)).visit(copy.deepcopy(parsed(expression).body)))
 
 
 class _Inlined(ast.NodeTransformer):
     """Replaces calls of functions by their bodies."""
 
-    def __init__(self, functions: Mapping[str, Function]) -> None:
+    def __init__(self, functions: Mapping[str, FunctionDefinition]) -> None:
         self._functions = functions
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
@@ -213,7 +213,7 @@ def _called(body: object) -> set[str]:
     return {name for name in found if name and not keyword.iskeyword(name)}
 
 
-def _function(key: str, body: object, parameters: set[str], functions: Functions) -> Function:
+def _function(key: str, body: object, parameters: set[str], functions: Functions) -> FunctionDefinition:
     if isinstance(body, bool) or not isinstance(body, int | float | str):
         raise InputError("must be an expression", _EXAMPLE)
     expression, unit = split_unit(str(body))
@@ -225,7 +225,7 @@ def _function(key: str, body: object, parameters: set[str], functions: Functions
         raise InputError(f"unknown name {quoted(unknown[0])}", remedy, body)
     if unit:
         expression = f"({expression})*{unit_factor(unit, None)!r}"
-    return Function(arguments, parsed(functions.expanded(expression)).body)
+    return FunctionDefinition(arguments, parsed(functions.expanded(expression)).body)
 
 
 POSITION, VELOCITY = ".position", ".velocity"

@@ -31,7 +31,7 @@ from mbd_sim.simulation.run.events import (
     EventKind,
     Payload,
 )
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.simulation.run.state import RunPoint
 
 HISTORY, SAMPLES = "history", "samples"  # after the live values, in this order, if there are any
@@ -190,7 +190,7 @@ class RunClock:
 class Journal:
     """Stamps the states and events of a simulation with ticks, which count its steps across resets."""
 
-    def __init__(self, simulation: Simulation, first_tick: int = 0) -> None:
+    def __init__(self, simulation: BaseSimulation, first_tick: int = 0) -> None:
         self.clock = RunClock(round(simulation.step_size * 1e9), first_tick)
         self._simulation, self._steps = simulation, simulation.steps
 

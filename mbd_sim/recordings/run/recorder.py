@@ -170,7 +170,7 @@ class Recorder:
         return self._begins_requested - len(self._files)
 
     @property
-    def is_settled(self) -> bool:
+    def has_known_size(self) -> bool:
         """Whether the newest file has been on the disk for some time, so that `size` says how large it becomes."""
         return not self.waiting_files and time.monotonic() >= self._file_opened + SHORTEST_FILE
 

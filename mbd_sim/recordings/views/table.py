@@ -23,7 +23,7 @@ from mbd_sim.recordings.messages.cdr import DamagedError, Message
 from mbd_sim.recordings.messages.definitions import names_by_topic
 from mbd_sim.recordings.run.reader import Recording, TopicRole, topic_roles
 from mbd_sim.recordings.run.recomputation import SEQUENCE_MODULUS
-from mbd_sim.recordings.views.sensor_columns import SensorMessages, SensorTable
+from mbd_sim.recordings.views.sensor_columns import SensorTable, SensorTables
 from mbd_sim.simulation.model.state_records import Energies
 from mbd_sim.simulation.run.events import RESTARTS, parse_event
 
@@ -189,7 +189,7 @@ def read_table(recording: Recording, progress: Progress = lambda fraction: None)
     roles = topic_roles(recording.topics) if is_run else {}
     notes: list[str] = []
     found = _Messages()
-    readers, sensors = requested_readers(recording) if is_run else {}, SensorMessages(recording) if is_run else None
+    readers, sensors = requested_readers(recording) if is_run else {}, SensorTables(recording) if is_run else None
     for message in iterate_messages(recording, progress, notes):
         found.add(recording, message, roles.get(message.topic), is_state=message.topic == state_topic)
         if (read := readers.get(message.topic)) is not None:

@@ -13,7 +13,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.commands import WrenchMap
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 WrenchTargets = Sequence[tuple[str, str | None]]  # a part, and one of its points or None for the mass center
 
@@ -34,7 +34,7 @@ class Wrench:
     frame: str = GROUND
     point: str | None = None
 
-    def apply(self, simulation: Simulation) -> None:
+    def apply(self, simulation: BaseSimulation) -> None:
         """Apply the wrench from the next step on; the simulation reports what changes.
 
         Given in the part's own frame, it rotates with the part. Given in the frame of another part, it keeps the
@@ -55,7 +55,7 @@ class ExpiredWrench:
 
     part: str
 
-    def apply(self, simulation: Simulation) -> None:
+    def apply(self, simulation: BaseSimulation) -> None:
         """End the wrench from the next step on."""
         simulation.expire_wrench(self.part)
 

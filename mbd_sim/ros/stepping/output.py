@@ -15,7 +15,7 @@ from mbd_sim.recordings.messages.events import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.stepping.clock import Rates
 from mbd_sim.simulation.run.events import Event, EventKind, Payload
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 Item = Snapshot | Event | None  # None ends the output
 
@@ -58,7 +58,7 @@ class SteppingOutput:
     It is the `RunListener` of the simulation, so that each change of the run becomes an event.
     """
 
-    def __init__(self, simulation: Simulation, *, silent: bool = False) -> None:
+    def __init__(self, simulation: BaseSimulation, *, silent: bool = False) -> None:
         self.queue: SimpleQueue[Item] = SimpleQueue()
         self.counters = Counters()
         self.last_emitted = -1  # the tick of the last state

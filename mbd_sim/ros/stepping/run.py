@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from mbd_sim.base.errors import CommandError, DivergedError, listed
 from mbd_sim.files.checks.bare_angles import TURN
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping.output import SteppingOutput
@@ -20,7 +20,7 @@ from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.advice import OPEN_ACCOUNT, TOLERATED, open_share
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 AUDIT_PERIOD = 1.0  # simulated s between looks at the energy account
 
@@ -34,7 +34,7 @@ class SteppedRun:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         commands: CommandBuffer,
         wrenches: WrenchBuffer,
         start_values: StateValues | None = None,

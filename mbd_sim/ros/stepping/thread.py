@@ -11,13 +11,13 @@ from typing import Generic, ParamSpec
 
 from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.recordings.messages.states import Due, Snapshot
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping.clock import FollowedClock, Followers, Pacer, Rates
 from mbd_sim.ros.stepping.run import SteppedRun
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 P = ParamSpec("P")
 
@@ -76,7 +76,7 @@ class SteppingThread:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         commands: CommandBuffer,
         rates: Rates,
         *,

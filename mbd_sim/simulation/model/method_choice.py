@@ -258,14 +258,14 @@ def _drive_modes(equations: Equations, inputs: Array) -> Iterator[FastestMode]:
     if equations.actuators is None:
         return
     from mbd_sim.dynamics.actuators.cylinders import fastest_rate
-    from mbd_sim.mechanism.elements.actuators import CoordinatePort, Cylinder, DcMotor, EffortMotor
+    from mbd_sim.mechanism.elements.actuators import CoordinatePort, DcMotor, EffortMotor, FluidCylinder
 
     names = equations.mechanism.coordinate_names
     positions = np.array(equations.actuators.readings(0.0, equations.start_state, inputs))[0]
     for actuator, position in zip(equations.mechanism.actuators, positions.tolist(), strict=True):
         motor, at, rate = actuator.motor, actuator.port, 0.0
         match motor:
-            case Cylinder():
+            case FluidCylinder():
                 rate = fastest_rate(motor, position)
             case DcMotor():
                 rate = motor.bandwidth if motor.inductance and motor.current_limit < math.inf else 0.0

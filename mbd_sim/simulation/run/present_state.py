@@ -181,7 +181,7 @@ class PresentState(ReadOnlyAttributes):
     @property
     def contact_events(self) -> tuple[ContactEvent, ...]:
         """The latest changes of contacts since the start, at most 10,000 of them."""
-        stepper = self._memory.contacts
+        stepper = self._memory.stepper
         return () if stepper is None else tuple(stepper.events)
 
     @property

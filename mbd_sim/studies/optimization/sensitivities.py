@@ -28,7 +28,7 @@ from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.simulation.model.method_choice import DEFAULT, STIFF, choose_method
 from mbd_sim.simulation.model.prepared import AUTO, require_method
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions, casadi_functions
 from mbd_sim.studies.optimization.start_projection import StartProjection
 
@@ -217,7 +217,7 @@ class SensitivityModel:
     method of integration, and `step` its step in s.
 
     Start values and parameters are independent of each other: the start state is moved onto the constraints as by
-    `Simulation.reset`, and where a length changes, onto those with this length.
+    `BaseSimulation.reset`, and where a length changes, onto those with this length.
     """
 
     __repr__ = short_repr
@@ -404,7 +404,7 @@ def _chained(kernel: TangentKernel, columns: Array, chain: Array) -> tuple[Array
 
 
 def sensitivities(
-    simulation: Simulation,
+    simulation: BaseSimulation,
     steps: int,
     parameters: Sequence[str] = (),
     *,

@@ -23,9 +23,9 @@ from mbd_sim.integrators.method import Method
 from mbd_sim.mechanism.elements.actuators import (
     Actuator,
     CoordinatePort,
-    Cylinder,
     DcMotor,
     EffortMotor,
+    FluidCylinder,
     LinePort,
     Machine,
     Oil,
@@ -160,9 +160,9 @@ def _machine(machine: Machine) -> str:
             return "effort"
         case DcMotor():
             return "dc_motor"
-        case Cylinder(fluid=Oil()):
+        case FluidCylinder(fluid=Oil()):
             return "hydraulic_cylinder"
-        case Cylinder():
+        case FluidCylinder():
             return "pneumatic_cylinder"
         case _:
             assert_never(machine)
@@ -193,7 +193,7 @@ def _limits(actuator: Actuator) -> list[str]:
                 return [f"{lower:.4g} to {upper:.4g} {effort}"]
         case DcMotor():
             given = [(machine.voltage_limit, "V"), (machine.current_limit, "A")]
-        case Cylinder():
+        case FluidCylinder():
             push, pull = (area * (machine.supply - machine.tank) for area in machine.areas)
             return [f"pushes {push:.4g} N", f"pulls {pull:.4g} N", f"stroke {machine.stroke:g} m"]
         case _:

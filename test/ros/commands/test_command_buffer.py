@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.base.errors import CommandError
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.simulation.model.commands import EffortMap
 
 

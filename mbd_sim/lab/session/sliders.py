@@ -1,4 +1,4 @@
-"""What the sliders of a page change: live values, efforts and commands, in the units of the file."""
+"""What the sliders of a page change: live values, efforts, commands and the state, in the units of the file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import yaml
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.checks.override import location_of
 from mbd_sim.files.text.units import is_number, si_factor, split_unit
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
-Kind = Literal["drive", "value", "effort", "command"]
+Kind = Literal["drive", "value", "effort", "command", "position", "speed"]
 STEPS = 400  # of a slider from end to end
 GRAVITY = 20.0  # m/s²
 COMMANDS: Mapping[str, tuple[str, float]] = {  # unit and range of a command, by its channel
@@ -52,29 +53,43 @@ class Setting:
         """The step of the slider: a round number."""
         return float(f"{(self.high - self.low) / STEPS:.0e}")
 
-    def apply(self, bench: Bench, shown: float) -> None:
-        """Give the mechanism a value in `unit`.
+    @property
+    def from_file(self) -> bool:
+        """Whether `value` is what the mechanism goes back to; a position or speed is that of the start only."""
+        return self.kind not in ("drive", "position", "speed")
+
+    def apply(self, session: Session, shown: float) -> None:
+        """Give the mechanism of a session a value in `unit`.
 
         :raises CommandError: it does not fit.
         """
+        value = shown * self.factor
         match self.kind:
             case "value":
-                bench.simulation.set_live({self.key: shown * self.factor}, reassemble=True)
+                session.change(self.key, value)
             case "effort":
-                bench.simulation.set_efforts({self.key: shown * self.factor})
+                session.set_effort(self.key, value)
             case "command":
-                name, _, channel = self.key.rpartition(".")
-                command: Any = {channel: shown * self.factor} if name else shown * self.factor
-                bench.simulation.set_commands({name or channel: command})
+                session.set_command(self.key, value)
+            case "position":
+                session.set_state({self.label: value}, {})
+            case "speed":
+                session.set_state({}, {self.label: value})
             case "drive":
-                raise AssertionError("the session moves the drive")
+                session.drive_to(value)
 
 
 def settings_of(bench: Bench, size: float) -> list[Setting]:
     """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m."""
     if isinstance(bench, PositionBench):
         return [_drive(bench, size), *(one for one in _values(bench.simulation, size) if one.group == "Parameters")]
-    return [*_commands(bench.simulation), *_values(bench.simulation, size), *_efforts(bench.simulation, size)]
+    simulation = bench.simulation
+    return [
+        *_commands(simulation),
+        *_values(simulation, size),
+        *_efforts(simulation, size),
+        *_states(simulation, size),
+    ]
 
 
 def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
@@ -114,7 +129,7 @@ def _drive(bench: PositionBench, size: float) -> Setting:
     return Setting("drive", "Drive", name, name, unit, factor, shown, _round(shown - end), _round(shown + end))
 
 
-def _commands(simulation: Simulation) -> Iterator[Setting]:
+def _commands(simulation: BaseSimulation) -> Iterator[Setting]:
     values = simulation.inputs[simulation.model.input_layout.commands].tolist()
     for name, value in zip(simulation.command_map.names, values, strict=True):
         unit, end = COMMANDS.get(name.rpartition(".")[2], ("", 100.0))
@@ -122,7 +137,7 @@ def _commands(simulation: Simulation) -> Iterator[Setting]:
         yield Setting("command", "Commands", name, name, unit, 1.0, value, low, high)
 
 
-def _efforts(simulation: Simulation, size: float) -> Iterator[Setting]:
+def _efforts(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
     mechanism = simulation.mechanism
     full = weight(mechanism, size)
     for joint in mechanism.joints.values():
@@ -134,7 +149,27 @@ def _efforts(simulation: Simulation, size: float) -> Iterator[Setting]:
             yield Setting("effort", "Efforts", name, name, unit, 1.0, 0.0, -end, end)
 
 
-def _values(simulation: Simulation, size: float) -> Iterator[Setting]:
+def _states(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
+    """The position and the speed of each joint with one coordinate; loops are closed from there."""
+    names, model = simulation.coordinate_names, simulation.model
+    places = dict(zip(names, model.coordinates(model.start).tolist(), strict=True))
+    speeds = dict(zip(names, model.start[model.u_range].tolist(), strict=True))
+    for joint in simulation.mechanism.joints.values():
+        if joint.drive or len(joint.kind.coordinates) != 1:
+            continue
+        (name,), (coordinate,) = joint.coordinate_names, joint.kind.coordinates
+        factor, reach, unit = (math.radians(1.0), 180.0, "deg") if coordinate.rotation else (1.0, _round(size), "m")
+        place, limits = float(f"{places[name] / factor:.12g}"), joint.limits_of(0)
+        lower, upper = (limits.lower / factor, limits.upper / factor) if limits else (-math.inf, math.inf)
+        low = min(_round(lower if math.isfinite(lower) else place - reach), place)
+        high = max(_round(upper if math.isfinite(upper) else place + reach), place)
+        yield Setting("position", "Positions", f"position {name}", name, unit, factor, place, low, high)
+        speed = float(f"{speeds[name] / factor:.12g}")
+        end = max(2.0 * reach, 2.0 * abs(speed))
+        yield Setting("speed", "Speeds", f"speed {name}", name, f"{unit}/s", factor, speed, -end, end)
+
+
+def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
     mechanism = simulation.mechanism
     for key, value in simulation.live.items():
         text = _written(mechanism, key)

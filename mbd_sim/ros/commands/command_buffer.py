@@ -20,9 +20,9 @@ from mbd_sim.dynamics.layouts.inputs import InputLayout
 from mbd_sim.mechanism.elements.actuators import Base, Velocity
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.joint_commands import CommandRanges, JointCommandRouter
-from mbd_sim.ros.commands.trajectory_player import JointCurve, JointMotion, Trajectory, TrajectoryPlayer
+from mbd_sim.ros.commands.trajectory_player import JointCurve, Setpoint, Trajectory, TrajectoryPlayer
 from mbd_sim.simulation.model.commands import CommandMap, EffortMap
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
 class ActuatorBuffer:
@@ -135,7 +135,7 @@ class DueEfforts:
     efforts: Array | None = None
     expired: tuple[str, ...] = ()
 
-    def apply(self, simulation: Simulation) -> None:
+    def apply(self, simulation: BaseSimulation) -> None:
         """Command these efforts from the next step on; the simulation reports what changes."""
         if self.efforts is not None:
             simulation.set_efforts(self.efforts)
@@ -295,12 +295,12 @@ class CommandBuffer:
             player = self._actuators.player
             return all(player.follows(taker, followed.number) for taker, _ in followed.curves.values())
 
-    def desired(self, followed: Followed, now: int) -> dict[str, JointMotion]:
+    def desired(self, followed: Followed, now: int) -> dict[str, Setpoint]:
         """The motion of each joint of a trajectory that is commanded `now` in ns of the run; after it, its end."""
         with self._lock:
             player = self._actuators.player
             return {
-                joint: player.motion(taker, now) or JointMotion(curve.points[-1].position)
+                joint: player.motion(taker, now) or Setpoint(curve.points[-1].position)
                 for joint, (taker, curve) in followed.curves.items()
             }
 

@@ -5,8 +5,9 @@ import yaml
 
 from mbd_sim import parse_mechanism
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.sliders import as_yaml, settings_of
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.sliders import as_yaml, settings_of
 
 TEXT = """
 mechanism: arm
@@ -63,10 +64,11 @@ def test_every_value_lies_within_its_slider(settings):
 
 
 def test_a_slider_changes_the_value_and_what_follows_it(bench, settings):
-    settings["parameters.l"].apply(bench, 900.0)
+    session = OwnSession(bench, running=False)
+    settings["parameters.l"].apply(session, 900.0)
     assert bench.values()["parameters.l"] == pytest.approx(0.9)
     assert bench.values()["parameters.twice"] == pytest.approx(1.8)
-    settings["elbow"].apply(bench, 5.0)
+    settings["elbow"].apply(session, 5.0)
     assert bench.values()["elbow"] == 5.0
 
 

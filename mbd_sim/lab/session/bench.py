@@ -6,16 +6,16 @@ of it can be recomputed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.hold import Hold, pulled, spring_for
+from mbd_sim.lab.session.hold import Hold, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import names_with_matches
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 LIVE = (  # what can change while it runs, as far as the equations allow it
     "parameters.*",
@@ -45,20 +45,25 @@ class Bench:
     drive = ""
     message = ""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: BaseSimulation) -> None:
         self.simulation = simulation
+        self.file = dict(simulation.live)  # the live values of the file
         self.hold: Hold | None = None
         self.period = max(1, round(PULL_PERIOD / simulation.step_size))  # steps
 
     @classmethod
-    def of(cls, mechanism: Mechanism, *, method: str | None = None, step: float | None = None) -> Bench:
+    def of(
+        cls, mechanism: Mechanism, *, method: str | None = None, step: float | None = None, live: Sequence[str] = ()
+    ) -> Bench:
         """Build the simulation of a mechanism; `method` and `step` (s) replace those of its file.
+
+        :param live: more values that can change.
 
         :raises MechanismError: with all problems of the file.
         """
-        live = names_with_matches(mechanism, LIVE)
+        live = [*names_with_matches(mechanism, LIVE), *live]
         movable = [name for name, part in mechanism.parts.items() if part.mass]
-        return cls(Simulation(mechanism, live=live, wrenches=movable, method=method, step=step))
+        return cls(BaseSimulation(mechanism, live=live, wrenches=movable, method=method, step=step))
 
     def advance(self, steps: int) -> None:
         """Take steps; the force of the hand changes at multiples of `period`.
@@ -109,25 +114,6 @@ class Bench:
             before = simulation.energies.total
             energy = simulation.start_energy + after - before
             simulation.restore(y, simulation.steps, start_energy=energy)
-
-    def adopt_state(self, other: Bench) -> None:
-        """Continue where another mechanism is: coordinates of the same names keep their positions and speeds.
-
-        :raises CommandError: the loops cannot be closed there; nothing is changed then.
-        """
-        old, new = other.simulation, self.simulation
-        places = dict(zip(old.coordinate_names, old.model.coordinates(old.y).tolist(), strict=True))
-        speeds = dict(zip(old.coordinate_names, old.u.tolist(), strict=True))
-        known = [name for name in new.coordinate_names if name in places]
-        if not known:
-            return
-        positions = {name: places[name] for name in known}
-        try:
-            new.set_state(positions, {name: speeds[name] for name in known})
-        except CommandError:  # other lengths: close the loops from there
-            free = known[:1]
-            new.set_state({name: positions[name] for name in free}, {name: speeds[name] for name in free})
-        new.restore(new.state, max(0, round(old.time / new.step_size)), start_energy=new.start_energy)
 
     def values(self) -> dict[str, float]:
         """The live values, efforts and commands by their keys, in SI units."""

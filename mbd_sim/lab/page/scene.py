@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import quaternions, to_quaternion
 from mbd_sim.files.text.mesh_files import mesh_path
-from mbd_sim.lab.session import Frame
+from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette, solids
@@ -20,7 +20,7 @@ from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls,
 from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Ball, Box, Cylinder, Ring, Rod
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere
 from mbd_sim.simulation.model.model import Model
 
 THIN = 0.25  # of the width of a line, for lines as thin as they can be seen
@@ -28,7 +28,7 @@ TRACE_POINTS = 600
 SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
 NOWHERE = np.zeros((0, 2, 3), dtype=np.float32)
 
-Dragged = Callable[[str, str, Array, Array], None]  # phase, part, point in the part's frame, pointer in ground's frame
+Dragged = Callable[[int, str, str, Array, Array], None]  # page, phase, part, point in its frame, pointer in ground's
 
 
 @dataclass
@@ -157,7 +157,7 @@ class Scene:
                 handles = [add.add_mesh_simple(path, mesh.vertices, mesh.faces, **place)]
             case Box(size):
                 handles = [add.add_box(path, dimensions=size, **place)]
-            case Ball(radius):
+            case Sphere(radius):
                 handles = [add.add_icosphere(path, radius=radius, **place)]
             case Lines(strips, radius):
                 segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in strips])
@@ -186,7 +186,7 @@ class Scene:
                 held[event.client_id] = rotation.T @ (np.array(event.start_position) - position)
             point = held.get(event.client_id)
             if point is not None and self._dragged is not None:
-                self._dragged(event.phase, part, point, np.array(event.end_position))
+                self._dragged(event.client_id, event.phase, part, point, np.array(event.end_position))
 
         return on_drag
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from mbd_sim import load_mechanism
-from mbd_sim.lab.bench import Bench
 from mbd_sim.lab.lab import Lab
-from mbd_sim.lab.session import Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.recordings.run.verification import verify
 from test.docs.site_browser import browser
-from test.waiting import wait_until
+from test.waiting import PATIENCE, wait_until
 
 viser_transforms = pytest.importorskip("viser.transforms")
 playwright = pytest.importorskip("playwright.sync_api")
@@ -54,6 +54,7 @@ class Opened:
 
     def __init__(self, chromium, lab, size=SIZE):
         self.page, self.lab, self.requests, self.size = chromium.new_page(viewport=size), lab, [], size
+        self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.route(lambda url: not url.startswith((lab.url, "blob:", "data:")), lambda route: route.abort())
         self.page.goto(lab.url)
@@ -82,8 +83,8 @@ class Opened:
         camera = list(self.lab.page.server.get_clients().values())[-1].camera
         rotation = viser_transforms.SO3(np.array(camera.wxyz)).as_matrix()
         x, y, z = rotation.T @ (np.array(point) - camera.position)
-        focal = 0.5 * self.size["height"] / np.tan(0.5 * camera.fov)
-        return 0.5 * self.size["width"] + focal * x / z, 0.5 * self.size["height"] + focal * y / z
+        focal = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+        return 0.5 * camera.image_width + focal * x / z, 0.5 * camera.image_height + focal * y / z
 
     def drag(self, part, point, right, down, release=True):
         """Drag a point (3,) of a part over the screen."""
@@ -148,10 +149,23 @@ def test_a_typed_length_changes_the_linkage_and_goes_back(opened):
     tip = opened.lab.session.bench.simulation.point("coupler.tip").position
     crank = opened.lab.session.bench.simulation.point("crank.tip").position
     assert np.linalg.norm(tip - crank) == pytest.approx(1.3, abs=1e-9)
-    opened.button("Copy as YAML")
     opened.page.get_by_text(re.compile("coupler: 1.3 m")).first.wait_for()
-    opened.button("Back to the file")
+    opened.button("Copy as YAML")
+    assert "coupler: 1.3 m" in opened.page.evaluate("getSelection().toString()")
+    opened.button("coupler: 1.4")
     wait_until(lambda: opened.frame.values["parameters.coupler"] == 1.4, "the file's value")
+
+
+def test_a_typed_value_may_lie_outside_of_its_slider(opened):
+    (density,) = (one for one in opened.lab.page._change._settings if one.key == "parameters.density")
+    opened.type("density", "7.25")
+    wait_until(lambda: opened.frame.values["parameters.density"] == 7.25, "the value")
+    assert density.high < 7.25
+    opened.type("crank (m)", "0.6")
+    wait_until(lambda: opened.frame.values["parameters.crank"] == 0.6, "the length")
+    opened.button("all")
+    wait_until(lambda: opened.frame.values["parameters.density"] == 1.0, "the file's density")
+    wait_until(lambda: opened.frame.values["parameters.crank"] == 0.5, "the file's length")
 
 
 def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
@@ -168,7 +182,7 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
 
 
 def test_two_pages_see_the_same(opened, chromium, lab):
-    lab.session.ask("run", Session.pause)
+    lab.session.ask("run", OwnSession.pause)
     second = Opened(chromium, lab)
     second.type("rocker (m)", "1.25")
     wait_until(lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
@@ -183,7 +197,7 @@ def test_winding_back_by_the_time_line(opened):
     opened.button("Pause")
     wait_until(lambda: not opened.frame.running, "the pause")
     reached = opened.frame.time
-    wait_until(lambda: abs(opened.lab.page._time.value - reached) < 1e-3, "the paused time in the page")
+    wait_until(lambda: abs(opened.lab.page._run_bar.time.value - reached) < 1e-3, "the paused time in the page")
     opened.type("Time (s)", "0.2")
     wait_until(
         lambda: opened.frame.time < 0.5 * (0.2 + reached),
@@ -221,6 +235,7 @@ def test_a_page_with_the_motion_opens_without_a_server(opened, chromium, tmp_pat
         opened.button("Page with the motion")
     download.value.save_as(tmp_path / "motion.html")
     page = chromium.new_page()
+    page.set_default_timeout(1000.0 * PATIENCE)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"file://{tmp_path}/motion.html")

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import MOST_REQUESTS, Session
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.session import MOST_REQUESTS
 from mbd_sim.recordings.run.verification import verify
 
 
@@ -24,7 +25,7 @@ class Clock:
 
 def session_of(name, **options):
     clock = Clock()
-    session = Session(Bench.of(load_mechanism(name)), clock=clock, **options)
+    session = OwnSession(Bench.of(load_mechanism(name)), clock=clock, **options)
     return session, clock
 
 
@@ -46,13 +47,13 @@ def test_time_follows_the_clock_and_the_speed():
 def test_pause_step_and_reset():
     session, clock = session_of("four_bar")
     turns(session, clock, 10)
-    session.ask("run", Session.pause)
+    session.ask("run", OwnSession.pause)
     turns(session, clock, 10)
     paused = session.frame.time
     session.ask("run", lambda one: one.step(3))
     turns(session, clock, 1)
     assert session.frame.time == pytest.approx(paused + 3 * session.bench.simulation.step_size)
-    session.ask("run", Session.reset)
+    session.ask("run", OwnSession.reset)
     turns(session, clock, 1)
     assert (session.frame.time, session.frame.span) == (0.0, (0.0, 0.0))
 
@@ -75,9 +76,9 @@ def test_a_pause_is_the_last_point_of_the_history():
     """Otherwise the time line ends up to 33 ms before the state that is shown."""
     session, clock = session_of("cart_pendulum")
     for count in range(2, 7):
-        session.ask("run", Session.play)
+        session.ask("run", OwnSession.play)
         turns(session, clock, count)
-        session.ask("run", Session.pause)
+        session.ask("run", OwnSession.pause)
         turns(session, clock, 1)
         assert session.frame.span[1] == session.frame.time > 0.0
 
@@ -101,7 +102,7 @@ def test_history_after_the_wound_back_moment_is_given_up():
     session, clock = session_of("cart_pendulum")
     turns(session, clock, 120)
     session.ask("wind", lambda one: one.wind_to(0.5))
-    session.ask("run", Session.play)
+    session.ask("run", OwnSession.play)
     turns(session, clock, 6)
     assert session.frame.span[1] < 0.7
     times = [row[0] for row in session.samples.rows]
@@ -179,8 +180,8 @@ def test_a_recording_of_random_use_is_recomputed(name, tmp_path):
     simulation = session.bench.simulation
     parts, live = list(simulation.wrench_map.slices), list(simulation.live)
     actions = {
-        "play": Session.play,
-        "pause": Session.pause,
+        "play": OwnSession.play,
+        "pause": OwnSession.pause,
         "step": lambda one: one.step(5),
         "back": lambda one: one.wind_to(choose.uniform(*one.frame.span)),
         "value": lambda one: one.change(key := choose.choice(live), one.frame.values[key] * choose.uniform(0.97, 1.03)),
@@ -188,13 +189,13 @@ def test_a_recording_of_random_use_is_recomputed(name, tmp_path):
         "pull": lambda one: one.bench.pull_to(np.array([choose.uniform(-0.5, 0.5) for _ in range(3)])),
         "let go": lambda one: one.bench.let_go(),
         "drag": lambda one: one.running or one.bench.drag(choose.choice(parts), np.full(3, 0.05), np.full(3, 0.3)),
-        "reset": Session.reset,
+        "reset": OwnSession.reset,
     }
     for _ in range(60):
         action = choose.choice(list(actions))
         session.ask(action, actions[action])
         turns(session, clock, choose.randint(1, 4))
-    session.ask("end", Session.end_recording_told)
+    session.ask("end", OwnSession.end_recording_told)
     turns(session, clock, 1)
     (found,) = verify(tmp_path / "run.mcap")
     assert found.agrees, (found.first, found.failure)
@@ -209,3 +210,32 @@ def test_a_motion_that_becomes_infinite_pauses():
     assert not session.frame.running
     assert session.frame.message
     assert math.isfinite(session.frame.positions[0])
+
+
+def test_sliders_change_values_efforts_and_commands():
+    session, clock = session_of("motor_drive", running=False)
+    before = session.frame.values
+    live = next(key for key in session.bench.simulation.live if before[key])
+    effort, command = session.bench.simulation.coordinate_names[0], session.bench.simulation.command_map.names[0]
+    session.ask("value", lambda one: one.change(live, 1.01 * before[live]))
+    session.ask("effort", lambda one: one.set_effort(effort, 0.5))
+    session.ask("command", lambda one: one.set_command(command, 2.0))
+    turns(session, clock, 1)
+    after = session.frame.values
+    assert (after[live], after[effort], after[command]) == (1.01 * before[live], 0.5, 2.0)
+
+
+def test_the_hand_of_a_page_that_is_closed_lets_go():
+    """Otherwise its spring would pull forever."""
+    session, clock = session_of("cart_pendulum")
+    for page in (1, 2):
+        session.ask(f"page {page}", lambda one, page=page: one.enter(page))
+    session.ask("drag", lambda one: one.drag(2, "start", "pendulum", np.zeros(3), np.ones(3)))
+    turns(session, clock, 5)
+    session.ask("page 1", lambda one: one.leave(1))
+    turns(session, clock, 5)
+    assert session.frame.pull is not None
+    session.ask("page 2", lambda one: one.leave(2))
+    turns(session, clock, 5)
+    assert session.frame.pull is None
+    assert not session.bench.simulation.inputs[session.bench.simulation.wrench_map.slices["pendulum"]][:6].any()

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.lab.safety import Gate, guarded
-from mbd_sim.lab.scene import Scene
-from mbd_sim.lab.session import Frame
+from mbd_sim.lab.page.camera import aim
+from mbd_sim.lab.page.safety import Gate, guarded
+from mbd_sim.lab.page.scene import Scene
+from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.simulation.run.state import RunPoint
 
 PLOT = '<div style="position:fixed;left:12px;bottom:12px;width:min(34vw,420px);z-index:9">{}</div>'
@@ -27,7 +28,7 @@ def write_html(mechanism: Mechanism, path: Path, duration: float, *, dark: bool)
 
     :raises DivergedError: the motion would become infinite.
     """
-    simulation = Simulation(mechanism)
+    simulation = BaseSimulation(mechanism)
     stride = max(1, round(1.0 / (PICTURES * simulation.step_size)))
     points = [(simulation.time, simulation.snapshot())]
     while simulation.time < duration - 0.5 * simulation.step_size:
@@ -45,10 +46,7 @@ def motion_html(model: Model, points: list[tuple[float, RunPoint]], *, dark: boo
     try:
         extent = extent_of(model)
         scene = Scene(server.scene, model, extent, None, dark=dark)
-        camera = server.initial_camera
-        camera.look_at = tuple(extent.center)
-        toward = np.array([0.12, -1.0, 0.16] if extent.normal is not None else [0.55, -1.0, 0.5])
-        camera.position = tuple(extent.center + 1.6 * float(max(extent.upper - extent.lower)) * toward)
+        aim(server.initial_camera, extent)
         serializer = server.get_scene_serializer()
         before = points[0][0] if points else 0.0
         for time, point in points:

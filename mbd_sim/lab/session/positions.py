@@ -9,9 +9,9 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError, nearest
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.bench import Bench
+from mbd_sim.lab.session.bench import Bench
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 TURN_TIME = 6.0  # s for a full turn, or for the length of the mechanism
 PERIOD = 1.0 / 60.0  # s between two positions
@@ -27,7 +27,7 @@ class PositionBench(Bench):
 
     positions_only = True
 
-    def __init__(self, simulation: Simulation, drive: str) -> None:
+    def __init__(self, simulation: BaseSimulation, drive: str) -> None:
         super().__init__(simulation)
         if drive not in simulation.coordinate_names:
             raise CommandError(

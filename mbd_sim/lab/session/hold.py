@@ -8,7 +8,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, unpack_poses
 from mbd_sim.simulation.run.changes import penetrations
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 FREQUENCY = 2.0  # Hz, of the held point on the spring of the hand
 DAMPING_RATIO = 0.7
@@ -36,7 +36,7 @@ class Hold:
         return np.asarray(self.stiffness * (self.target - position) - self.damping * velocity)
 
 
-def spring_for(simulation: Simulation, part: str, point: Array, target: Array) -> Hold:
+def spring_for(simulation: BaseSimulation, part: str, point: Array, target: Array) -> Hold:
     """A spring that suits the inertia felt at a point of a part: neither too weak to move it nor unstable."""
     frame = simulation.frame(part)
     jacobian, arm = frame.jacobian, frame.rotation @ point
@@ -48,7 +48,7 @@ def spring_for(simulation: Simulation, part: str, point: Array, target: Array) -
     return Hold(part, point, target, mass * rate**2, 2.0 * DAMPING_RATIO * mass * rate)
 
 
-def pulled(simulation: Simulation, part: str, point: Array, target: Array) -> Array | None:
+def pulled(simulation: BaseSimulation, part: str, point: Array, target: Array) -> Array | None:
     """The state y near the present one, at rest, in which a point of a part is as close to a target as it gets.
 
     Loops stay closed; stops and contacts are not passed. None if nothing can move.
@@ -70,7 +70,7 @@ def pulled(simulation: Simulation, part: str, point: Array, target: Array) -> Ar
 class _Hand:
     """A point (3,) of a part that is led through the configurations of a mechanism."""
 
-    def __init__(self, simulation: Simulation, part: str, point: Array) -> None:
+    def __init__(self, simulation: BaseSimulation, part: str, point: Array) -> None:
         model = self._model = simulation.model
         self._time, self._y, self._inputs = simulation.time, simulation.state, np.asarray(simulation.inputs)
         self._index, self._point = model.part_names.index(part), point

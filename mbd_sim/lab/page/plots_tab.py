@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.session import Samples
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.lab.session.session import Session
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.palette import Color
-from mbd_sim.simulation.run.simulation import Simulation
 
 POINTS = 400
 HEIGHT = 170  # pixels
@@ -62,11 +62,13 @@ def _numbers(state: Any) -> list[str]:
     return [name for name in fields or () if isinstance(getattr(state, name), float)]
 
 
-class Plots:
+class PlotsTab:
     """The curves of a mechanism in the panel of a page."""
 
-    def __init__(self, gui: Any, simulation: Simulation, *, dark: bool) -> None:
+    def __init__(self, gui: Any, session: Session, *, dark: bool) -> None:
         """Add the plots to the container that is open in viser's `gui`."""
+        self._session, simulation = session, session.bench.simulation
+        self._add_choice(gui)
         mechanism = simulation.mechanism
         self._names = simulation.coordinate_names
         count = len(self._names)
@@ -100,9 +102,25 @@ class Plots:
         )
         self._curves = curves
 
-    def show(self, samples: Samples) -> None:
+    def _add_choice(self, gui: Any) -> None:
+        """What the plot of a reading shows."""
+        readings = readings_of(self._session.bench)
+        chosen = gui.add_dropdown("Reading", ("none", *readings), initial_value="none")
+
+        def choose(_: Any) -> None:
+            reading = readings.get(chosen.value)
+
+            def request(session: Session) -> None:
+                session.reading = reading
+                session.samples.rows.clear()
+
+            self._session.ask("reading", request)
+
+        chosen.on_update(choose)
+
+    def show(self, _: Frame) -> None:
         """Draw the newest samples."""
-        table = samples.table(POINTS)
+        table = self._session.samples.table(POINTS)
         if len(table) < 2:
             return
         time, energies = table[:, 0].copy(), table[:, ENERGY]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import load_mechanism, parse_mechanism
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.positions import PositionBench
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
 
 LINKAGE = """
 mechanism: linkage
