@@ -14,7 +14,7 @@ from mbd_sim.base.geometry.pose import Pose, identity_pose
 from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order, problems_of_ranges
 from mbd_sim.files.checks.meant import ENTRIES, as_meant, problems_of_any_type
 from mbd_sim.files.checks.problems import problems_of
-from mbd_sim.files.schema.base import validator_of
+from mbd_sim.files.schema.fields import validator_of
 from mbd_sim.files.schema.file import GroundSpec, IntegrationSpec, MechanismFile
 from mbd_sim.files.schema.laws import TableSpec
 from mbd_sim.files.text.library import SUFFIXES

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import tempfile
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
