@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.run.simulation import Simulation
+    from mbd_sim.simulation.run.simulation import BaseSimulation
 
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "ASSIGN": lambda x: x,
@@ -58,7 +58,7 @@ class Tape:
         return [outputs[index] for index in sorted(outputs)]
 
 
-def tape_of(sim: Simulation) -> Tape:
+def tape_of(sim: BaseSimulation) -> Tape:
     """The rates of [q, u] without efforts at t = 0.
 
     Minima, maxima and comparisons, which guard against singular configurations, are evaluated at the start state: the

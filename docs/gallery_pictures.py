@@ -28,7 +28,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.animation import Animation, Frame
 from mbd_sim.pictures.drawing.outlines import bounding_points
 from mbd_sim.pictures.drawing.picture import draw
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 SIZE = (320, 240)  # px, the largest picture; blank margins are cut off
 FRAMES, PERIOD = 36, 80  # the most frames, and the time in ms for which each is shown
@@ -52,7 +52,7 @@ def animate(name: str, folder: Path) -> Path | None:
 
     :raises MbdSimError: the file is larger than `LARGEST`.
     """
-    simulation = Simulation(load_mechanism(name))
+    simulation = BaseSimulation(load_mechanism(name))
     pace, poses = _followed(simulation)
     animation = Animation(simulation.model, *SIZE, configurations=poses, margin=SYMBOLS)
     frames = cropped([animation.frame(configuration) for configuration in poses])
@@ -82,7 +82,7 @@ def description(path: Path) -> str:
         return str(picture.getexif()[DESCRIPTION])
 
 
-def _followed(simulation: Simulation) -> tuple[float, list[Configuration]]:
+def _followed(simulation: BaseSimulation) -> tuple[float, list[Configuration]]:
     """The pace, and the poses of the parts in each frame."""
     for pace in PACES:  # from slow to fast, because turns from frame to frame cannot be seen
         poses = _poses(simulation, 1e-3 * PERIOD * pace)
@@ -112,7 +112,7 @@ def _points(mechanism: Mechanism, poses: Sequence[Configuration]) -> Array:
     return points if np.ptp(points, axis=0).max() > STRIDE * np.ptp(corners, axis=(0, 1)).max() else corners
 
 
-def _poses(simulation: Simulation, interval: float) -> list[Configuration]:
+def _poses(simulation: BaseSimulation, interval: float) -> list[Configuration]:
     simulation.reset()
     poses = [simulation.poses()]
     while len(poses) < FRAMES:
@@ -233,7 +233,7 @@ def picture(entry: Entry, folder: Path) -> Path:
 
     :raises DrawingError: the file cannot be written.
     """
-    simulation = Simulation(load_mechanism(entry.name))
+    simulation = BaseSimulation(load_mechanism(entry.name))
     path = folder / f"{entry.name}.svg"
     draw(simulation.mechanism, simulation.poses(), path)
     return path

@@ -28,6 +28,7 @@ from mbd_sim.dynamics.kinematics.frames import (
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.dynamics.terms import DynamicsTerm, term_function
+from mbd_sim.mechanism.elements.parts import PartFrame
 from mbd_sim.mechanism.elements.sensors import (
     Accelerometer,
     AnySensor,
@@ -38,7 +39,6 @@ from mbd_sim.mechanism.elements.sensors import (
     Odometry,
     PoseSensor,
     RangeFinder,
-    SensorFrame,
     Tachometer,
     TwistSensor,
 )
@@ -119,7 +119,7 @@ def exact_values(
     :param currents: (n,) of the actuators.
     """
 
-    def motion_at(at: SensorFrame) -> FrameMotion:
+    def motion_at(at: PartFrame) -> FrameMotion:
         return frame_motion(traced, accelerations, at.part, at.pose)
 
     match sensor:

@@ -8,14 +8,14 @@ from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.packages import require_packages
-from mbd_sim.lab.background import FileWatch
-from mbd_sim.lab.bench import Bench
-from mbd_sim.lab.page import Page, Theme
-from mbd_sim.lab.positions import PositionBench
-from mbd_sim.lab.session import Session
-from mbd_sim.lab.sliders import settings_of
+from mbd_sim.lab.page.page import Page, Theme
+from mbd_sim.lab.session.background import FileWatch
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
+from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 HEIGHT = 640  # px of the page in a notebook
 
@@ -39,7 +39,7 @@ class Lab:
         running: bool = True,
         drive: str | None = None,
         record: Path | None = None,
-        start: Simulation | None = None,
+        start: BaseSimulation | None = None,
     ) -> None:
         """Build the mechanism, start its session, and open the server.
 
@@ -53,15 +53,19 @@ class Lab:
         """
         require_packages("viser", purpose="The lab")
         self._drive = drive
-        bench = self._bench(mechanism) if start is None else _bench_from(start)
-        self.session = Session(bench, running=running and drive is None)
+        if start is None:
+            bench = self._bench(mechanism)
+        else:
+            method, step = start.model.method_name, start.step_size
+            bench = Bench.of(mechanism, method=method, step=step, live=list(start.live))
+            continue_run(bench.simulation, start, bench.file)
+        self.session = OwnSession(bench, running=running and drive is None)
         if record is not None:
             self.session.record(record)
         self.page = Page(self.session, host=host, port=port, theme=theme, check=self._checked)
         self._watch: FileWatch | None = None
-        file = Path(mechanism.source.file) if mechanism.source.file else None
-        if file is not None and file.is_file():
-            self._watch = FileWatch(file, self._bench, self._adopt, self.page.refuse)
+        if mechanism.source.file and Path(mechanism.source.file).is_file():
+            self._watch = FileWatch(mechanism, self._bench, self._adopt, self.page.refuse)
             self._watch.start()
         self.session.start()
 
@@ -106,34 +110,3 @@ class Lab:
             return "Positions only: masses and forces have no effect."
 
         return report_text(cached_report(self.session.bench.simulation.mechanism))
-
-
-def _bench_from(start: Simulation) -> Bench:
-    """A bench of the same mechanism, method and step, in the present state of a simulation."""
-    bench = Bench.of(start.mechanism, method=start.model.method_name, step=start.step_size)
-    simulation = bench.simulation
-    keys = {one.key for one in settings_of(bench, 1.0) if one.kind == "value"}  # the others follow from these
-    changed = {key: value for key, value in start.live.items() if key in keys and simulation.live[key] != value}
-    if changed:
-        simulation.set_live(changed, reassemble=True)
-    inputs, own, given = simulation.inputs.copy(), simulation.model.input_layout, start.model.input_layout
-    inputs[own.efforts] = start.inputs[given.efforts]
-    inputs[own.commands] = start.inputs[given.commands]
-    inputs[own.one_sided] = start.inputs[given.one_sided]
-    for part in own.wrenches.keys() & given.wrenches.keys():
-        inputs[own.wrenches[part]] = start.inputs[given.wrenches[part]]
-    state, history = simulation.state, None
-    if state.size == start.state.size:
-        state, history = start.state, start.history
-    else:  # a gain that is zero has no state, but one when it can change
-        mine, other = simulation.model.equations.actuators, start.model.equations.actuators
-        assert mine is not None and other is not None
-        own_slots, given_slots = mine.layout, other.layout
-        first, last = min(own_slots.core.start, given_slots.core.start), given_slots.lines.stop
-        state[:first], state[own_slots.lines.stop :] = start.state[:first], start.state[last:]
-        for one, two in zip(own_slots.slots, given_slots.slots, strict=True):
-            for name in one.states.keys() & two.states.keys():
-                state[one.states[name]] = start.state[two.states[name]]
-        state[own_slots.lines.start : own_slots.lines.stop] = start.state[given_slots.lines.start : last]
-    simulation.restore(state, start.steps, inputs, start.start_energy, simulation.live, start.samples, history)
-    return bench

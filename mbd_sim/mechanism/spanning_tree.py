@@ -47,7 +47,7 @@ def spanning_tree(
     """
     joints, cut = list(joints), frozenset(cut)
     forest = _forest({joint.name: joint for joint in joints}, preferred)
-    search = _Search(sorted(joints, key=lambda joint: joint.name in cut), forest)
+    search = _BreadthFirstSearch(sorted(joints, key=lambda joint: joint.name in cut), forest)
     search.explore(cut)
     for joint in joints:
         if joint.name in cut:
@@ -83,7 +83,7 @@ def loop_through(carrier: Mapping[str, str], joints: Mapping[str, Joint], closin
     return [name for name in first if name not in second] + [name for name in second if name not in first]
 
 
-class _Search:
+class _BreadthFirstSearch:
     """A breadth-first search from ground. A reached part brings all parts with it that the `forest` connects to it."""
 
     def __init__(self, joints: Iterable[Joint], forest: Collection[str]) -> None:

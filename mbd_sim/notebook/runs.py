@@ -30,7 +30,7 @@ from mbd_sim.recordings.views import plots
 from mbd_sim.recordings.views.panels import panels, plot_style, require_names
 from mbd_sim.recordings.views.table import read_table
 from mbd_sim.simulation.run.arguments import step_at
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 PICTURE_WIDTH = 420  # px
 MAX_COORDINATES = 12  # rows of the table of a simulation
@@ -40,16 +40,16 @@ MIME_TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp
 
 def mechanism_html(mechanism: Mechanism) -> str:
     """The picture at the start, the numbers of parts and joints, the mass, and the degrees of freedom."""
-    simulation = Simulation(mechanism)
+    simulation = BaseSimulation(mechanism)
     return _beside(_picture(mechanism, simulation.poses(), ".svg"), mechanism, _summary(simulation))
 
 
 def mechanism_png(mechanism: Mechanism) -> bytes:
     """The picture at the start."""
-    return _picture(mechanism, Simulation(mechanism).poses(), ".png")
+    return _picture(mechanism, BaseSimulation(mechanism).poses(), ".png")
 
 
-def simulation_html(simulation: Simulation) -> str:
+def simulation_html(simulation: BaseSimulation) -> str:
     """The picture in the present state, the time, the coordinates and the energies."""
     energies = simulation.energies
     rows = [("time", f"{simulation.time:g} s"), *_coordinates(simulation)]
@@ -58,7 +58,7 @@ def simulation_html(simulation: Simulation) -> str:
     return _beside(_picture(mechanism, simulation.poses(), ".svg"), mechanism, rows)
 
 
-def simulation_png(simulation: Simulation) -> bytes:
+def simulation_png(simulation: BaseSimulation) -> bytes:
     """The picture in the present state."""
     return _picture(simulation.mechanism, simulation.poses(), ".png")
 
@@ -72,7 +72,7 @@ def embedded(content: bytes, suffix: str, text: str, width: int) -> str:
     )
 
 
-def _summary(simulation: Simulation) -> list[tuple[str, str]]:
+def _summary(simulation: BaseSimulation) -> list[tuple[str, str]]:
     mechanism, equations = simulation.mechanism, simulation.model.equations
     counted = mobility(mechanism, equations.rows, equations.start, simulation.poses())
     energies = simulation.energies
@@ -86,7 +86,7 @@ def _summary(simulation: Simulation) -> list[tuple[str, str]]:
     ]
 
 
-def _coordinates(simulation: Simulation) -> list[tuple[str, str]]:
+def _coordinates(simulation: BaseSimulation) -> list[tuple[str, str]]:
     names, q, u = simulation.coordinate_names, simulation.q, simulation.u
     if len(q) == len(names):
         rows = [(name, f"q = {q[index]:.6g}, u = {u[index]:.6g}") for index, name in enumerate(names)]
@@ -140,7 +140,7 @@ class RunPicture:
 
 
 def plot(
-    simulation: Simulation, until: float, show: Sequence[str] = (), style: str = "screen", theme: str = "light"
+    simulation: BaseSimulation, until: float, show: Sequence[str] = (), style: str = "screen", theme: str = "light"
 ) -> RunPicture:
     """Run to a time and plot what happened; see `Simulation.plot`."""
     look = plot_style(Path("run.png"), style, theme)  # wrong names are reported before the run
@@ -156,7 +156,7 @@ def plot(
     return RunPicture(content, ".png", f"The run of {simulation.mechanism.name} to {until:g} s", PLOT_WIDTH)
 
 
-def animate(simulation: Simulation, until: float, traces: Sequence[str] = ()) -> RunPicture:
+def animate(simulation: BaseSimulation, until: float, traces: Sequence[str] = ()) -> RunPicture:
     """Run to a time and draw the motion; see `Simulation.animate`."""
     traces = [traces] if isinstance(traces, str) else traces
     traced_points(simulation.mechanism, traces)  # a wrong name is reported before the run
@@ -177,7 +177,7 @@ def animate(simulation: Simulation, until: float, traces: Sequence[str] = ()) ->
     return RunPicture(content, ".webp", text, ANIMATION_SIZE[0])
 
 
-def _file_name(simulation: Simulation) -> str:
+def _file_name(simulation: BaseSimulation) -> str:
     return simulation.mechanism.name.replace("/", "_")
 
 
@@ -185,7 +185,7 @@ RATE = 60.0  # states that are shown for each second
 HEIGHT = 560  # px
 
 
-def view(simulation: Simulation, until: float) -> Any:
+def view(simulation: BaseSimulation, until: float) -> Any:
     """Run to a time and show the run in Rerun; see `Simulation.view`."""
     require_packages("rerun_notebook", purpose="Rerun in a notebook", otherwise="or use animate().")
     with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
@@ -204,5 +204,5 @@ def view(simulation: Simulation, until: float) -> Any:
     return widget
 
 
-def _offer(viewer: Viewer, simulation: Simulation) -> None:
+def _offer(viewer: Viewer, simulation: BaseSimulation) -> None:
     viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)

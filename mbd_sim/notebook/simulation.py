@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
-from mbd_sim.simulation.run import simulation as engine
 from mbd_sim.simulation.run.arguments import RecordingOptions
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 if TYPE_CHECKING:
     from mbd_sim.lab.lab import Lab
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from mbd_sim.recordings.run.run_recorder import RunRecorder
 
 
-class Simulation(engine.Simulation):  # noqa: D101
-    __doc__ = engine.Simulation.__doc__
+class Simulation(BaseSimulation):  # noqa: D101
+    __doc__ = BaseSimulation.__doc__
 
     def copy(self) -> Simulation:
         """Another simulation in the same state, which goes on by itself; both share the compiled equations.

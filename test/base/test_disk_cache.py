@@ -238,7 +238,7 @@ def test_another_process_finds_it_and_gets_the_same_bits(folder):
 
 
 def test_processes_that_store_at_once_do_no_harm(folder):
-    program = "from mbd_sim.base import disk_cache\nfor _ in range(200): disk_cache.store('name', b'code' * 1000)"
+    program = "from mbd_sim.base import disk_cache\nfor _ in range(40): disk_cache.store('name', b'code' * 1000)"
     writers = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(3)]
     while any(writer.poll() is None for writer in writers):
         assert disk_cache.load("name") in (None, b"code" * 1000)

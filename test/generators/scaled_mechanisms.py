@@ -13,8 +13,7 @@ from mbd_sim.files.builders.mechanism import build
 from mbd_sim.files.checks.repetition import expanded
 from mbd_sim.files.checks.validation import validate
 from mbd_sim.files.schema import actuators, constraints, forces, laws
-from mbd_sim.files.schema.base import Spec
-from mbd_sim.files.schema.fields import ExpressionField, Quantity
+from mbd_sim.files.schema.fields import ExpressionField, QuantityField, Spec
 from mbd_sim.files.text.library import find
 from mbd_sim.files.text.yaml_text import parse_source
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
@@ -193,7 +192,7 @@ class _Scaler:
         if getattr(spec, "torque_speed", None) is not None:
             pair = (self.units.factor(f"{angle}/s"), self.units.factor(effort))
             found["torque_speed"] = [(float(a) * pair[0], float(b) * pair[1]) for a, b in spec.torque_speed]
-        if isinstance(spec, actuators.CylinderSpec) and spec.transition is None:
+        if isinstance(spec, actuators.FluidCylinderSpec) and spec.transition is None:
             found["transition"] = TRANSITION[spec.type] * self.units.factor("Pa")
         if spec.servo is not None:
             position = spec.servo.controls == "position"
@@ -262,7 +261,7 @@ def _alternatives(kind):
 
 def _mark_here(kind):
     """The last mark of a quantity, which is the one that counts."""
-    marks = [mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, Quantity | ExpressionField)]
+    marks = [mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, QuantityField | ExpressionField)]
     return marks[-1] if marks else None
 
 

@@ -46,7 +46,7 @@ def test_back_to_the_file_is_not_back_to_the_start_of_the_page():
     simulation = Simulation(load_mechanism("four_bar"), live="parameters.*")
     simulation.set_live({"parameters.density": 2.0})
     with simulation.lab() as lab:
-        (setting,) = (one for one in lab.page._settings if one.key == "parameters.density")
+        (setting,) = (one for one in lab.page._change._settings if one.key == "parameters.density")
         assert setting.value == 1.0
         assert lab.session.frame.values["parameters.density"] == 2.0
 

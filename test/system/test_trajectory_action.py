@@ -15,7 +15,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mbd_sim import Simulation
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.node.trajectory_action import TrajectoryAction
 from mbd_sim.ros.stepping.clock import Rates
 from mbd_sim.ros.stepping.thread import SteppingThread

@@ -16,9 +16,9 @@ from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes, energy_size
 from mbd_sim.pictures.rerun.viewer import Viewer
-from mbd_sim.recordings.messages.journal import publication_schedule
+from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.model import UNKNOWN_ENERGY
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
 CHUNK = 20_000  # steps per call without a viewer
@@ -54,7 +54,7 @@ def _execute(options: argparse.Namespace) -> int:
 
 
 def simulate(
-    simulation: Simulation,
+    simulation: BaseSimulation,
     duration: float,
     *,
     rerun: str | None = None,
@@ -69,7 +69,7 @@ def simulate(
 
     viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
     feed = None if viewer is None else _ViewerFeed(viewer, simulation)
-    samplers: list[Sampler] = [] if feed is None else [feed]
+    samplers: list[PeriodicOutput] = [] if feed is None else [feed]
     if outputs is not None and outputs.frame_rate:
         samplers.append(_Frames(outputs, simulation))
     last = round(duration / simulation.step_size)
@@ -102,7 +102,7 @@ def simulate(
     )
 
 
-class Sampler(Protocol):
+class PeriodicOutput(Protocol):
     """Takes a sample of a simulation at a rate in Hz."""
 
     rate: float
@@ -117,7 +117,7 @@ class _ViewerFeed:
 
     rate = SHOWN_RATE
 
-    def __init__(self, viewer: Viewer, simulation: Simulation) -> None:
+    def __init__(self, viewer: Viewer, simulation: BaseSimulation) -> None:
         self._viewer, self._simulation, self._waiting = viewer, simulation, 0
 
     def sample(self) -> None:
@@ -144,14 +144,14 @@ class _ViewerFeed:
 class _Frames:
     """Keeps the poses of an animation."""
 
-    def __init__(self, outputs: RunOutputs, simulation: Simulation) -> None:
+    def __init__(self, outputs: RunOutputs, simulation: BaseSimulation) -> None:
         self._outputs, self._simulation, self.rate = outputs, simulation, outputs.frame_rate
 
     def sample(self) -> None:
         self._outputs.add_frame(self._simulation)
 
 
-def _summary(simulation: Simulation, seconds: float, done: str) -> str:
+def _summary(simulation: BaseSimulation, seconds: float, done: str) -> str:
     steps = max(simulation.steps, 1)
     return "\n".join(
         [
@@ -169,7 +169,7 @@ def _summary(simulation: Simulation, seconds: float, done: str) -> str:
     )
 
 
-def _coordinates(simulation: Simulation) -> Iterator[str]:
+def _coordinates(simulation: BaseSimulation) -> Iterator[str]:
     """The position and the velocity of each coordinate, with 0 in place of round-off.
 
     That of a velocity is what moves the coordinate by the round-off of its position in the whole run, or what is
@@ -184,7 +184,7 @@ def _coordinates(simulation: Simulation) -> Iterator[str]:
         yield f"  {name:16s} {place: .9g}  {rate: .9g}"
 
 
-def _energies(simulation: Simulation) -> Iterator[str]:
+def _energies(simulation: BaseSimulation) -> Iterator[str]:
     """The energy account, with 0 in place of what is round-off in comparison with its largest term."""
     energies = simulation.energies
     size = max(map(abs, energies), default=0.0)
@@ -201,14 +201,14 @@ def _energies(simulation: Simulation) -> Iterator[str]:
         yield f"  WARNING          {UNKNOWN_ENERGY}"
 
 
-def _accuracy(simulation: Simulation) -> list[str]:
+def _accuracy(simulation: BaseSimulation) -> list[str]:
     """The largest estimated error of a step, with a warning if it is too large."""
     advice = simulation.step_advice
     lines = [f"  step error       at most {simulation.error_estimate:.1g}, estimated, relative to scales of q and u"]
     return lines if advice is None else [*lines, f"  WARNING          {advice}"]
 
 
-def _constraints(simulation: Simulation) -> list[str]:
+def _constraints(simulation: BaseSimulation) -> list[str]:
     """The violation of loops and constraints, including redundant ones, with a warning if it is too large."""
     if not simulation.model.row_names:
         return []

@@ -23,7 +23,7 @@ from mbd_sim.files.text.library import SUFFIXES, shipped
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.recordings.views.table import RunTable, read_table
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 OR_MECHANISM = "or a mechanism file, a URDF, MJCF or SDF, or the name of a shipped mechanism, which is run first"
 RECORDING_SUFFIXES = (".mcap", ".db3", ".zstd")
@@ -80,7 +80,7 @@ def recorded_run(
         yield path
 
 
-def run_for(simulation: Simulation, duration: float, quiet: bool) -> None:
+def run_for(simulation: BaseSimulation, duration: float, quiet: bool) -> None:
     """Run for a duration in s, with a progress bar."""
     with ProgressBar(simulation.mechanism.name, quiet, total=duration, amount=SECONDS) as progress:
         simulation.run(until=duration, progress=progress.show)

@@ -10,20 +10,22 @@ from pathlib import Path
 
 from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.cli.shared.common import positive_in, positive_number, print_undrawn_meshes
-from mbd_sim.cli.shared.plot_options import (
+from mbd_sim.cli.shared.common import (
     add_coordinates,
     add_plot_style,
     add_show,
     chosen_style,
     plotted_coordinates,
+    positive_in,
+    positive_number,
+    print_undrawn_meshes,
     require_styled,
     shown_plots,
 )
 from mbd_sim.cli.shared.progress import COUNT, ProgressBar, temporary_file
 from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.joints import traced_points
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 RECORDING = ".mcap"
 SIZE = 600, 400  # px, of an animation
@@ -102,15 +104,16 @@ class RunOutputs:
         self._shown, self._coordinates = shown_plots(options, options.plot), plotted_coordinates(options, options.plot)
         require_styled(options, options.plot)
         if self.records:
-            from mbd_sim.recordings.views import export, panels, plots
+            from mbd_sim.recordings.views import panels, plots
+            from mbd_sim.recordings.views.table import require_table
 
-            export.require_table(options.out, RECORDING)
+            require_table(options.out, RECORDING)
             plots.require_plot(options.plot)
             panels.require_names(self._shown)
             chosen_style(options, options.plot)
         if options.animate is not None:
             from mbd_sim.pictures.drawing import animation
-            from mbd_sim.recordings.views.plots import require_suffix
+            from mbd_sim.recordings.views.table import require_suffix
 
             require_suffix(options.animate, animation.SUFFIXES)
             animation.require_animation_packages(options.animate)
@@ -142,7 +145,7 @@ class RunOutputs:
         return FRAME_RATE / self._pace
 
     @contextmanager
-    def of(self, simulation: Simulation) -> Iterator[None]:
+    def of(self, simulation: BaseSimulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
@@ -163,7 +166,7 @@ class RunOutputs:
                 raise
             self._write(simulation, path)
 
-    def add_frame(self, simulation: Simulation) -> None:
+    def add_frame(self, simulation: BaseSimulation) -> None:
         """Keep the present poses for the animation."""
         self._frames.append((simulation.time, simulation.poses()))
 
@@ -172,7 +175,7 @@ class RunOutputs:
         """Whether the run is recorded."""
         return self._options.out is not None or self._options.plot is not None
 
-    def _recording(self, simulation: Simulation, path: Path) -> AbstractContextManager[object]:
+    def _recording(self, simulation: BaseSimulation, path: Path) -> AbstractContextManager[object]:
         from mbd_sim.recordings.run.run_recorder import RunRecorder
 
         options = self._options
@@ -189,7 +192,7 @@ class RunOutputs:
             accelerations=accelerations,
         )
 
-    def _write(self, simulation: Simulation, path: Path) -> None:
+    def _write(self, simulation: BaseSimulation, path: Path) -> None:
         options = self._options
         if self.records:
             self._write_table_and_plot(path)
@@ -198,15 +201,16 @@ class RunOutputs:
 
     def _write_table_and_plot(self, path: Path) -> None:
         from mbd_sim.cli.shared.recorded_run import read_run_table
-        from mbd_sim.recordings.views import export, plots
+        from mbd_sim.recordings.views import plots
         from mbd_sim.recordings.views.panels import panels
+        from mbd_sim.recordings.views.table import export
 
         options = self._options
         table = read_run_table(path, options.quiet, options.mechanism if path != options.out else "")
         if path == options.out:
             self.written.append(f"{path}: {counted(len(table), 'state')}")
         elif options.out is not None:
-            columns = export.export(options.out, table)
+            columns = export(options.out, table)
             self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
         if options.plot is not None:
             chosen = panels(table, self._shown, self._coordinates, degrees=options.deg)
@@ -214,7 +218,7 @@ class RunOutputs:
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")
 
-    def _animate(self, simulation: Simulation) -> None:
+    def _animate(self, simulation: BaseSimulation) -> None:
         from mbd_sim.pictures.drawing.animation import Animation, Frame, write_animation
 
         options = self._options

@@ -10,12 +10,12 @@ from mbd_sim.base.errors import InputError, MechanismError, nearest
 from mbd_sim.cli.shared.progress import Waiting
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.files.text.values import parse_value, split_unit
+from mbd_sim.files.text.units import parse_value, split_unit
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, split_assignment
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.run.simulation import Simulation
+    from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
 def add_set(parser: argparse._ActionsContainer) -> None:
@@ -62,21 +62,21 @@ def changes_of(assignments: Iterable[str]) -> dict[str, Any]:
     return {key: _value(text, f"--set {key}") for key, text in _pairs("--set", assignments, "joints.elbow.damping=0.2")}
 
 
-def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) -> Simulation:
+def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) -> BaseSimulation:
     """The simulation that the options describe, with its constant efforts.
 
     :param with_changes: whether `--set`, `--method` and `--step` are for this run.
     :raises InputError: an option is not an assignment, or names a joint that does not exist.
     :raises MechanismError: the mechanism cannot be built with these values.
     """
-    from mbd_sim.simulation.run.simulation import Simulation  # not for `check`, whose reports are kept
+    from mbd_sim.simulation.run.simulation import BaseSimulation  # not for `check`, whose reports are kept
 
     Waiting.stage("read the mechanism")
     mechanism = load_mechanism(options.mechanism)
     Waiting.stage("derive and compile the equations")
     changes = changes_of(options.changes) if with_changes else {}
     changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
-    simulation = Simulation(
+    simulation = BaseSimulation(
         mechanism,
         method=options.method if with_changes else None,
         step=options.step if with_changes else None,

@@ -13,9 +13,9 @@ from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, rounde
 from mbd_sim.cli.shared.progress import SECONDS, ProgressBar, Waiting
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
-from mbd_sim.files.text.values import parse_value
+from mbd_sim.files.text.units import parse_value
 from mbd_sim.recordings.views.table import coordinate_units
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.linear_analysis.loci import set_to_equilibrium
 
 SOLVED = 1e-12  # error of a coordinate at an equilibrium, relative to 1 rad or the size of the mechanism
@@ -39,7 +39,7 @@ def add_working_point(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
+def simulation_at(options: argparse.Namespace) -> tuple[BaseSimulation, str]:
     """The simulation in the state that the options describe, and one line about this state.
 
     :raises InputError: `--at` is something else, or there is no equilibrium.
@@ -63,7 +63,7 @@ def simulation_at(options: argparse.Namespace) -> tuple[Simulation, str]:
     return simulation, f"{_state_text(simulation, 'at the equilibrium')}\n{equilibrium_text(simulation, found)}"
 
 
-def equilibrium_text(simulation: Simulation, found: Equilibrium) -> str:
+def equilibrium_text(simulation: BaseSimulation, found: Equilibrium) -> str:
     """How far an equilibrium is from the start, by coordinate, and whether it is stable."""
     units, names = coordinate_units(simulation.mechanism), simulation.coordinate_names
     stability = "stable" if found.stable else f"unstable: motions grow with {found.growth:.4g} 1/s"
@@ -78,7 +78,7 @@ def equilibrium_text(simulation: Simulation, found: Equilibrium) -> str:
     return f"  {stability}; {where}"
 
 
-def place_text(simulation: Simulation, q: Array) -> str:
+def place_text(simulation: BaseSimulation, q: Array) -> str:
     """The coordinates q (nq,) by name, those of rotations as rotation vectors."""
     y = simulation.model.start.copy()
     y[simulation.model.q_range] = q
@@ -89,11 +89,11 @@ def place_text(simulation: Simulation, q: Array) -> str:
     )
 
 
-def _sizes(simulation: Simulation) -> list[float]:
+def _sizes(simulation: BaseSimulation) -> list[float]:
     return coordinate_sizes(simulation.mechanism, simulation.step_size)
 
 
-def _state_text(simulation: Simulation, where: str) -> str:
+def _state_text(simulation: BaseSimulation, where: str) -> str:
     place = place_text(simulation, simulation.q)
     return f"{simulation.mechanism.name} {where}{': ' if place else ''}{place}"
 

@@ -13,7 +13,7 @@ from mbd_sim.compiler.ir.module import (
     BOOL,
     POINTER,
     VOID,
-    Block,
+    BasicBlock,
     Function,
     Module,
     Phi,
@@ -30,11 +30,11 @@ _LIKELY = {None: None, True: (99, 1), False: (1, 99)}
 class IRBuilder:
     """Writes instructions at the end of a block; `unrolled`: see `Module`."""
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: BasicBlock) -> None:
         self.position_at_end(block)
         self.unrolled = self.module.unrolled
 
-    def position_at_end(self, block: Block) -> None:
+    def position_at_end(self, block: BasicBlock) -> None:
         """Continue in another block."""
         self.block, self._lines, self._numbers = block, block.lines, block.function.numbers
 
@@ -43,7 +43,7 @@ class IRBuilder:
         """The module of the function."""
         return self.block.function.module
 
-    def append_basic_block(self, name: str) -> Block:
+    def append_basic_block(self, name: str) -> BasicBlock:
         """A new block after all others of the function."""
         return self.block.function.append_basic_block(name)
 
@@ -224,11 +224,13 @@ class IRBuilder:
         self._lines.append(value)
         return value
 
-    def branch(self, target: Block) -> None:
+    def branch(self, target: BasicBlock) -> None:
         """Continue with a block."""
         self._terminate(f"br label %{target.name}")
 
-    def cbranch(self, condition: Value, then: Block, otherwise: Block, weights: tuple[int, int] | None = None) -> None:
+    def cbranch(
+        self, condition: Value, then: BasicBlock, otherwise: BasicBlock, weights: tuple[int, int] | None = None
+    ) -> None:
         """Continue with one of two blocks; `weights` say how often with each."""
         counts = "" if weights is None else f', !prof !{{!"branch_weights", i32 {weights[0]}, i32 {weights[1]}}}'
         self._terminate(f"br i1 {condition.text}, label %{then.name}, label %{otherwise.name}{counts}")
@@ -312,7 +314,7 @@ class IRBuilder:
         self.position_at_end(after)
 
     @contextmanager
-    def _within(self, block: Block, after: Block) -> Iterator[None]:
+    def _within(self, block: BasicBlock, after: BasicBlock) -> Iterator[None]:
         self.position_at_end(block)
         yield
         if not self.block.is_terminated:

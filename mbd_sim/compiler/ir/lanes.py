@@ -11,7 +11,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder
-from mbd_sim.compiler.ir.module import Block, Type, Value, is_vector, scalar_of, undefined, vector_of, with_lanes_of
+from mbd_sim.compiler.ir.module import (
+    BasicBlock,
+    Type,
+    Value,
+    is_vector,
+    scalar_of,
+    undefined,
+    vector_of,
+    with_lanes_of,
+)
 
 ALIGNMENT = 8  # bytes, of the arrays of members
 
@@ -19,7 +28,7 @@ ALIGNMENT = 8  # bytes, of the arrays of members
 class LaneBuilder(IRBuilder):
     """An `IRBuilder` that emits code for `lanes` members at once."""
 
-    def __init__(self, block: Block, lanes: int) -> None:
+    def __init__(self, block: BasicBlock, lanes: int) -> None:
         super().__init__(block)
         self.lanes = lanes
 
@@ -147,7 +156,7 @@ class ComponentBuilder(LaneBuilder):
         return self.lane(vector, 0)
 
 
-def new_builder(block: Block, lanes: int) -> IRBuilder:
+def new_builder(block: BasicBlock, lanes: int) -> IRBuilder:
     """A builder for `lanes` members at once; for 1, that of the module."""
     builder: IRBuilder = LaneBuilder(block, lanes) if lanes > 1 else block.function.module.new_builder(block)
     return builder

@@ -38,7 +38,7 @@ class Phi(Value):
     def __init__(self, *_: str) -> None:
         self._incoming: list[str] = []
 
-    def add_incoming(self, value: Value, block: Block) -> None:
+    def add_incoming(self, value: Value, block: BasicBlock) -> None:
         """The value if its block is reached from `block`."""
         self._incoming.append(f"[ {value.text}, %{block.name} ]")
 
@@ -54,7 +54,7 @@ class FunctionType:
     args: Sequence[Type]
 
 
-class Block:
+class BasicBlock:
     """A sequence of instructions, of which the last one, the terminator, says what follows."""
 
     def __init__(self, function: Function, name: str) -> None:
@@ -82,7 +82,7 @@ class Function:
         self.linkage = self.about = ""
         self.attributes: list[str] = []
         self.noalias = False
-        self.blocks: list[Block] = []
+        self.blocks: list[BasicBlock] = []
         self.numbers = count()  # of values and blocks
         module.add(name, self)
 
@@ -91,9 +91,9 @@ class Function:
         """Whether it is inlined wherever it is called."""
         return ALWAYS_INLINE in self.attributes
 
-    def append_basic_block(self, name: str) -> Block:
+    def append_basic_block(self, name: str) -> BasicBlock:
         """A new block after all others."""
-        self.blocks.append(Block(self, f"{name}.{next(self.numbers)}"))
+        self.blocks.append(BasicBlock(self, f"{name}.{next(self.numbers)}"))
         return self.blocks[-1]
 
     def __str__(self) -> str:
@@ -116,7 +116,7 @@ class Module:
     `unrolled` components are unrolled; those on longer ones are loops. `new_builder` writes into a block.
     """
 
-    def __init__(self, triple: str, new_builder: Callable[[Block], Any], *, is_fast: bool = True) -> None:
+    def __init__(self, triple: str, new_builder: Callable[[BasicBlock], Any], *, is_fast: bool = True) -> None:
         self.triple, self.new_builder, self.fast = triple, new_builder, is_fast
         self.unrolled = UNROLLED if self.fast else 0
         self.functions: dict[str, Function] = {}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -84,7 +84,8 @@ def critical_path_order(graph: Graph) -> list[int]:
     return sorted(paths, key=lambda number: (-paths[number], number))
 
 
-class _Term(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Term:
     """A term of a sum: the product of one or two nodes, and its sign; `ready` is the cycle when it can be added."""
 
     factors: tuple[int, ...]

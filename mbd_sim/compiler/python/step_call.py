@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from mbd_sim.compiler.code.machine_code import NONE
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer
-from mbd_sim.compiler.ir.module import POINTER, VOID, Block, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.module import POINTER, VOID, BasicBlock, Function, FunctionType, Module, Value
 from mbd_sim.compiler.python.callable import LARGEST
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
@@ -75,7 +75,7 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
 
 
 def _emit_step_count(
-    b: IRBuilder, python: Mapping[str, Function], call: Function, blocks: Mapping[str, Block]
+    b: IRBuilder, python: Mapping[str, Function], call: Function, blocks: Mapping[str, BasicBlock]
 ) -> Value:
     """Emit the reading of n, which is 1 without an argument; anything that is not a count goes to block `other`."""
     _, arguments, count, names = call.args

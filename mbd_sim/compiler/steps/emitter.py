@@ -22,7 +22,7 @@ from mbd_sim.integrators.method import ErrorEstimate, Scales
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class ChangesBetweenSteps:
     """The delays of a system, and its samplers, each with its lowered function."""
 
     delays: Sequence[DelayLine]
@@ -60,12 +60,12 @@ def _emit_sample(
         store(b, load(b, results, index), arguments[1], component)
 
 
-def emit_samples(module: Module, between_steps: BetweenSteps | None, lanes: int = 1) -> Samples | None:
+def emit_samples(module: Module, between_steps: BetweenSteps | None, lanes: int = 1) -> ChangesBetweenSteps | None:
     """Emit the sampled functions; None if nothing changes between steps."""
     if between_steps is None or not (between_steps.delays or between_steps.samplers):
         return None
     lowered = [(s, lower(module, s.function, inline=False, lanes=lanes)) for s in between_steps.samplers]
-    return Samples(between_steps.delays, lowered)
+    return ChangesBetweenSteps(between_steps.delays, lowered)
 
 
 TINIEST = 1e-300  # keeps 0/0 out of estimates
@@ -96,7 +96,7 @@ class System:
     projects_in_place: bool = False
     unmoved: frozenset[int] = frozenset()
     still: frozenset[int] = frozenset()
-    samples: Samples | None = None
+    samples: ChangesBetweenSteps | None = None
     held: frozenset[int] = frozenset()
     unread: frozenset[int] = frozenset()
     in_registers: bool = False

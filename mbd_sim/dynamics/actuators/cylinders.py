@@ -29,9 +29,8 @@ from typing import assert_never
 
 import casadi as ca
 
-from mbd_sim.dynamics.kinematics.motors import between
-from mbd_sim.dynamics.math.spatial import is_absent, is_symbolic
-from mbd_sim.mechanism.elements.actuators import Cylinder, Gas, Oil
+from mbd_sim.dynamics.math.spatial import between, is_absent, is_symbolic
+from mbd_sim.mechanism.elements.actuators import FluidCylinder, Gas, Oil
 
 REFERENCE_PRESSURE = 1e5  # Pa, to which sonic conductances refer
 
@@ -55,7 +54,7 @@ class CylinderOutput:
 
 
 def cylinder_output(
-    cylinder: Cylinder, command: ca.SX, pressures: Sequence[ca.SX], position: ca.SX, speed: ca.SX
+    cylinder: FluidCylinder, command: ca.SX, pressures: Sequence[ca.SX], position: ca.SX, speed: ca.SX
 ) -> CylinderOutput:
     """A cylinder at the position and the speed of its port in m and m/s.
 
@@ -81,7 +80,7 @@ def cylinder_output(
     return CylinderOutput(effort, pressures, flows, rates, power, loss, sum(compressions, ca.SX(1, 1)))
 
 
-def fastest_rate(cylinder: Cylinder, position: float) -> float:
+def fastest_rate(cylinder: FluidCylinder, position: float) -> float:
     """The rate in 1/s at which a pressure reaches that behind the fully open valve, at the position of the port in m.
 
     It is that of small pressure drops in the smaller chamber.
@@ -97,17 +96,17 @@ def fastest_rate(cylinder: Cylinder, position: float) -> float:
             assert_never(cylinder.fluid)
 
 
-def ambient_pressure(cylinder: Cylinder) -> float:
+def ambient_pressure(cylinder: FluidCylinder) -> float:
     """The pressure on the outside of the piston, in Pa."""
     return cylinder.tank if isinstance(cylinder.fluid, Gas) else 0.0
 
 
-def _ends(cylinder: Cylinder) -> tuple[tuple[float, float], tuple[float, float]]:
+def _ends(cylinder: FluidCylinder) -> tuple[tuple[float, float], tuple[float, float]]:
     """The pressure that the valve connects each chamber to while it extends the cylinder, and while it retracts it."""
     return (cylinder.supply, cylinder.tank), (cylinder.tank, cylinder.supply)
 
 
-def _volumes(cylinder: Cylinder, position: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _volumes(cylinder: FluidCylinder, position: ca.SX) -> tuple[ca.SX, ca.SX]:
     travel = position - cylinder.retracted
     first, second = cylinder.dead_volumes
     return first + cylinder.areas[0] * travel, second + cylinder.areas[1] * (cylinder.stroke - travel)
@@ -118,7 +117,7 @@ def _root(drop: ca.SX, transition: float) -> ca.SX:
     return drop / ca.sqrt(ca.sqrt(drop**2 + transition**2))
 
 
-def _flow(cylinder: Cylinder, valve: float, source: ca.SX, pressure: ca.SX) -> ca.SX:
+def _flow(cylinder: FluidCylinder, valve: float, source: ca.SX, pressure: ca.SX) -> ca.SX:
     """The flow through an orifice from a source into a chamber."""
     match cylinder.fluid:
         case Oil():
@@ -134,7 +133,7 @@ def _flow(cylinder: Cylinder, valve: float, source: ca.SX, pressure: ca.SX) -> c
             assert_never(cylinder.fluid)
 
 
-def _leak(cylinder: Cylinder, first: ca.SX, second: ca.SX) -> ca.SX:
+def _leak(cylinder: FluidCylinder, first: ca.SX, second: ca.SX) -> ca.SX:
     """The flow past the piston from chamber A to chamber B."""
     if isinstance(cylinder.fluid, Oil):
         return cylinder.fluid.leakage * (first - second)
@@ -153,7 +152,7 @@ def _compression(fluid: Oil | Gas, pressure: ca.SX, flow: ca.SX, sweep: ca.SX) -
 
 
 def _powers(
-    cylinder: Cylinder, extends: ca.SX, pressures: Sequence[ca.SX], flows: Sequence[ca.SX], leak: ca.SX
+    cylinder: FluidCylinder, extends: ca.SX, pressures: Sequence[ca.SX], flows: Sequence[ca.SX], leak: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """The power of the fluid that enters, and that which is lost in the valve and at the piston, in W.
 
@@ -194,7 +193,7 @@ def _exponential(x: ca.SX) -> ca.SX:
     return (value**2) ** 2
 
 
-def _available(cylinder: Cylinder, pressure: ca.SX) -> ca.SX:
+def _available(cylinder: FluidCylinder, pressure: ca.SX) -> ca.SX:
     """The work φ that a gas can do per unit of R T m."""
     assert isinstance(cylinder.fluid, Gas)
     n, logarithm = cylinder.fluid.exponent, ca.log(pressure * (1.0 / cylinder.tank))
@@ -203,14 +202,14 @@ def _available(cylinder: Cylinder, pressure: ca.SX) -> ca.SX:
     return n / (n - 1.0) * (1.0 - _exponential((1.0 - n) / n * logarithm))
 
 
-def displaced_energy(cylinder: Cylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:
+def displaced_energy(cylinder: FluidCylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:
     """The sum of V (p - pₐ) of both chambers, in J."""
     ambient, volumes = ambient_pressure(cylinder), _volumes(cylinder, position)
     terms = (volume * (pressure - ambient) for volume, pressure in zip(volumes, pressures, strict=True))
     return sum(terms, ca.SX(1, 1))
 
 
-def stored_energy(cylinder: Cylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:
+def stored_energy(cylinder: FluidCylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:
     """The energy of the fluid in both chambers, in J."""
     total = ca.SX(1, 1)
     for volume, pressure in zip(_volumes(cylinder, position), pressures, strict=True):

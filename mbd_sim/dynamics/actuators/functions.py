@@ -13,13 +13,13 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.actuators.cylinders import CylinderOutput, displaced_energy, stored_energy
 from mbd_sim.dynamics.actuators.forces import ActuatorForces, PortMotion, commands_in_effect, integral_of, servo_signals
+from mbd_sim.dynamics.actuators.motors import MotorOutput
 from mbd_sim.dynamics.actuators.servos import error_of, moved_reference, servo_output, with_reference
-from mbd_sim.dynamics.kinematics.motors import MotorOutput
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout, ActuatorSlots
 from mbd_sim.dynamics.math.spatial import is_absent
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
-from mbd_sim.mechanism.elements.actuators import Actuator, Cylinder, DcMotor, EffortMotor, Machine, Servo
+from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor, EffortMotor, FluidCylinder, Machine, Servo
 from mbd_sim.mechanism.elements.joint_types import default_command
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -55,7 +55,7 @@ def reading_names(machine: Machine) -> tuple[str, ...]:
     match machine:
         case EffortMotor() | DcMotor():
             return MOTOR_READINGS
-        case Cylinder():
+        case FluidCylinder():
             return CYLINDER_READINGS
         case _:
             assert_never(machine)
@@ -155,7 +155,7 @@ def require_within_strokes(mechanism: Mechanism, functions: ActuatorFunctions, y
     problems = []
     positions = np.array(functions.readings(0.0, y, functions.base_inputs))[0]
     for actuator, x in zip(mechanism.actuators, positions, strict=True):
-        if not isinstance(cylinder := actuator.motor, Cylinder):
+        if not isinstance(cylinder := actuator.motor, FluidCylinder):
             continue
         ends = cylinder.retracted, cylinder.retracted + cylinder.stroke
         if not ends[0] - ROUNDING * cylinder.stroke <= x <= ends[1] + ROUNDING * cylinder.stroke:
@@ -172,7 +172,7 @@ def _column(actuator: Actuator, port: PortMotion, motor: MotorOutput | CylinderO
         electrical, losses = motor.voltage * motor.current, (motor.copper_loss, motor.friction_loss)
         mechanical = motor.effort * port.v
         return ca.vertcat(port.x, port.v, motor.effort, motor.voltage, motor.current, electrical, mechanical, *losses)
-    assert isinstance(actuator.motor, Cylinder)
+    assert isinstance(actuator.motor, FluidCylinder)
     energies = [energy(actuator.motor, motor.pressures, port.x) for energy in (stored_energy, displaced_energy)]
     flows, powers = motor.flows, (motor.fluid_power, motor.throttling_loss)
     return ca.vertcat(port.x, port.v, motor.effort, *motor.pressures, *flows, *powers, *energies)

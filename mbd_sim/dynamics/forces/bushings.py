@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -14,7 +14,8 @@ from mbd_sim.mechanism.elements.parts import GROUND
 NEARLY_ZERO = 2.5e-5  # of tan² ½ θ, below which a series replaces a quotient of two small numbers
 
 
-class BushingForce(NamedTuple):
+@dataclass(frozen=True, eq=False, slots=True)
+class BushingForce:
     """The `force` (3,) in N and the `couple` (3,) in N·m on the second frame, by default along the axes of the first.
 
     `potential` in J, and `dissipated_power` in W.
@@ -26,7 +27,8 @@ class BushingForce(NamedTuple):
     dissipated_power: ca.SX
 
 
-class Turn(NamedTuple):
+@dataclass(frozen=True, eq=False, slots=True)
+class Turn:
     """The `vector` φ (3,) along the axis of a rotation, as long as its angle θ in rad, which is at most π.
 
     With the angular velocity ω in fixed axes, its rate is ω - ½ φ x ω + `bend` φ x (φ x ω), where `bend` is
@@ -111,16 +113,16 @@ def bushing_in_ground(applied: AppliedWrenches, bushing: Bushing) -> tuple[Bushi
     line = second.position - first.position
     velocity = second.velocity - first.velocity - ca.cross(first.omega, line)
     found = bushing_force(bushing, axes.T @ line, rotation, axes.T @ velocity, axes.T @ (second.omega - first.omega))
-    return found._replace(force=axes @ found.force, couple=axes @ found.couple), line
+    return replace(found, force=axes @ found.force, couple=axes @ found.couple), line
 
 
 def apply_bushing(applied: AppliedWrenches, bushing: Bushing) -> tuple[ca.SX, ca.SX]:
     """Apply a bushing; returns its potential in J and its dissipated power in W."""
-    (force, couple, potential, dissipated_power), line = bushing_in_ground(applied, bushing)
-    applied.add_force(bushing.second, force)
-    applied.add_force(bushing.first, -force)
+    found, line = bushing_in_ground(applied, bushing)
+    applied.add_force(bushing.second, found.force)
+    applied.add_force(bushing.first, -found.force)
     if bushing.second.part != GROUND:
-        applied.add_couple(bushing.second, couple)
+        applied.add_couple(bushing.second, found.couple)
     if bushing.first.part != GROUND:
-        applied.add_couple(bushing.first, -couple - ca.cross(line, force))
-    return potential, dissipated_power
+        applied.add_couple(bushing.first, -found.couple - ca.cross(line, found.force))
+    return found.potential, found.dissipated_power

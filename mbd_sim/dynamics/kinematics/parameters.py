@@ -22,7 +22,7 @@ from mbd_sim.base.geometry.batch import Batch, of_all
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.mechanism.elements import constraints as c
-from mbd_sim.mechanism.elements.actuators import Actuator, Cylinder, DcMotor, EffortMotor, Gas, Oil, Servo
+from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor, EffortMotor, FluidCylinder, Gas, Oil, Servo
 from mbd_sim.mechanism.elements.constraints import ContactLaw, Play
 from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cushion, Rim
 from mbd_sim.mechanism.elements.forces import Bushing, Spring
@@ -31,7 +31,7 @@ from mbd_sim.mechanism.elements.sensors import AnySensor, RangeFinder
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import Expressed, Friction, GreenStrain, Linear, PowerLaw
-from mbd_sim.mechanism.values.tables import Curve, Surface
+from mbd_sim.mechanism.values.tables import BicubicSurface, Curve
 
 Path = tuple[str | int, ...]
 
@@ -264,7 +264,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
         "regularization",
         "bandwidth",
     ),
-    Cylinder: ("areas", "dead_volumes", "retracted", "stroke", "supply", "tank", "transition"),
+    FluidCylinder: ("areas", "dead_volumes", "retracted", "stroke", "supply", "tank", "transition"),
     Oil: ("bulk_modulus", "valve", "leakage"),
     Gas: ("exponent", "valve", "critical_ratio", "leakage"),
     Servo: ("kp", "ki", "kd", "feedforward", "limit", "tracking_time", "rate_limit"),
@@ -290,7 +290,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u", "disturbance"),
     Actuator: ("start",),
-    Cylinder: ("pressures",),
+    FluidCylinder: ("pressures",),
     **dict.fromkeys(get_args(AnySensor), ("name", "sampling", "errors")),
 }  # fmt: skip
 
@@ -298,7 +298,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
 @cache
 def structure_of(kind: type) -> Literal["record", "mapping", "sequence", "number", "constant"]:
     """How the equations read values of a type."""
-    if issubclass(kind, Expressed | Curve | Surface):  # whose potential or slopes are computed beforehand
+    if issubclass(kind, Expressed | Curve | BicubicSurface):  # whose potential or slopes are computed beforehand
         return "constant"
     if dataclasses.is_dataclass(kind):
         return "record"

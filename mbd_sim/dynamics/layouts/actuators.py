@@ -126,12 +126,12 @@ def actuator_layout(mechanism: Mechanism, first_state: int, first_command: int, 
 
 
 def _core_states(actuator: Actuator) -> Iterator[str]:
-    from mbd_sim.mechanism.elements.actuators import PRESSURES, Cylinder, DcMotor, EffortMotor
+    from mbd_sim.mechanism.elements.actuators import PRESSURES, DcMotor, EffortMotor, FluidCylinder
 
     match actuator.motor:
         case DcMotor(inductance=inductance):
             yield from () if is_absent(inductance) else ("current",)
-        case Cylinder():
+        case FluidCylinder():
             yield from PRESSURES
         case EffortMotor():
             pass
@@ -146,10 +146,10 @@ def _energy_states(actuator: Actuator) -> Sequence[str]:
 
 
 def _energies(motor: Machine) -> Sequence[str]:
-    from mbd_sim.mechanism.elements.actuators import Cylinder, DcMotor, EffortMotor
+    from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor, FluidCylinder
 
     match motor:
-        case Cylinder():
+        case FluidCylinder():
             return FLUID
         case EffortMotor():
             return MECHANICAL

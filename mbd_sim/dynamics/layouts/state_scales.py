@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.mechanism.elements.joint_types import STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -107,12 +107,12 @@ def energy_size(mechanism: Mechanism, step: float) -> float:
 
 def _of_actuator(actuator: Actuator, state: str) -> float:
     """The scale of a state with a rate: of the integral of a servo, or of a state of its machine."""
-    from mbd_sim.mechanism.elements.actuators import Cylinder, DcMotor, EffortMotor
+    from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor, FluidCylinder
 
     if state == "integral":
         return _rounded(actuator.output_limit)
     match actuator.motor:
-        case Cylinder(supply=supply):
+        case FluidCylinder(supply=supply):
             return _rounded(supply)
         case DcMotor():  # a current is compared with 1 A
             return 1.0

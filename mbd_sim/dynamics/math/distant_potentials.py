@@ -43,7 +43,7 @@ class DistantPotential:
 
     def __init__(self, f: Callable[[ca.SX], ca.SX], table: PotentialTable) -> None:
         self._lower, self._upper = table.ends
-        at = _Evaluator(f)
+        at = _BatchEvaluator(f)
         first, last = table.panels.origins[:2], table.panels.origins[-2:]
         self._below = _Cells(at, self._lower, -max(float(first[1] - first[0]), -self._lower / CELLS_PER_END))
         self._above = _Cells(at, self._upper, max(float(last[1] - last[0]), self._upper / CELLS_PER_END))
@@ -88,7 +88,7 @@ class _Cells:
             self._integrals.append(total + self._rest)
 
 
-class _Evaluator:
+class _BatchEvaluator:
     """f as a function of arrays of numbers. Each value depends on its own number alone, to the last bit."""
 
     def __init__(self, f: Callable[[ca.SX], ca.SX]) -> None:
@@ -111,8 +111,8 @@ class _Evaluator:
 
 def _integrals(at: Callable[[Array], Array], starts: Array, stops: Array) -> Array:
     """The integrals (n,) from `starts` to `stops`; each interval is halved until that changes nothing twice."""
-    unsettled, most = np.zeros(len(starts), dtype=bool), MAX_PARTS * len(starts)
-    return _refined(at, starts, stops, _quadrature(at, starts, stops)[0], unsettled, most, MAX_HALVINGS)
+    unchanged, most = np.zeros(len(starts), dtype=bool), MAX_PARTS * len(starts)
+    return _refined(at, starts, stops, _quadrature(at, starts, stops)[0], unchanged, most, MAX_HALVINGS)
 
 
 def _refined(
@@ -120,11 +120,11 @@ def _refined(
     starts: Array,
     stops: Array,
     whole: Array,
-    settled: NDArray[np.bool_],
+    unchanged: NDArray[np.bool_],
     most: int,
     halvings: int,
 ) -> Array:
-    """Improve the integrals `whole`; for the `settled` intervals, the last halving changed nothing.
+    """Improve the integrals `whole`; for the `unchanged` intervals, the last halving changed nothing.
 
     At most `most` intervals are halved again, `halvings` times.
     """
@@ -133,7 +133,7 @@ def _refined(
     upper, upper_error = _quadrature(at, middles, stops)
     result = lower + upper
     rough = np.abs(whole - result) > lower_error + upper_error
-    again = rough | ~settled
+    again = rough | ~unchanged
     if np.count_nonzero(again) > most:
         result[rough] = np.nan
     elif halvings and np.any(again):

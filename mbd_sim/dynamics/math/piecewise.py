@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.mechanism.values.tables import Curve, Surface, Table, hermite
+from mbd_sim.mechanism.values.tables import BicubicSurface, Curve, Table, hermite
 
 POINTS = 16
 TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute value from 0
@@ -262,7 +262,7 @@ def _values(f: Callable[[ca.SX], ca.SX], points: Array) -> Array:
 
 
 def looked_up(table: Table, *at: Any) -> ca.SX:
-    """The value of a table: see `Curve` and `Surface`."""
+    """The value of a table: see `Curve` and `BicubicSurface`."""
     places = [ca.SX(value) for value in at]
     return _on_curve(table, *places) if isinstance(table, Curve) else _on_surface(table, *places)
 
@@ -277,7 +277,7 @@ def _on_curve(curve: Curve, x: ca.SX) -> ca.SX:
     return c0 + d * (c1 + d * (c2 + d * c3))
 
 
-def _on_surface(surface: Surface, x: ca.SX, y: ca.SX) -> ca.SX:
+def _on_surface(surface: BicubicSurface, x: ca.SX, y: ca.SX) -> ca.SX:
     columns = ca.SX(ca.DM(surface.nodes)) @ _weights(surface.y, y)
     return ca.dot(_weights(surface.x, x), columns)
 

@@ -28,7 +28,7 @@ WORDS = "recordings of the same mechanism, and a guess for each parameter to ide
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class RecordedStates:
     """A recording up to its first reset: states (n, nv) at `ticks` (n,), and efforts (nv,) with their first ticks."""
 
     text: str
@@ -40,7 +40,7 @@ class Run:
     efforts: list[tuple[int, Array]]
 
 
-def read(path: str | Path) -> Run:
+def read(path: str | Path) -> RecordedStates:
     """Read a recording of `sim_node`.
 
     :raises MbdSimError: it holds no states of a mechanism whose coordinates all have their own joint.
@@ -69,10 +69,10 @@ def read(path: str | Path) -> Run:
         raise InputError(f"'{path}' holds {held} before its first reset", "Record a longer run.")
     ticks, q, u = (np.array(column) for column in zip(*states, strict=True))
     step = float.fromhex(about["step"])
-    return Run(recording.mechanism_text or "", about["method"], step, ticks, q, u, efforts)
+    return RecordedStates(recording.mechanism_text or "", about["method"], step, ticks, q, u, efforts)
 
 
-def measured(run: Run) -> MeasuredRun:
+def measured(run: RecordedStates) -> MeasuredRun:
     """A recorded run as `identify` takes it: nan at the steps whose states were not recorded."""
     steps = run.ticks - run.ticks[0]
     states = np.full((steps[-1] + 1, run.q.shape[1] + run.u.shape[1]), np.nan)
@@ -83,7 +83,7 @@ def measured(run: Run) -> MeasuredRun:
     return MeasuredRun(run.step, states, efforts, start=float(run.ticks[0]) * run.step)
 
 
-def identified(runs: Sequence[Run], guess: Mapping[str, float], piece: float) -> Identification:
+def identified(runs: Sequence[RecordedStates], guess: Mapping[str, float], piece: float) -> Identification:
     """The parameters from recordings that are cut into pieces (s), each from a start state of its own on.
 
     :raises MbdSimError: the recordings are of different mechanisms, or see `identify`.

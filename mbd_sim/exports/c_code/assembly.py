@@ -272,7 +272,7 @@ int {name}_assemble_given(double t, {name}_state *state, {name}_inputs *inputs, 
         y[i] = given && given[i] ? y[i] : held_y[i];
     for (i = {efforts}; i < {inputs}; i++)
         in[i] = given && given[SIZE + i] ? in[i] : held_in[i];
-{settle}    memcpy(state, y, sizeof y);
+{project}    memcpy(state, y, sizeof y);
     memcpy(inputs, in, {inputs} * sizeof(double));
     return 1;
 }}
@@ -338,7 +338,7 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
             core=layout.nq + layout.nv,
             efforts=layout.nv,
             inputs=len(model.inputs),
-            settle="    project_in_place(t, y, in);\n" if normalizes else "",
+            project="    project_in_place(t, y, in);\n" if normalizes else "",
         )
     )
     return functions

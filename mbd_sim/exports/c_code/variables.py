@@ -10,9 +10,9 @@ from typing import assert_never
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.actuators import ENERGIES, FLUID
-from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES
 from mbd_sim.mechanism.contents import commanded_drives
-from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator, Cylinder, DcMotor, EffortMotor, Machine
+from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator, DcMotor, EffortMotor, FluidCylinder, Machine
 from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import reference
@@ -185,7 +185,7 @@ def _electric_units(machine: Machine) -> dict[str, str]:
     match machine:
         case DcMotor():
             return {"voltage": "V", "current": "A"}
-        case EffortMotor() | Cylinder():
+        case EffortMotor() | FluidCylinder():
             return {}
         case _:
             assert_never(machine)

@@ -19,9 +19,9 @@ from mbd_sim.mechanism.elements.actuators import (
     Actuator,
     Base,
     CoordinatePort,
-    Cylinder,
     DcMotor,
     EffortMotor,
+    FluidCylinder,
     Gas,
     LinePort,
     Machine,
@@ -42,7 +42,7 @@ TRANSITION = {"hydraulic_cylinder": 1e5, "pneumatic_cylinder": 1e3}  # Pa
 
 def build_cylinder(
     location: Location, spec: HydraulicCylinderSpec | PneumaticCylinderSpec, port: Port, context: BuildContext
-) -> Cylinder:
+) -> FluidCylinder:
     """The cylinder of an actuator; a problem is reported to `context`."""
     if port.rotation:
         context.report(location, "a cylinder moves along a line, but acts on an angle", "Give 'between' two points.")
@@ -51,7 +51,7 @@ def build_cylinder(
         tank = spec.tank
     else:
         fluid, tank = Gas(spec.exponent, spec.conductance, spec.critical_ratio, spec.leakage), spec.exhaust
-    return Cylinder(
+    return FluidCylinder(
         fluid=fluid,
         areas=spec.areas,
         dead_volumes=spec.dead_volumes,

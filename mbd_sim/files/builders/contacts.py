@@ -21,7 +21,7 @@ from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ContactSpec
 from mbd_sim.files.schema.file import PartSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
-from mbd_sim.files.text.values import split_unit
+from mbd_sim.files.text.units import split_unit
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import (
     FIRST_RIM,
@@ -113,7 +113,7 @@ def build_contacts(
 
 
 @dataclass(frozen=True, eq=False)
-class _Solid:
+class _TouchingShape:
     """A shape of a part, or a point without one, with its `name` in the mechanism."""
 
     part: str
@@ -184,7 +184,7 @@ class _ContactBuilder:
                     yield _quantity(first, second), (first.name, second.name), *pair
 
     def _round_pair(
-        self, where: Location, first: _Solid, second: _Solid, inside: bool
+        self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """Two round bodies as the records of a gap; None, with a problem, if they have none."""
         bodies = [round_body(solid.part, solid.shape) for solid in (first, second)]
@@ -270,7 +270,7 @@ class _ContactBuilder:
             self._context.report(where, f"{quoted(one)} cannot be in contact with itself", "Name different parts.")
         return one != other
 
-    def _solids(self, where: Location, reference: str, enclosing: bool = False) -> list[_Solid]:
+    def _solids(self, where: Location, reference: str, enclosing: bool = False) -> list[_TouchingShape]:
         """The shapes that a reference names; empty, with a problem, if there are none.
 
         :param enclosing: prefer the holes of the part.
@@ -283,20 +283,20 @@ class _ContactBuilder:
         spec = self._parts.get(part)
         shapes = [] if spec is None else shapes_of(spec)
         if named := [shape for shape in shapes if name and shape.name == name]:
-            return [_Solid(part, reference, named[0])]
+            return [_TouchingShape(part, reference, named[0])]
         if spec is None and part != GROUND:
             return []
         if name is not None:
             frame = self._context.frame(where, reference)
-            return [] if frame is None else [_Solid(part, reference, frame[1])]
+            return [] if frame is None else [_TouchingShape(part, reference, frame[1])]
         holes = [shape for shape in shapes if shape.hole]
         chosen = holes if enclosing and holes else [shape for shape in shapes if not shape.hole]
         if not chosen:
             self._context.report(where, f"{quoted(part)} has no shape", "Give it one, or name one of its points.")
         if len(chosen) == 1:
-            return [_Solid(part, part, chosen[0])]
+            return [_TouchingShape(part, part, chosen[0])]
         return [
-            _Solid(part, f"{part}.{shape.name or f'shape{number}'}", shape)
+            _TouchingShape(part, f"{part}.{shape.name or f'shape{number}'}", shape)
             for number, shape in enumerate(chosen, start=1)
         ]
 
@@ -309,7 +309,7 @@ def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:
     return ContactLaw(spec.restitution or 0.0, friction, spec.static_friction or friction)
 
 
-def _quantity(first: _Solid, second: _Solid) -> str:
+def _quantity(first: _TouchingShape, second: _TouchingShape) -> str:
     return f"{_word(first.name)} on {_word(second.name)}"
 
 

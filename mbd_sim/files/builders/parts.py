@@ -17,8 +17,9 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array, distance, fsum
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import rotation_matrix
-from mbd_sim.files.schema import base, file
+from mbd_sim.files.schema import file
 from mbd_sim.files.schema import shapes as schema
+from mbd_sim.files.schema.fields import PointSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.mechanism.elements.parts import Mesh, Part, Shape
@@ -57,7 +58,7 @@ def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     """The poses of named points in the frame of their part."""
     return {
         name: Pose(array(point.at), rotation_matrix(point.rotate))
-        if isinstance(point, base.PointSpec)
+        if isinstance(point, PointSpec)
         else Pose(array(point), np.eye(3))
         for name, point in points.items()
     }
@@ -174,7 +175,7 @@ PARTICLE_RADIUS = 0.05  # m, of particles drawn without a radius
 
 
 @dataclass(frozen=True)
-class _Solid:
+class _ShapeInertia:
     """The size and the moments of inertia of a shape."""
 
     dimension: int  # 0 for a particle, 1 a line, 2 a surface, 3 a solid; sizes of one dimension can be compared
@@ -192,26 +193,26 @@ def _axial_moments(radius: float, length: float, factor: float) -> tuple[float, 
     return (across, across, factor * (radius * radius))
 
 
-def _solid(shape: schema.AnyShapeSpec) -> _Solid:
+def _solid(shape: schema.AnyShapeSpec) -> _ShapeInertia:
     match shape:
         case schema.RodSpec(start=a, end=b):
             length = distance(a, b)
-            return _Solid(1, length, _box_moments(0.0, 0.0, length))
+            return _ShapeInertia(1, length, _box_moments(0.0, 0.0, length))
         case schema.DiscSpec(radius=r):
-            return _Solid(2, math.pi * r * r, _axial_moments(r, 0.0, 0.5))
+            return _ShapeInertia(2, math.pi * r * r, _axial_moments(r, 0.0, 0.5))
         case schema.RingSpec(radius=r):
-            return _Solid(1, 2.0 * math.pi * r, _axial_moments(r, 0.0, 1.0))
+            return _ShapeInertia(1, 2.0 * math.pi * r, _axial_moments(r, 0.0, 1.0))
         case schema.PlateSpec(size=(x, y)):
-            return _Solid(2, x * y, _box_moments(x, y, 0.0))
+            return _ShapeInertia(2, x * y, _box_moments(x, y, 0.0))
         case schema.BlockSpec(size=(x, y, z)):
-            return _Solid(3, x * y * z, _box_moments(x, y, z))
+            return _ShapeInertia(3, x * y * z, _box_moments(x, y, z))
         case schema.CylinderSpec(radius=r, length=length):
-            return _Solid(3, math.pi * r * r * length, _axial_moments(r, length, 0.5))
+            return _ShapeInertia(3, math.pi * r * r * length, _axial_moments(r, length, 0.5))
         case schema.SphereSpec(radius=r):
             moment = 0.4 * r * r
-            return _Solid(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
+            return _ShapeInertia(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
         case schema.ParticleSpec():
-            return _Solid(0, 1.0, (0.0, 0.0, 0.0))
+            return _ShapeInertia(0, 1.0, (0.0, 0.0, 0.0))
         case _:
             assert_never(shape)
 
@@ -266,7 +267,7 @@ def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> Mass
 
 def _mass_per_measure(
     shapes: Sequence[schema.AnyShapeSpec],
-    solids: Sequence[_Solid],
+    solids: Sequence[_ShapeInertia],
     given: Sequence[float | None],
     mass: float | None,
 ) -> float:
@@ -292,6 +293,6 @@ def _mass_per_measure(
     return per_measure
 
 
-def _given_mass(shape: schema.AnyShapeSpec, solid: _Solid) -> float | None:
+def _given_mass(shape: schema.AnyShapeSpec, solid: _ShapeInertia) -> float | None:
     density = getattr(shape, "density", None)
     return density * solid.measure if density is not None else shape.mass

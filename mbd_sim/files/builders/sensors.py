@@ -15,8 +15,8 @@ from mbd_sim.files.schema import sensors as schema
 from mbd_sim.mechanism.elements import sensors as records
 from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor
 from mbd_sim.mechanism.elements.joint_types import JointCoordinate
-from mbd_sim.mechanism.elements.parts import Joint
-from mbd_sim.mechanism.elements.sensors import AnySensor, ErrorModel, Sampling, SamplingError, SensorFrame, steps_of
+from mbd_sim.mechanism.elements.parts import Joint, PartFrame
+from mbd_sim.mechanism.elements.sensors import AnySensor, ErrorModel, Sampling, SamplingError, steps_of
 from mbd_sim.mechanism.values.source import Location
 
 POINT = "."
@@ -100,9 +100,9 @@ class _SensorBuilder:
             case _:
                 assert_never(spec)
 
-    def _frame(self, where: Location, reference: str) -> SensorFrame | None:
+    def _frame(self, where: Location, reference: str) -> PartFrame | None:
         frame = self._context.frame(where, reference)
-        return None if frame is None else SensorFrame(*frame)
+        return None if frame is None else PartFrame(*frame)
 
     def _joint(self, where: Location, name: str) -> Joint | None:
         """A joint of the file; None, with a problem unless the joints of the file could not be read."""
@@ -115,7 +115,7 @@ class _SensorBuilder:
         joint = self._joint(("sensors", name, "joint"), spec.joint)
         if joint is None:
             return None
-        at = SensorFrame(joint.child, joint.child_pose)
+        at = PartFrame(joint.child, joint.child_pose)
         return records.ForceTorque(name, sampling, _errors(spec.force, spec.torque), joint.name, at)
 
     def _current(self, name: str, spec: schema.CurrentSpec, sampling: Sampling) -> AnySensor | None:

@@ -16,7 +16,8 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.geometry.rotation import from_quaternion, unit
 from mbd_sim.files.mjcf.compiled_model import odd_polynomial, polynomial, signed, weighted_sum
-from mbd_sim.files.mjcf.parts import Frame, ModelParts
+from mbd_sim.files.mjcf.parts import ModelParts
+from mbd_sim.mechanism.elements.parts import PartFrame
 
 JOINT, SITE = 1, 3  # mjtWrap
 
@@ -28,7 +29,7 @@ class Tendon:
     index: int
     name: str
     terms: Mapping[str, float]
-    frames: tuple[Frame, ...] = ()
+    frames: tuple[PartFrame, ...] = ()
     ends: tuple[str, ...] = ()
 
     @property
@@ -185,7 +186,7 @@ def _close(parts: ModelParts, index: int, kind: str) -> None:
     parts.add("joints", "equality", index, name, {"type": kind, "between": ends, "cut": True})
 
 
-def _frames(parts: ModelParts, index: int) -> tuple[Frame, Frame]:
+def _frames(parts: ModelParts, index: int) -> tuple[PartFrame, PartFrame]:
     """The frames that coincide, in their parts."""
     m = parts.model.m
     first, second = int(m.eq_obj1id[index]), int(m.eq_obj2id[index])
@@ -196,7 +197,7 @@ def _frames(parts: ModelParts, index: int) -> tuple[Frame, Frame]:
         inner, outer = Pose(data[:3], still), Pose(data[3:6], still)
     else:
         inner, outer = Pose(data[3:6], from_quaternion(unit(data[6:10]))), Pose(data[:3], still)
-    return Frame(parts.parts[first], inner), Frame(parts.parts[second], outer)
+    return PartFrame(parts.parts[first], inner), PartFrame(parts.parts[second], outer)
 
 
 def _couple_joints(parts: ModelParts, index: int) -> None:

@@ -8,7 +8,6 @@ also keeps where the names of the MJCF lead.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -18,7 +17,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
 from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
 from mbd_sim.files.text.xml import rows
-from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
+from mbd_sim.mechanism.elements.parts import GROUND, PartFrame, is_frame_name
 from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.values.names import accepted_names, is_name, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin
@@ -86,14 +85,6 @@ def _color(model: CompiledModel, geom: int) -> dict[str, str]:
 
 UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """A frame in the mechanism: its part, and its pose there."""
-
-    part: str
-    pose: Pose
 
 
 class ModelParts:
@@ -202,12 +193,12 @@ class ModelParts:
         self.sections["joints"][name] = record
         self.origins["joints", name] = self.model.origin(kind, index)
 
-    def _add_sites(self) -> dict[int, Frame]:
+    def _add_sites(self) -> dict[int, PartFrame]:
         m, found = self.model.m, {}
         for index in range(m.nsite):
             part, place = self.parts[int(m.site_bodyid[index])], pose(m.site_pos[index], m.site_quat[index])
             self._add_point(part, place, self.model.name("site", index) or f"{part}_site")
-            found[index] = Frame(part, place)
+            found[index] = PartFrame(part, place)
         return found
 
 

@@ -15,11 +15,11 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import from_quaternion, to_quaternion
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.files.mjcf.written_bodies import (
-    Document,
     Element,
+    MjcfDocument,
+    MjcfJoint,
     Written,
     WrittenBody,
-    WrittenJoint,
     add_element,
     number,
     placed,
@@ -34,7 +34,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import unique_name
 
 
-def add_start(document: Document) -> None:
+def add_start(document: MjcfDocument) -> None:
     """Write the assembled start as the keyframe `start`, unless the mechanism has no equations of motion."""
     try:
         equations = derive(document.mechanism)
@@ -59,7 +59,7 @@ def add_start(document: Document) -> None:
         add_element(document.section("keyframe"), "key", {"name": "start", **values})
 
 
-def _commands(document: Document, equations: Equations) -> list[float]:
+def _commands(document: MjcfDocument, equations: Equations) -> list[float]:
     """The first command of each actuator that is written, before others arrive."""
     inputs, span = equations.inputs_without_commands, equations.inputs.commands
     first, found = span.start, {}
@@ -69,11 +69,11 @@ def _commands(document: Document, equations: Equations) -> list[float]:
     return [found[element.attrib["name"]] for element in document.root.findall("actuator/*")]
 
 
-def _size(each: WrittenJoint) -> int:
+def _size(each: MjcfJoint) -> int:
     return {"ball": 4, "free": 7}.get(each.kind, 1)
 
 
-def _values(body: WrittenBody, each: WrittenJoint, q: Array, u: Array) -> tuple[Array, Array]:
+def _values(body: WrittenBody, each: MjcfJoint, q: Array, u: Array) -> tuple[Array, Array]:
     """qpos and qvel of a joint of MuJoCo, from the coordinates and speeds of ours."""
     joint = each.joint
     if each.single:
@@ -108,7 +108,7 @@ def to_mjcf(mechanism: Mechanism) -> Written:
     add_element(root, "compiler", {"angle": "radian", "boundinertia": number(LEAST_INERTIA)})
     add_element(root, "option", {"timestep": number(mechanism.step), "gravity": text(mechanism.gravity)})
     bodies, merged = written_bodies(mechanism, attached_parts(mechanism))
-    document = Document(mechanism, root, bodies, {GROUND: add_element(root, "worldbody", {})})
+    document = MjcfDocument(mechanism, root, bodies, {GROUND: add_element(root, "worldbody", {})})
     for name in merged:
         document.leave_out("parts without mass, merged with the next part", name)
     _add_bodies(document)
@@ -121,7 +121,7 @@ def to_mjcf(mechanism: Mechanism) -> Written:
     return written(root, document.left_out)
 
 
-def _add_bodies(document: Document) -> None:
+def _add_bodies(document: MjcfDocument) -> None:
     for point, pose in document.mechanism.ground_points.items():
         document.site(GROUND, pose, f"{GROUND}.{point}")
     for name, body in document.bodies.items():
@@ -142,7 +142,7 @@ def _add_bodies(document: Document) -> None:
             document.leave_out("meshes", f"{name}: {mesh.file}")
 
 
-def _add_joint(document: Document, frame: Element, written: WrittenJoint) -> None:
+def _add_joint(document: MjcfDocument, frame: Element, written: MjcfJoint) -> None:
     joint = written.joint
     if written.kind == "free":
         attributes: dict[str, str] = {}
@@ -162,7 +162,7 @@ def _add_joint(document: Document, frame: Element, written: WrittenJoint) -> Non
     _add_forces(document, element, written)
 
 
-def _add_forces(document: Document, element: Element, written: WrittenJoint) -> None:
+def _add_forces(document: MjcfDocument, element: Element, written: MjcfJoint) -> None:
     joint, index = written.joint, written.index
     if stiffness := float(joint.stiffness[index]):
         element.set("stiffness", number(stiffness))
@@ -186,7 +186,7 @@ def _add_forces(document: Document, element: Element, written: WrittenJoint) -> 
         document.leave_out("effort limits of joints", joint.name)
 
 
-def _add_ball_forces(document: Document, element: Element, written: WrittenJoint) -> None:
+def _add_ball_forces(document: MjcfDocument, element: Element, written: MjcfJoint) -> None:
     """Springs and dampers of a ball or a free joint, which are the same in all directions in MuJoCo."""
     joint = written.joint
     if joint.name in {bushing.name for bushing in document.mechanism.bushings if bushing.in_joint}:
@@ -198,7 +198,7 @@ def _add_ball_forces(document: Document, element: Element, written: WrittenJoint
         document.leave_out("dampers that differ by direction", joint.name)
 
 
-def _add_inertial(document: Document, frame: Element, body: WrittenBody) -> None:
+def _add_inertial(document: MjcfDocument, frame: Element, body: WrittenBody) -> None:
     part = body.part
     mass, inertia = part.mass, part.inertia
     if not mass and body.joints:
@@ -237,7 +237,7 @@ def _geom(shape: Shape) -> tuple[str, list[float]]:
     return "sphere", [shape.size[0]]
 
 
-def _note_rest(document: Document) -> None:
+def _note_rest(document: MjcfDocument) -> None:
     mechanism = document.mechanism
     for kind, names in (
         ("contacts between shapes", [contact.name for contact in mechanism.contacts]),

@@ -25,7 +25,7 @@ from mbd_sim.mechanism.values.names import unique_name
 
 
 @dataclass(frozen=True, eq=False)
-class WrittenJoint:
+class MjcfJoint:
     """A joint of MuJoCo: its `kind`, and `frame`, in which its `axis` is given, in the frame of its body.
 
     `joint` is ours, and `index` the coordinate that it has there. A `reversed` one has the inverse motion of ours.
@@ -57,7 +57,7 @@ class WrittenBody:
     parent: str
     pose: Pose
     start: Pose
-    joints: list[WrittenJoint] = field(default_factory=list)
+    joints: list[MjcfJoint] = field(default_factory=list)
 
 
 def written_bodies(mechanism: Mechanism, attached: Collection[str]) -> tuple[dict[str, WrittenBody], list[str]]:
@@ -114,7 +114,7 @@ def _depth_first(mechanism: Mechanism, bodies: dict[str, WrittenBody]) -> dict[s
     return found
 
 
-def _may_follow(joints: list[WrittenJoint], joint: Joint) -> bool:
+def _may_follow(joints: list[MjcfJoint], joint: Joint) -> bool:
     """Whether a body can have these joints and then another one: a free joint must be the only one."""
     return not any(one.kind == "free" for one in joints) and not is_free(joint)
 
@@ -124,33 +124,33 @@ def is_free(joint: Joint) -> bool:
     return joint.type == "free" and joint.inboard == GROUND and not joint.reversed
 
 
-def _moved(joint: WrittenJoint, pose: Pose) -> WrittenJoint:
+def _moved(joint: MjcfJoint, pose: Pose) -> MjcfJoint:
     """A joint in the frame of another body."""
-    return WrittenJoint(joint.name, joint.kind, pose @ joint.frame, joint.joint, joint.axis, joint.index)
+    return MjcfJoint(joint.name, joint.kind, pose @ joint.frame, joint.joint, joint.axis, joint.index)
 
 
-def _written_joints(joint: Joint, frame: Pose) -> list[WrittenJoint]:
+def _written_joints(joint: Joint, frame: Pose) -> list[MjcfJoint]:
     """The joints of MuJoCo that represent a joint, from its inboard to its outboard side."""
     match joint.type:
         case "fixed":
             return []
         case "spherical":
-            return [WrittenJoint(joint.name, "ball", frame, joint)]
+            return [MjcfJoint(joint.name, "ball", frame, joint)]
         case "free" if is_free(joint):
-            return [WrittenJoint(joint.name, "free", frame, joint)]
+            return [MjcfJoint(joint.name, "free", frame, joint)]
         case "free":
             slides = [
-                WrittenJoint(name, "slide", frame, joint, axis, index)
+                MjcfJoint(name, "slide", frame, joint, axis, index)
                 for index, (name, axis) in enumerate(zip(joint.motion_names[:3], np.eye(3), strict=True))
             ]
-            ball = WrittenJoint(f"{joint.name}.rotation", "ball", frame, joint)
+            ball = MjcfJoint(f"{joint.name}.rotation", "ball", frame, joint)
             return [ball, *(_inverse(slide) for slide in slides[::-1])] if joint.reversed else [*slides, ball]
         case "screw":
-            hinge = WrittenJoint(joint.name, "hinge", frame, joint, joint.axis)
-            written = [hinge, WrittenJoint(f"{joint.name}.travel", "slide", frame, joint, joint.axis)]
+            hinge = MjcfJoint(joint.name, "hinge", frame, joint, joint.axis)
+            written = [hinge, MjcfJoint(f"{joint.name}.travel", "slide", frame, joint, joint.axis)]
         case "revolute" | "prismatic" | "cylindrical" | "universal" | "planar":
             written = [
-                WrittenJoint(name, "hinge" if one.rotation else "slide", frame, joint, joint.direction(one), index)
+                MjcfJoint(name, "hinge" if one.rotation else "slide", frame, joint, joint.direction(one), index)
                 for index, (name, one) in enumerate(zip(joint.motion_names, joint.kind.coordinates, strict=True))
             ]
         case _:
@@ -158,9 +158,9 @@ def _written_joints(joint: Joint, frame: Pose) -> list[WrittenJoint]:
     return [_inverse(one) for one in reversed(written)] if joint.reversed else written
 
 
-def _inverse(one: WrittenJoint) -> WrittenJoint:
+def _inverse(one: MjcfJoint) -> MjcfJoint:
     assert one.axis is not None
-    return WrittenJoint(one.name, one.kind, one.frame, one.joint, -one.axis, one.index)
+    return MjcfJoint(one.name, one.kind, one.frame, one.joint, -one.axis, one.index)
 
 
 Element = ElementTree.Element
@@ -196,7 +196,7 @@ def written(root: Element, left_out: Mapping[str, Sequence[str]], *, declaration
 
 
 @dataclass(eq=False)
-class Document:
+class MjcfDocument:
     """An MJCF as it is written: the root element, the bodies, and what is left out, by kind.
 
     `frames` are the elements of bodies by the names of their parts, `taken` the names of sites.
@@ -235,7 +235,7 @@ class Document:
         return self.bodies[part].start @ pose if part in self.bodies else pose
 
     @property
-    def joints(self) -> dict[str, WrittenJoint]:
+    def joints(self) -> dict[str, MjcfJoint]:
         """The joints with one coordinate, by its name."""
         return {joint.name: joint for body in self.bodies.values() for joint in body.joints if joint.single}
 

@@ -13,13 +13,13 @@ from typing import assert_never
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.files.mjcf.written_bodies import Document, Element, add_element, number, text
+from mbd_sim.files.mjcf.written_bodies import Element, MjcfDocument, add_element, number, text
 from mbd_sim.mechanism.elements.actuators import (
     Actuator,
     CoordinatePort,
-    Cylinder,
     DcMotor,
     EffortMotor,
+    FluidCylinder,
     LinePort,
     Servo,
     SumPort,
@@ -36,7 +36,7 @@ from mbd_sim.mechanism.elements.constraints import (
     Rolling,
     Surface,
 )
-from mbd_sim.mechanism.elements.forces import Damper, Spring
+from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring
 from mbd_sim.mechanism.elements.parts import Attachment, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TimeExpression
@@ -46,7 +46,7 @@ ARM = 0.1  # m, from one point of a hinge that closes a loop to the other
 UNBOUNDED = 1e10  # the other end of a one-sided range
 
 
-def add_loops(document: Document) -> None:
+def add_loops(document: MjcfDocument) -> None:
     """Write the joints that close loops, and the screws in the tree."""
     for joint in document.mechanism.closures.values():
         poses = (joint.parent_pose, joint.child_pose)
@@ -68,24 +68,24 @@ def add_loops(document: Document) -> None:
             _equality(document, "joint", f"{angle}.lead", {"joint1": name, "joint2": angle, "polycoef": law})
 
 
-def _sites(document: Document, joint: Joint, poses: tuple[Pose, Pose], name: str) -> dict[str, str]:
+def _sites(document: MjcfDocument, joint: Joint, poses: tuple[Pose, Pose], name: str) -> dict[str, str]:
     first = document.site(joint.parent, poses[0], f"{name}.first")
     return {"site1": first, "site2": document.site(joint.child, poses[1], f"{name}.second")}
 
 
-def _equality(document: Document, tag: str, name: str, attributes: Mapping[str, str]) -> None:
+def _equality(document: MjcfDocument, tag: str, name: str, attributes: Mapping[str, str]) -> None:
     hard = {"solref": f"{number(2.0 * document.mechanism.step)} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
     add_element(document.section("equality"), tag, {"name": name, **attributes, **hard})
 
 
-def add_constraints(document: Document) -> None:
+def add_constraints(document: MjcfDocument) -> None:
     """Write the constraints that MuJoCo can express."""
     for constraint in document.mechanism.constraints:
         if not _add_constraint(document, constraint):
             document.leave_out("constraints", constraint.name)
 
 
-def _add_constraint(document: Document, constraint: Constraint) -> bool:
+def _add_constraint(document: MjcfDocument, constraint: Constraint) -> bool:
     """Whether a constraint could be written."""
     match constraint:
         case Coupling():
@@ -105,7 +105,7 @@ def _add_constraint(document: Document, constraint: Constraint) -> bool:
             assert_never(constraint)
 
 
-def _add_coupling(document: Document, coupling: Coupling) -> bool:
+def _add_coupling(document: MjcfDocument, coupling: Coupling) -> bool:
     factors = dict(coupling.factors)
     if coupling.value.variables or coupling.slip or not factors.keys() <= document.joints.keys():
         return False
@@ -128,7 +128,7 @@ def _add_coupling(document: Document, coupling: Coupling) -> bool:
     return True
 
 
-def fixed_tendon(document: Document, name: str, factors: Mapping[str, float]) -> Element | None:
+def fixed_tendon(document: MjcfDocument, name: str, factors: Mapping[str, float]) -> Element | None:
     """A tendon that is a sum of coordinates; None if one of them is no joint of the file."""
     if not factors.keys() <= document.joints.keys():
         return None
@@ -138,7 +138,7 @@ def fixed_tendon(document: Document, name: str, factors: Mapping[str, float]) ->
     return tendon
 
 
-def _add_line(document: Document, constraint: Distance | Cable, points: tuple[Attachment, ...]) -> bool:
+def _add_line(document: MjcfDocument, constraint: Distance | Cable, points: tuple[Attachment, ...]) -> bool:
     if constraint.length.variables:
         return False
     length, name = constraint.length.at(0.0), constraint.name
@@ -153,7 +153,7 @@ def _add_line(document: Document, constraint: Distance | Cable, points: tuple[At
     return True
 
 
-def spatial_tendon(document: Document, name: str, points: tuple[Attachment, ...]) -> Element:
+def spatial_tendon(document: MjcfDocument, name: str, points: tuple[Attachment, ...]) -> Element:
     """A tendon along straight lines from point to point."""
     tendon = add_element(document.section("tendon"), "spatial", {"name": name})
     for index, point in enumerate(points, start=1):
@@ -161,12 +161,12 @@ def spatial_tendon(document: Document, name: str, points: tuple[Attachment, ...]
     return tendon
 
 
-def _bound(document: Document, tendon: Element, bound: str, value: float) -> None:
+def _bound(document: MjcfDocument, tendon: Element, bound: str, value: float) -> None:
     lower, upper = (value, UNBOUNDED) if bound == "at_least" else (-UNBOUNDED, value)
     _set_range(document, tendon, max(lower, 0.0) if tendon.tag == "spatial" else lower, upper)
 
 
-def _set_range(document: Document, tendon: Element, lower: float, upper: float) -> None:
+def _set_range(document: MjcfDocument, tendon: Element, lower: float, upper: float) -> None:
     tendon.set("limited", "true")
     tendon.set("range", text(np.array([lower, upper])))
     document.leave_out("restitution of constraints", tendon.attrib["name"])
@@ -175,13 +175,24 @@ def _set_range(document: Document, tendon: Element, lower: float, upper: float) 
 def attached_parts(mechanism: Mechanism) -> set[str]:
     """The parts to which something besides the joints of the tree is attached."""
     found = {part for joint in mechanism.closures.values() for part in (joint.parent, joint.child)}
-    for element in mechanism.two_point_elements:
-        found |= {element.first.part, element.second.part}
+    for element in mechanism.force_elements:
+        match element:
+            case Spring(first=first, second=second) | Damper(first=first, second=second):
+                found |= {first.part, second.part}
+            case AppliedForce() | AppliedEffort() | AppliedPotential() | Bushing():  # not written
+                pass
+            case _:
+                assert_never(element)
     for constraint in mechanism.constraints:
-        if isinstance(constraint, Distance):
-            found |= {constraint.first.part, constraint.second.part}
-        elif isinstance(constraint, Cable):
-            found |= {point.part for point in constraint.points}
+        match constraint:
+            case Distance(first=first, second=second):
+                found |= {first.part, second.part}
+            case Cable(points=points):
+                found |= {point.part for point in points}
+            case Coupling() | Clutch() | Flat() | Surface() | Rolling() | KnifeEdge():  # not written at points
+                pass
+            case _:
+                assert_never(constraint)
     for actuator in mechanism.actuators:
         match actuator.port:
             case LinePort(first=first, second=second):
@@ -195,20 +206,23 @@ def attached_parts(mechanism: Mechanism) -> set[str]:
     return found
 
 
-def add_elements(document: Document) -> None:
+def add_elements(document: MjcfDocument) -> None:
     """Write springs and dampers between points; other force elements are noted."""
-    mechanism = document.mechanism
-    for spring in mechanism.springs:
-        _add_spring(document, spring)
-    for damper in mechanism.dampers:
-        _add_damper(document, damper)
-    own = [bushing.name for bushing in mechanism.bushings if not bushing.in_joint]
-    applied = [*(one.name for one in mechanism.applied), *(one.name for one in mechanism.efforts)]
-    for name in (*applied, *(one.name for one in mechanism.potentials), *own):
-        document.leave_out("forces, efforts, potentials and bushings", name)
+    for element in document.mechanism.force_elements:
+        match element:
+            case Spring():
+                _add_spring(document, element)
+            case Damper():
+                _add_damper(document, element)
+            case Bushing(in_joint=True):  # named with its joint
+                pass
+            case AppliedForce() | AppliedEffort() | AppliedPotential() | Bushing():
+                document.leave_out("forces, efforts, potentials and bushings", element.name)
+            case _:
+                assert_never(element)
 
 
-def _add_spring(document: Document, spring: Spring) -> None:
+def _add_spring(document: MjcfDocument, spring: Spring) -> None:
     if not isinstance(spring.law, Linear):
         document.leave_out("nonlinear springs", spring.name)
         return
@@ -222,7 +236,7 @@ def _add_spring(document: Document, spring: Spring) -> None:
         document.leave_out("masses of springs", spring.name)
 
 
-def _add_damper(document: Document, damper: Damper) -> None:
+def _add_damper(document: MjcfDocument, damper: Damper) -> None:
     if damper.law.exponent != 1.0 or not damper.needs_line:
         document.leave_out("dampers that are not linear, or act against all relative motion", damper.name)
         return
@@ -230,7 +244,7 @@ def _add_damper(document: Document, damper: Damper) -> None:
     tendon.set("damping", number(damper.law.coefficient))
 
 
-def add_actuators(document: Document) -> None:
+def add_actuators(document: MjcfDocument) -> None:
     """Write motors and servos without states, and the inertia of all rotors as armature."""
     for actuator in document.mechanism.actuators:
         _add_armature(document, actuator)
@@ -238,7 +252,7 @@ def add_actuators(document: Document) -> None:
             document.leave_out("actuators", actuator.name)
 
 
-def _add_armature(document: Document, actuator: Actuator) -> None:
+def _add_armature(document: MjcfDocument, actuator: Actuator) -> None:
     motor, port = actuator.motor, actuator.port
     if not isinstance(port, CoordinatePort) or not motor.rotor_inertia:
         return
@@ -250,13 +264,13 @@ def _add_armature(document: Document, actuator: Actuator) -> None:
     document.leave_out("rotors on ball and free joints", actuator.name)
 
 
-def _add_actuator(document: Document, actuator: Actuator) -> bool:
+def _add_actuator(document: MjcfDocument, actuator: Actuator) -> bool:
     """Whether an actuator could be written."""
     motor, servo = actuator.motor, actuator.servo
     match motor:
         case EffortMotor(curve=()) if not actuator.delay and (servo is None or _is_plain(servo)):
             limit = min(motor.effort_limit, math.inf if servo is None else servo.limit)
-        case EffortMotor() | DcMotor() | Cylinder():
+        case EffortMotor() | DcMotor() | FluidCylinder():
             return False
     if (place := _place(document, actuator)) is None:
         return False
@@ -283,7 +297,7 @@ def _add_actuator(document: Document, actuator: Actuator) -> bool:
     return True
 
 
-def _place(document: Document, actuator: Actuator) -> dict[str, str] | None:
+def _place(document: MjcfDocument, actuator: Actuator) -> dict[str, str] | None:
     """The attributes that say where an actuator acts; None if MJCF cannot say it."""
     match actuator.port:
         case CoordinatePort(coordinate=name):

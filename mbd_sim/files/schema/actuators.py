@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Spec
 from mbd_sim.files.schema.fields import (
     AmountFromZero,
     AnyAmount,
@@ -19,22 +18,23 @@ from mbd_sim.files.schema.fields import (
     PositiveLead,
     PositiveLength,
     PositiveTime,
-    Quantity,
+    QuantityField,
+    Spec,
     TorsionDamping,
 )
 from mbd_sim.files.schema.laws import FrictionTorque
 
-PositiveRatio = Annotated[float, Quantity("", above=0)]
-Efficiency = Annotated[float, Quantity("", above=0, at_most=1)]
-RotorInertia = Annotated[float, Quantity("kg*m**2", at_least=0)]
-Voltage = Annotated[float, Quantity("V", above=0)]
-Current = Annotated[float, Quantity("A", above=0)]
-Frequency = Annotated[float, Quantity("Hz", above=0)]
-Delay = Annotated[float, Quantity("s", at_least=0)]
-Area = Annotated[float, Quantity("m**2", above=0)]
-Volume = Annotated[float, Quantity("m**3", above=0)]
-Pressure = Annotated[float, Quantity("Pa", above=0)]
-GaugePressure = Annotated[float, Quantity("Pa")]
+PositiveRatio = Annotated[float, QuantityField("", above=0)]
+Efficiency = Annotated[float, QuantityField("", above=0, at_most=1)]
+RotorInertia = Annotated[float, QuantityField("kg*m**2", at_least=0)]
+Voltage = Annotated[float, QuantityField("V", above=0)]
+Current = Annotated[float, QuantityField("A", above=0)]
+Frequency = Annotated[float, QuantityField("Hz", above=0)]
+Delay = Annotated[float, QuantityField("s", at_least=0)]
+Area = Annotated[float, QuantityField("m**2", above=0)]
+Volume = Annotated[float, QuantityField("m**3", above=0)]
+Pressure = Annotated[float, QuantityField("Pa", above=0)]
+GaugePressure = Annotated[float, QuantityField("Pa")]
 
 
 def _curve(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -180,11 +180,11 @@ class DcMotorSpec(MotorSpec):
     """A DC motor with a gear; its `control` is the voltage, or the current of an inner loop."""
 
     type: Literal["dc_motor"]
-    torque_constant: Annotated[float, Quantity("N*m/A", above=0)] = Field(
+    torque_constant: Annotated[float, QuantityField("N*m/A", above=0)] = Field(
         description="also the constant of the back-EMF, in V*s/rad"
     )
-    resistance: Annotated[float, Quantity("ohm", above=0)]
-    inductance: Annotated[float, Quantity("H", at_least=0)] = 0.0
+    resistance: Annotated[float, QuantityField("ohm", above=0)]
+    inductance: Annotated[float, QuantityField("H", at_least=0)] = 0.0
     voltage_limit: Voltage | None = None
     current_limit: Current | None = None
     current_bandwidth: PositiveAngularVelocity | None = Field(
@@ -207,7 +207,7 @@ class DcMotorSpec(MotorSpec):
         return self
 
 
-class CylinderSpec(ActuatorSpec):
+class FluidCylinderSpec(ActuatorSpec):
     """The keys of hydraulic and pneumatic cylinders; pairs are of the side that extends the cylinder and the other."""
 
     areas: tuple[Area, Area] = Field(description="of the piston, on the side that extends the cylinder and the other")
@@ -219,7 +219,7 @@ class CylinderSpec(ActuatorSpec):
     transition: Pressure | None = Field(None, description="pressure drop below which flow becomes laminar")
 
     @model_validator(mode="after")
-    def _starts_somewhere(self) -> CylinderSpec:
+    def _starts_somewhere(self) -> FluidCylinderSpec:
         if self.between is not None and not (self.retracted or 0.0) > 0.0:
             given = "no 'retracted'" if self.retracted is None else f"'retracted' {self.retracted:g}"
             raise InputError(f"has between and {given}", "Give the distance of the points at the start of the stroke.")
@@ -230,18 +230,18 @@ class CylinderSpec(ActuatorSpec):
             raise InputError(f"the supply of {supply:g} Pa is not above the {key} of {end:g} Pa", "Give more.")
 
 
-class HydraulicCylinderSpec(CylinderSpec):
+class HydraulicCylinderSpec(FluidCylinderSpec):
     """A cylinder with a proportional valve and oil; pressures are relative to that of the ambient air."""
 
     type: Literal["hydraulic_cylinder"]
     bulk_modulus: Pressure = Field(1.4e9, description="of the oil with its air, and of the hoses")
-    rated_flow: Annotated[float, Quantity("m**3/s", above=0)] = Field(
+    rated_flow: Annotated[float, QuantityField("m**3/s", above=0)] = Field(
         description="of each edge of the fully open valve, at the rated_drop"
     )
     rated_drop: Pressure = Field(3.5e6, description="of the pressure at one edge of the valve")
     supply: Pressure
     tank: GaugePressure = 0.0
-    leakage: Annotated[float, Quantity("m**3/(s*Pa)", at_least=0)] = Field(0.0, description="past the piston")
+    leakage: Annotated[float, QuantityField("m**3/(s*Pa)", at_least=0)] = Field(0.0, description="past the piston")
     pressures: tuple[GaugePressure, GaugePressure] | None = Field(
         None, description="in the chambers at the start; by default that of the tank"
     )
@@ -252,22 +252,22 @@ class HydraulicCylinderSpec(CylinderSpec):
         return self
 
 
-class PneumaticCylinderSpec(CylinderSpec):
+class PneumaticCylinderSpec(FluidCylinderSpec):
     """A cylinder with a proportional valve and air; pressures are absolute."""
 
     type: Literal["pneumatic_cylinder"]
-    exponent: Annotated[float, Quantity("", at_least=1, at_most=2)] = Field(
+    exponent: Annotated[float, QuantityField("", at_least=1, at_most=2)] = Field(
         1.0, description="polytropic exponent; 1 is isothermal, 1.4 adiabatic"
     )
-    conductance: Annotated[float, Quantity("m**3/(s*Pa)", above=0)] = Field(
+    conductance: Annotated[float, QuantityField("m**3/(s*Pa)", above=0)] = Field(
         description="sonic conductance of each path through the fully open valve"
     )
-    critical_ratio: Annotated[float, Quantity("", at_least=0, at_most=0.9)] = Field(
+    critical_ratio: Annotated[float, QuantityField("", at_least=0, at_most=0.9)] = Field(
         0.3, description="of the pressures, up to which flow is choked"
     )
     supply: Pressure
     exhaust: Pressure = Field(101325.0, description="pressure of the air around the cylinder")
-    leakage: Annotated[float, Quantity("m**3/(s*Pa)", at_least=0)] = Field(
+    leakage: Annotated[float, QuantityField("m**3/(s*Pa)", at_least=0)] = Field(
         0.0, description="sonic conductance of the gap at the piston"
     )
     pressures: tuple[Pressure, Pressure] | None = Field(

@@ -7,22 +7,23 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Direction, Spec
 from mbd_sim.files.schema.fields import (
+    Direction,
     ExpressionField,
     LengthOfTime,
     Number,
     PositiveLength,
     PositiveVelocity,
-    Quantity,
+    QuantityField,
     Restitution,
+    Spec,
 )
 from mbd_sim.mechanism.elements.contacts import CAM_ANGLE
 from mbd_sim.mechanism.values.expression import TimeExpression
 
 Coordinate = Annotated[str, StringConstraints(min_length=1)]
 SurfaceExpression = Annotated[TimeExpression, ExpressionField("", ("x", "y", "z", "t"))]
-FrictionCoefficient = Annotated[float, Quantity("", at_least=0)]
+FrictionCoefficient = Annotated[float, QuantityField("", at_least=0)]
 Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
@@ -128,7 +129,7 @@ class PlaySpec(Spec):
     At both ends of the range it rebounds with the coefficient of `restitution`.
     """
 
-    backlash: Annotated[float, Quantity(None, above=0)] | None = None
+    backlash: Annotated[float, QuantityField(None, above=0)] | None = None
     restitution: Restitution | None = None
 
     @model_validator(mode="after")
@@ -170,7 +171,7 @@ class CouplingSpec(Spec):
     type: Literal["coupling"]
     terms: dict[Coordinate, Number] = Field(min_length=1)
     value: Annotated[TimeExpression, ExpressionField(None, state=True, speeds=False)] = TimeExpression("0", {})
-    backlash: Annotated[float, Quantity(None, above=0)] | None = None
+    backlash: Annotated[float, QuantityField(None, above=0)] | None = None
     bound: Literal["at_least", "at_most"] | None = None
     restitution: Restitution | None = None
     friction: FrictionCoefficient | None = None
@@ -254,7 +255,7 @@ class ClutchSpec(Spec):
     terms: dict[Coordinate, Number] = Field(min_length=1)
     one_way: bool = False
     capacity: Annotated[TimeExpression, ExpressionField(None)] | None = None
-    static: Annotated[float, Quantity("", at_least=1)] = 1.0
+    static: Annotated[float, QuantityField("", at_least=1)] = 1.0
 
     @model_validator(mode="after")
     def _one_kind(self) -> ClutchSpec:
@@ -283,9 +284,9 @@ AnyConstraintSpec = Annotated[
 
 
 CamProfile = Annotated[TimeExpression, ExpressionField("m", (CAM_ANGLE,))]
-PositiveStiffness = Annotated[float, Quantity(None, above=0)]
-ContactExponent = Annotated[float, Quantity("", at_least=1)]
-ContactDamping = Annotated[float, Quantity("s/m", at_least=0)]
+PositiveStiffness = Annotated[float, QuantityField(None, above=0)]
+ContactExponent = Annotated[float, QuantityField("", at_least=1)]
+ContactDamping = Annotated[float, QuantityField("s/m", at_least=0)]
 _PARTNERS = "'between' two parts, 'among' several, 'parts' on a 'plane' or on a 'cam', or a 'plane' on a 'cam'"
 
 

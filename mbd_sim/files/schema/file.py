@@ -11,20 +11,26 @@ from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Ta
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
-from mbd_sim.files.schema.base import (
+from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
+from mbd_sim.files.schema.fields import (
+    Acceleration,
+    AnyNumber,
     Color,
     FrameName,
+    Mass,
+    MomentOfInertia,
     Name,
+    Number,
     PlainName,
     PointOrVector,
+    PositiveTime,
+    QuantityField,
     RotationSpec,
     Spec,
     Value,
     Vector,
     written_as,
 )
-from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
-from mbd_sim.files.schema.fields import Acceleration, AnyNumber, Mass, MomentOfInertia, Number, PositiveTime, Quantity
 from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.schema.laws import TableSpec
@@ -105,8 +111,8 @@ class PartSpec(Spec):
         return self
 
 
-Tolerance = Annotated[float, Quantity("", at_least=0, at_most=0.01)]
-RestSpeed = Annotated[float, Quantity("m/s", at_least=0)]
+Tolerance = Annotated[float, QuantityField("", at_least=0, at_most=0.01)]
+RestSpeed = Annotated[float, QuantityField("m/s", at_least=0)]
 
 
 class IntegrationSpec(Spec):

@@ -8,24 +8,28 @@ import numpy as np
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import LinearDamping3, LinearStiffness3, Spec, TorsionDamping3, TorsionStiffness3
 from mbd_sim.files.schema.fields import (
     AnyNumber,
     EffortField,
     ExpressionField,
     Length,
     LinearDamping,
+    LinearDamping3,
     LinearStiffness,
+    LinearStiffness3,
     Mass,
     PositiveLength,
-    Quantity,
+    QuantityField,
+    Spec,
+    TorsionDamping3,
+    TorsionStiffness3,
 )
 from mbd_sim.files.schema.laws import ForceOfElongation, ForceTable, LinearPowerSpec
 from mbd_sim.mechanism.values.expression import TimeExpression
 
 SYMMETRIC = 1e-12  # relative difference of two numbers that count as equal
 CoordinateName = Annotated[str, StringConstraints(min_length=1)]
-NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
+NaturalLength = Annotated[Length, QuantityField("m", at_least=0)]
 Force = Annotated[TimeExpression, ExpressionField("N", state=True)]
 Torque = Annotated[TimeExpression, ExpressionField("N*m", state=True)]
 Effort = Annotated[TimeExpression, EffortField(None, state=True)]
@@ -47,7 +51,7 @@ Row6 = tuple[AnyNumber, AnyNumber, AnyNumber, AnyNumber, AnyNumber, AnyNumber]
 Matrix6 = Annotated[tuple[Row6, Row6, Row6, Row6, Row6, Row6], AfterValidator(_without_gain)]
 _STIFFNESS = ("stiffness", "rotational_stiffness", "stiffness_matrix")
 _DAMPING = ("damping", "rotational_damping", "damping_matrix")
-PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
+PositiveStiffness = Annotated[float, QuantityField("N/m", above=0)]
 
 
 class SpringSpec(Spec):

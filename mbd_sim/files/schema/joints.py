@@ -10,31 +10,29 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import (
-    Direction,
-    PointSpec,
-    RotationSpec,
-    Spec,
-    TorsionDamping3,
-    TorsionStiffness3,
-    Vector,
-)
 from mbd_sim.files.schema.fields import (
     Angle,
     AngleOfTime,
     AngularVelocity,
+    Direction,
     Lead,
     Length,
     LengthOfTime,
     LinearDamping,
     LinearStiffness,
+    PointSpec,
     PositiveAngularVelocity,
     PositiveForce,
     PositiveTorque,
     PositiveVelocity,
-    Quantity,
+    QuantityField,
+    RotationSpec,
+    Spec,
     TorsionDamping,
+    TorsionDamping3,
     TorsionStiffness,
+    TorsionStiffness3,
+    Vector,
     Velocity,
 )
 from mbd_sim.files.schema.laws import (
@@ -56,7 +54,9 @@ class CommandedDriveSpec(Spec):
     """
 
     command: Literal["position", "velocity"]
-    bandwidth: Annotated[float, Quantity("rad/s", above=0)] = Field(description="with which it follows, without limits")
+    bandwidth: Annotated[float, QuantityField("rad/s", above=0)] = Field(
+        description="with which it follows, without limits"
+    )
 
     @model_validator(mode="after")
     def _in_range(self) -> CommandedDriveSpec:
@@ -74,7 +74,7 @@ class AngleDriveSpec(CommandedDriveSpec):
 
     position: Angle = Field(0.0, description="at the start")
     velocity_limit: PositiveAngularVelocity | None = None
-    acceleration_limit: Annotated[float, Quantity("rad/s**2", above=0)] | None = None
+    acceleration_limit: Annotated[float, QuantityField("rad/s**2", above=0)] | None = None
     lower: Angle | None = Field(None, description="which the position does not fall below, whatever is commanded")
     upper: Angle | None = Field(None, description="which the position does not exceed, whatever is commanded")
 
@@ -84,7 +84,7 @@ class LengthDriveSpec(CommandedDriveSpec):
 
     position: Length = Field(0.0, description="at the start")
     velocity_limit: PositiveVelocity | None = None
-    acceleration_limit: Annotated[float, Quantity("m/s**2", above=0)] | None = None
+    acceleration_limit: Annotated[float, QuantityField("m/s**2", above=0)] | None = None
     lower: Length | None = Field(None, description="which the position does not fall below, whatever is commanded")
     upper: Length | None = Field(None, description="which the position does not exceed, whatever is commanded")
 
@@ -135,7 +135,7 @@ class JointSpec(Spec):
     between: tuple[str, str]
     guess: bool = Field(False, description="the start position is only the initial guess for assembling loops")
     cut: bool = Field(False, description="cut this joint instead of another one of its loop")
-    compliance: Annotated[float, Quantity("", above=0)] = Field(
+    compliance: Annotated[float, QuantityField("", above=0)] = Field(
         1.0, description="relative compliance, by which redundant joints share the load"
     )
 

@@ -12,7 +12,6 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.base.errors import InputError, counted
-from mbd_sim.files.schema.base import Spec
 from mbd_sim.files.schema.fields import (
     Angle,
     AnyNumber,
@@ -23,20 +22,21 @@ from mbd_sim.files.schema.fields import (
     PositiveAngularVelocity,
     PositiveLength,
     PositiveVelocity,
-    Quantity,
+    QuantityField,
     Restitution,
+    Spec,
     TorsionDamping,
     TorsionStiffness,
 )
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
-from mbd_sim.mechanism.values.tables import Curve, Surface, Table
+from mbd_sim.mechanism.values.tables import BicubicSurface, Curve, Table
 
-ForceValue = Annotated[float, Quantity("N")]
-TorqueValue = Annotated[float, Quantity("N*m")]
-FrictionForce = Annotated[float, Quantity("N", at_least=0)]
-FrictionTorque = Annotated[float, Quantity("N*m", at_least=0)]
-Coefficient = Annotated[float, Quantity("", at_least=0)]
+ForceValue = Annotated[float, QuantityField("N")]
+TorqueValue = Annotated[float, QuantityField("N*m")]
+FrictionForce = Annotated[float, QuantityField("N", at_least=0)]
+FrictionTorque = Annotated[float, QuantityField("N*m", at_least=0)]
+Coefficient = Annotated[float, QuantityField("", at_least=0)]
 
 
 def _finite_at_rest(expression: TimeExpression) -> TimeExpression:
@@ -230,7 +230,7 @@ class AngleLimitsSpec(LimitsSpec):
     lower: Angle
     upper: Angle
     stiffness: TorsionStiffness | None = None
-    damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
+    damping: Annotated[float, QuantityField("s/rad", at_least=0)] = 0.0
 
 
 class LengthLimitsSpec(LimitsSpec):
@@ -242,7 +242,7 @@ class LengthLimitsSpec(LimitsSpec):
     lower: Length
     upper: Length
     stiffness: LinearStiffness | None = None
-    damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
+    damping: Annotated[float, QuantityField("s/m", at_least=0)] = 0.0
 
 
 MAX_POINTS, MAX_NODES = 1000, 2500  # of one and of two variables: the kernel compares with each of them
@@ -256,7 +256,9 @@ class TableSpec(Spec):
     """
 
     points: list[tuple[AnyNumber, AnyNumber]] | None = Field(None, description="[x, value] in order of increasing x")
-    period: Annotated[float, Quantity(None, above=0)] | None = Field(None, description="of a table of one variable")
+    period: Annotated[float, QuantityField(None, above=0)] | None = Field(
+        None, description="of a table of one variable"
+    )
     x: list[AnyNumber] | None = None
     y: list[AnyNumber] | None = None
     values: list[list[AnyNumber]] | None = Field(None, description="a row for each x, with a value for each y")
@@ -298,7 +300,7 @@ class TableSpec(Spec):
         """The function."""
         if self.points is None:
             assert self.x is not None and self.y is not None and self.values is not None
-            return Surface(tuple(self.x), tuple(self.y), tuple(map(tuple, self.values)))
+            return BicubicSurface(tuple(self.x), tuple(self.y), tuple(map(tuple, self.values)))
         points = list(self.points)
         if self.period is not None:  # the end of the period is exact, and has the value of its beginning
             if points[-1][0] - points[0][0] >= self.period * (1.0 - CLOSED):

@@ -8,13 +8,12 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Direction, Spec
-from mbd_sim.files.schema.fields import Angle, PositiveLength, Quantity
+from mbd_sim.files.schema.fields import Angle, Direction, PositiveLength, QuantityField, Spec
 
-Frequency = Annotated[float, Quantity("Hz", above=0)]
-Delay = Annotated[float, Quantity("s", at_least=0)]
-Probability = Annotated[float, Quantity("", at_least=0, at_most=1)]
-Distance = Annotated[float, Quantity("m", at_least=0)]
+Frequency = Annotated[float, QuantityField("Hz", above=0)]
+Delay = Annotated[float, QuantityField("s", at_least=0)]
+Probability = Annotated[float, QuantityField("", at_least=0, at_most=1)]
+Distance = Annotated[float, QuantityField("m", at_least=0)]
 
 
 def _whole(number: float) -> float:
@@ -23,10 +22,10 @@ def _whole(number: float) -> float:
     return number
 
 
-Count = Annotated[float, Quantity("", at_least=1, at_most=1e12), AfterValidator(_whole)]
-Seed = Annotated[float, Quantity("", at_least=0, at_most=1e15), AfterValidator(_whole)]
-AnyNumber = Annotated[float, Quantity(None)]
-AnyResolution = Annotated[float, Quantity(None, above=0)]
+Count = Annotated[float, QuantityField("", at_least=1, at_most=1e12), AfterValidator(_whole)]
+Seed = Annotated[float, QuantityField("", at_least=0, at_most=1e15), AfterValidator(_whole)]
+AnyNumber = Annotated[float, QuantityField(None)]
+AnyResolution = Annotated[float, QuantityField(None, above=0)]
 _DENSITY = "standard deviation of the noise divided by √rate: its unit per √Hz"
 _WALK = "standard deviation of the walking bias after one second"
 _LIMIT = "largest magnitude"
@@ -35,69 +34,69 @@ _LIMIT = "largest magnitude"
 class AngularVelocityErrorsSpec(Spec):
     """The errors of an angular velocity, in rad/s."""
 
-    bias: Annotated[float, Quantity("rad/s")] = 0.0
-    bias_walk: Annotated[float, Quantity("rad/s", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("rad/s", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("rad/s", above=0)] | None = None
-    limit: Annotated[float, Quantity("rad/s", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("rad/s")] = 0.0
+    bias_walk: Annotated[float, QuantityField("rad/s", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("rad/s", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("rad/s", above=0)] | None = None
+    limit: Annotated[float, QuantityField("rad/s", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class SpecificForceErrorsSpec(Spec):
     """The errors of a specific force, in m/s²."""
 
-    bias: Annotated[float, Quantity("m/s**2")] = 0.0
-    bias_walk: Annotated[float, Quantity("m/s**2", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("m/s**2", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("m/s**2", above=0)] | None = None
-    limit: Annotated[float, Quantity("m/s**2", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("m/s**2")] = 0.0
+    bias_walk: Annotated[float, QuantityField("m/s**2", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("m/s**2", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("m/s**2", above=0)] | None = None
+    limit: Annotated[float, QuantityField("m/s**2", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class ForceErrorsSpec(Spec):
     """The errors of a force, in N."""
 
-    bias: Annotated[float, Quantity("N")] = 0.0
-    bias_walk: Annotated[float, Quantity("N", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("N", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("N", above=0)] | None = None
-    limit: Annotated[float, Quantity("N", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("N")] = 0.0
+    bias_walk: Annotated[float, QuantityField("N", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("N", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("N", above=0)] | None = None
+    limit: Annotated[float, QuantityField("N", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class TorqueErrorsSpec(Spec):
     """The errors of a torque, in N·m."""
 
-    bias: Annotated[float, Quantity("N*m")] = 0.0
-    bias_walk: Annotated[float, Quantity("N*m", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("N*m", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("N*m", above=0)] | None = None
-    limit: Annotated[float, Quantity("N*m", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("N*m")] = 0.0
+    bias_walk: Annotated[float, QuantityField("N*m", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("N*m", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("N*m", above=0)] | None = None
+    limit: Annotated[float, QuantityField("N*m", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class PositionErrorsSpec(Spec):
     """The errors of a position, in m."""
 
-    bias: Annotated[float, Quantity("m")] = 0.0
-    bias_walk: Annotated[float, Quantity("m", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("m", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("m", above=0)] | None = None
-    limit: Annotated[float, Quantity("m", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("m")] = 0.0
+    bias_walk: Annotated[float, QuantityField("m", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("m", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("m", above=0)] | None = None
+    limit: Annotated[float, QuantityField("m", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class VelocityErrorsSpec(Spec):
     """The errors of a velocity, in m/s."""
 
-    bias: Annotated[float, Quantity("m/s")] = 0.0
-    bias_walk: Annotated[float, Quantity("m/s", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("m/s", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("m/s", above=0)] | None = None
-    limit: Annotated[float, Quantity("m/s", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("m/s")] = 0.0
+    bias_walk: Annotated[float, QuantityField("m/s", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("m/s", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("m/s", above=0)] | None = None
+    limit: Annotated[float, QuantityField("m/s", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class OrientationErrorsSpec(Spec):
     """The errors of an orientation: a small rotation about the axes of the sensor, in rad."""
 
     bias: Angle = 0.0
-    bias_walk: Annotated[float, Quantity("rad", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("rad", at_least=0)] = Field(0.0, description=_DENSITY)
+    bias_walk: Annotated[float, QuantityField("rad", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("rad", at_least=0)] = Field(0.0, description=_DENSITY)
 
 
 class SensorSpec(Spec):
@@ -145,7 +144,7 @@ class EncoderSpec(SensorSpec):
     counts: Count | None = Field(None, description="steps to a turn")
     index: AnyNumber | None = Field(None, description="position of the index pulse, m or rad")
     bias: AnyNumber = 0.0
-    noise_density: Annotated[float, Quantity(None, at_least=0)] = Field(0.0, description=_DENSITY)
+    noise_density: Annotated[float, QuantityField(None, at_least=0)] = Field(0.0, description=_DENSITY)
 
     @model_validator(mode="after")
     def _one_resolution(self) -> EncoderSpec:
@@ -161,8 +160,8 @@ class TachometerSpec(SensorSpec):
     type: Literal["tachometer"]
     joint: str = Field(description="a joint, or one of its coordinates such as planar.x")
     bias: AnyNumber = 0.0
-    bias_walk: Annotated[float, Quantity(None, at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity(None, at_least=0)] = Field(0.0, description=_DENSITY)
+    bias_walk: Annotated[float, QuantityField(None, at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField(None, at_least=0)] = Field(0.0, description=_DENSITY)
     resolution: AnyResolution | None = None
     limit: AnyResolution | None = Field(None, description=_LIMIT)
 
@@ -172,11 +171,11 @@ class CurrentSpec(SensorSpec):
 
     type: Literal["current"]
     actuator: str
-    bias: Annotated[float, Quantity("A")] = 0.0
-    bias_walk: Annotated[float, Quantity("A", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("A", at_least=0)] = Field(0.0, description=_DENSITY)
-    resolution: Annotated[float, Quantity("A", above=0)] | None = None
-    limit: Annotated[float, Quantity("A", above=0)] | None = Field(None, description=_LIMIT)
+    bias: Annotated[float, QuantityField("A")] = 0.0
+    bias_walk: Annotated[float, QuantityField("A", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("A", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, QuantityField("A", above=0)] | None = None
+    limit: Annotated[float, QuantityField("A", above=0)] | None = Field(None, description=_LIMIT)
 
 
 class RangeSpec(SensorSpec):
@@ -191,9 +190,9 @@ class RangeSpec(SensorSpec):
     most: PositiveLength = Field(description="distance above which the value is +infinity")
     field_of_view: Angle = 0.0
     radiation: Literal["ultrasound", "infrared"] = "infrared"
-    bias: Annotated[float, Quantity("m")] = 0.0
-    bias_walk: Annotated[float, Quantity("m", at_least=0)] = Field(0.0, description=_WALK)
-    noise_density: Annotated[float, Quantity("m", at_least=0)] = Field(0.0, description=_DENSITY)
+    bias: Annotated[float, QuantityField("m")] = 0.0
+    bias_walk: Annotated[float, QuantityField("m", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, QuantityField("m", at_least=0)] = Field(0.0, description=_DENSITY)
     resolution: PositiveLength | None = None
 
     @model_validator(mode="after")

@@ -15,7 +15,7 @@ import numpy as np
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.sdf.links import Values, direction
-from mbd_sim.files.sdf.scopes import MODEL, Node, Scope, key_of, link_of, world_pose
+from mbd_sim.files.sdf.scopes import MODEL, Scope, ScopedFrame, key_of, link_of, world_pose
 from mbd_sim.files.text.xml import Element, rows
 
 TYPES = {
@@ -33,7 +33,7 @@ OLD_AXES = ("1.0", "1.1", "1.2", "1.3", "1.4")  # versions whose axes are by def
 READ = ("pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch")
 
 
-def joint_of(values: Values, node: Node) -> dict[str, Any]:
+def joint_of(values: Values, node: ScopedFrame) -> dict[str, Any]:
     """The record of a joint without `between`."""
     element, key = node.element, key_of(node.element)
     kind = element.attributes.get("type", "")
@@ -74,7 +74,7 @@ def joint_of(values: Values, node: Node) -> dict[str, Any]:
     return record | coordinate
 
 
-def axis_of(values: Values, node: Node, axis: Element) -> Array:
+def axis_of(values: Values, node: ScopedFrame, axis: Element) -> Array:
     """The direction (3,) of an axis in the frame of its joint.
 
     :raises MechanismError: the frame in which it is expressed does not exist.
@@ -95,7 +95,7 @@ def axis_of(values: Values, node: Node, axis: Element) -> Array:
     return np.asarray(world_pose(node).rotation.T @ frame.rotation @ vector)
 
 
-def version_of(values: Values, node: Node) -> str:
+def version_of(values: Values, node: ScopedFrame) -> str:
     """The version of the file in which a joint stands, which may have been included."""
     scope: Scope | None = node.scope
     while scope is not None:
@@ -156,7 +156,7 @@ PARALLEL = 1e-3  # rad, within which the axes of a gearbox are those of its join
 Names = Mapping[int, str]  # of joints in the mechanism, by their id
 
 
-def mimics_of(values: Values, joint: Node, names: Names) -> list[dict[str, Any]]:
+def mimics_of(values: Values, joint: ScopedFrame, names: Names) -> list[dict[str, Any]]:
     """The couplings that `<mimic>` means: q = multiplier · (q' - reference) + offset, with q' of another joint."""
     found = []
     for tag in ("axis", "axis2"):
@@ -182,7 +182,7 @@ def mimics_of(values: Values, joint: Node, names: Names) -> list[dict[str, Any]]
     return found
 
 
-def _named_coordinate(joint: Node | None, axis: str, names: Names) -> str | None:
+def _named_coordinate(joint: ScopedFrame | None, axis: str, names: Names) -> str | None:
     """The name of the coordinate about an axis of a joint."""
     if joint is None or id(joint) not in names:
         return None
@@ -193,7 +193,11 @@ def _named_coordinate(joint: Node | None, axis: str, names: Names) -> str | None
 
 
 def gearbox_of(
-    values: Values, joint: Node, joints: Sequence[Node], names: Names, end: Callable[[Node, str], Node | None]
+    values: Values,
+    joint: ScopedFrame,
+    joints: Sequence[ScopedFrame],
+    names: Names,
+    end: Callable[[ScopedFrame, str], ScopedFrame | None],
 ) -> dict[str, Any] | None:
     """θ₂ = -ratio · θ₁, with the rotations of the gearbox's parent and child relative to its reference body.
 
@@ -226,14 +230,14 @@ def gearbox_of(
 
 def _rotation(
     values: Values,
-    joints: Sequence[Node],
-    end: Callable[[Node, str], Node | None],
-    body: Node | None,
-    link: Node | None,
+    joints: Sequence[ScopedFrame],
+    end: Callable[[ScopedFrame, str], ScopedFrame | None],
+    body: ScopedFrame | None,
+    link: ScopedFrame | None,
     direction: Array,
-) -> tuple[Node, float] | None:
+) -> tuple[ScopedFrame, float] | None:
     """The joint between a body and a link most nearly about a direction in the world, and the sign of its angle."""
-    found: list[tuple[float, Node, float]] = []
+    found: list[tuple[float, ScopedFrame, float]] = []
     for joint in joints:
         if joint.element.attributes.get("type") not in ("revolute", "continuous"):
             continue

@@ -14,7 +14,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.sdf.joints import GEARBOX, gearbox_of, joint_of, mimics_of
 from mbd_sim.files.sdf.links import PRODUCTS, Values, part_of, rotated
-from mbd_sim.files.sdf.scopes import FRAMES, Node, Scope, ScopeReader, key_of, link_of, world_pose
+from mbd_sim.files.sdf.scopes import FRAMES, Scope, ScopedFrame, ScopeReader, key_of, link_of, world_pose
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, rows
 from mbd_sim.files.urdf.reader import note_unread, read
@@ -56,7 +56,7 @@ SCOPES = {  # attributes of models and worlds
 }
 
 
-def note_unread_values(reading: Reading, node: Node) -> None:
+def note_unread_values(reading: Reading, node: ScopedFrame) -> None:
     """List what is not read of a link, joint or frame."""
     if node.kind in READ:
         note_unread(reading, node.element, key_of(node.element), READ)
@@ -91,10 +91,10 @@ def sdf_source(text: str, file: str, base: Base | None = None) -> Source:
     worlds = root.all("world")
     if len(worlds) > 1:
         raise file_error(file, worlds[1].line, "has several worlds", "Keep one of them.", key=key_of(worlds[1]))
-    return _Reader(root, worlds[0] if worlds else root, file, base).source()
+    return _SdfReader(root, worlds[0] if worlds else root, file, base).source()
 
 
-class _Reader:
+class _SdfReader:
     """The frames of an SDF, and their conversion to the data of a mechanism file."""
 
     def __init__(self, root: Element, world: Element, file: str, base: Base | None) -> None:
@@ -103,9 +103,9 @@ class _Reader:
         self.values = Values(self.reading, root.attributes.get("version", "1.7"))
         self.scope = Scope(file, world)
         ScopeReader(self.values).fill(self.scope, world)
-        self.links: list[Node] = []
-        self.joints: list[Node] = []
-        self.frames: list[Node] = []
+        self.links: list[ScopedFrame] = []
+        self.joints: list[ScopedFrame] = []
+        self.frames: list[ScopedFrame] = []
         self.static: set[int] = set()  # id of links in static models
         self._collect(self.scope, static=False)
         self.part_names = self._names(self.links, "link")
@@ -158,7 +158,7 @@ class _Reader:
                     flag = self.values.flag(node.element, "static", key_of(node.element))
                     self._collect(node.inner, static or flag)
 
-    def _names(self, nodes: list[Node], kind: str) -> dict[int, str]:
+    def _names(self, nodes: list[ScopedFrame], kind: str) -> dict[int, str]:
         """A valid name for each frame: its own, with those of its models where there are several."""
         alone = len([*self.scope.of_kind("model")]) == 1
         written = []
@@ -174,7 +174,7 @@ class _Reader:
                 self.reading.leave_out("names that are not valid here, as old → new", f"{old} → {new}")
         return {id(node): names[name] for node, name in zip(nodes, written, strict=True)}
 
-    def _end(self, joint: Node, tag: str) -> Node | None:
+    def _end(self, joint: ScopedFrame, tag: str) -> ScopedFrame | None:
         """The link at an end of a joint; None is the world."""
         key = f"{key_of(joint.element)}.{tag}"
         name, element = self.values.text(joint.element, tag), joint.element.first(tag)
@@ -182,7 +182,7 @@ class _Reader:
             raise file_error(joint.element.file, joint.element.line, f"<{tag}> is missing", "Add it.", key=key)
         return link_of(joint.scope.require(name, element, key))
 
-    def _add_joint(self, joint: Node) -> None:
+    def _add_joint(self, joint: ScopedFrame) -> None:
         if joint.element.attributes.get("type") == GEARBOX:
             return
         parent, child = self._end(joint, "parent"), self._end(joint, "child")
@@ -196,7 +196,7 @@ class _Reader:
         self.data["joints"][own] = {"type": record.pop("type"), "between": between, **record}
         self.origins["joints", own] = self.reading.origin(joint.element, key)
 
-    def _point(self, link: Node | None, place: Pose, wanted: str, always: bool = False) -> str:
+    def _point(self, link: ScopedFrame | None, place: Pose, wanted: str, always: bool = False) -> str:
         """The name of a point of a link, or of the world, at a pose in the world; of the part alone at its own pose."""
         part = GROUND if link is None else self.part_names[id(link)]
         pose = place if link is None else world_pose(link).inverse() @ place
@@ -230,7 +230,7 @@ class _Reader:
                 self.data["joints"][name] = record
                 self.origins["joints", name] = self.reading.origin(link.element, key_of(link.element))
 
-    def _groups(self) -> list[list[Node]]:
+    def _groups(self) -> list[list[ScopedFrame]]:
         """The links that are not connected to the world, in groups that joints connect."""
         group = {id(link): {id(link)} for link in self.links}
         grounded: set[int] = set()
@@ -243,7 +243,7 @@ class _Reader:
             elif ends and group[id(ends[0])] is not group[id(ends[1])]:
                 merged = group[id(ends[0])] | group[id(ends[1])]
                 group |= dict.fromkeys(merged, merged)
-        found: list[list[Node]] = []
+        found: list[list[ScopedFrame]] = []
         seen: set[int] = set()
         for link in self.links:
             members = group[id(link)]

@@ -22,7 +22,7 @@ MODEL, WORLD = "__model__", "world"
 
 
 @dataclass(eq=False)
-class Node:
+class ScopedFrame:
     """A frame: its pose in the frame `relative_to` of its scope. A model has an `inner` scope.
 
     `attached_to` names the frame with which it moves: of a joint its child, of a link "".
@@ -47,15 +47,15 @@ class Scope:
     file: str
     element: Element
     outer: Scope | None = None
-    owner: Node | None = None
+    owner: ScopedFrame | None = None
     canonical: str = ""
-    nodes: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, ScopedFrame] = field(default_factory=dict)
 
-    def of_kind(self, kind: str) -> Iterator[Node]:
+    def of_kind(self, kind: str) -> Iterator[ScopedFrame]:
         """The frames of a kind, in the order of the file."""
         return (node for node in self.nodes.values() if node.kind == kind)
 
-    def find(self, name: str) -> Node | None:
+    def find(self, name: str) -> ScopedFrame | None:
         """The frame of a name; the model itself is that of its owner, None is the world."""
         if name == MODEL:
             return self.owner
@@ -64,7 +64,7 @@ class Scope:
             return inner.find(rest)
         return self.nodes.get(name)
 
-    def require(self, name: str, user: Element, key: str) -> Node | None:
+    def require(self, name: str, user: Element, key: str) -> ScopedFrame | None:
         """The frame of a name that an element uses; the world is None.
 
         :raises MechanismError: there is no such frame.
@@ -77,7 +77,7 @@ class Scope:
         return found
 
 
-def pose_in_scope(node: Node) -> Pose:
+def pose_in_scope(node: ScopedFrame) -> Pose:
     """The pose of a frame in the model, or the world, of its scope.
 
     :raises MechanismError: a frame does not exist, or is given relative to itself.
@@ -100,7 +100,7 @@ def pose_in_scope(node: Node) -> Pose:
     return node.local
 
 
-def _placement(node: Node) -> Pose:
+def _placement(node: ScopedFrame) -> Pose:
     """Of a model, the pose of its placement frame in it: that is the frame which its pose places."""
     name = node.element.attributes.get("placement_frame", "")
     if node.inner is None or not name:
@@ -109,7 +109,7 @@ def _placement(node: Node) -> Pose:
     return identity_pose() if found is None else pose_seen_from(found, node.inner)
 
 
-def pose_seen_from(node: Node, scope: Scope) -> Pose:
+def pose_seen_from(node: ScopedFrame, scope: Scope) -> Pose:
     """The pose of a frame in the model of its scope, or of one around it."""
     if node is scope.owner:
         return identity_pose()
@@ -119,7 +119,7 @@ def pose_seen_from(node: Node, scope: Scope) -> Pose:
     return pose
 
 
-def world_pose(node: Node | None) -> Pose:
+def world_pose(node: ScopedFrame | None) -> Pose:
     """The pose of a frame in the world; the world is None."""
     if node is None:
         return identity_pose()
@@ -129,7 +129,7 @@ def world_pose(node: Node | None) -> Pose:
     return pose
 
 
-def link_of(node: Node | None, depth: int = 0) -> Node | None:
+def link_of(node: ScopedFrame | None, depth: int = 0) -> ScopedFrame | None:
     """The link with which a frame moves; None is the world.
 
     :raises MechanismError: the frames are attached to each other in a circle, or a model has no link.
@@ -144,7 +144,7 @@ def link_of(node: Node | None, depth: int = 0) -> Node | None:
     return link_of(node.scope.require(node.attached_to or MODEL, node.element, f"{key}.attached_to"), depth + 1)
 
 
-def _canonical(node: Node) -> Node:
+def _canonical(node: ScopedFrame) -> ScopedFrame:
     """The link, or nested model, whose motion is that of a model."""
     inner = node.inner
     assert inner is not None
@@ -201,7 +201,7 @@ class ScopeReader:
                 continue
             scope.nodes[name] = self._node(scope, model, name, depth)
 
-    def _node(self, scope: Scope, element: Element, name: str, depth: int) -> Node:
+    def _node(self, scope: Scope, element: Element, name: str, depth: int) -> ScopedFrame:
         key, pose = key_of(element), element.first("pose")
         attached, relative = "", MODEL
         if element.tag == "joint":
@@ -211,7 +211,7 @@ class ScopeReader:
             relative = attached or MODEL
         if pose is not None and pose.attributes.get("relative_to"):
             relative = pose.attributes["relative_to"]
-        node = Node(name, element.tag, element, scope, self.values.pose(element, key), relative, attached)
+        node = ScopedFrame(name, element.tag, element, scope, self.values.pose(element, key), relative, attached)
         if element.tag == "model":
             node.inner = Scope(element.file, element, scope, node, element.attributes.get("canonical_link", ""))
             self.fill(node.inner, element, depth + 1)

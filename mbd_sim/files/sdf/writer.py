@@ -20,7 +20,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
 from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
-from mbd_sim.files.urdf.joint_motions import Mimic, mimics_of, motions_of
+from mbd_sim.files.urdf.joints import Mimic, mimics_of, motions_of
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
@@ -46,7 +46,7 @@ class WrittenAxis:
 
 
 @dataclass(frozen=True, eq=False)
-class WrittenJoint:
+class SdfJoint:
     """A joint: its type, its links, its frame in the child link, its axes, and its limits of effort and velocity."""
 
     name: str
@@ -64,12 +64,12 @@ class WrittenJoint:
 class Chain:
     """The SDF joints for a joint, and the links between them with their poses in the world."""
 
-    joints: list[WrittenJoint] = field(default_factory=list)
+    joints: list[SdfJoint] = field(default_factory=list)
     links: dict[str, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class LinkPoses:
     """Where the links are: the `poses` of the parts in the world, and the coordinates there by name."""
 
     poses: Mapping[str, Pose]
@@ -85,7 +85,7 @@ def native_type(joint: Joint) -> str:
     return "screw" if joint.kind.advances else NATIVE.get(joint.type, "")
 
 
-def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic]) -> Chain:
+def written_chain(joint: Joint, placement: LinkPoses, mimics: Mapping[str, Mimic]) -> Chain:
     """The joints for a joint of the tree. One of several coordinates that SDF does not know becomes several."""
     inner, outer = (joint.child_pose, joint.parent_pose) if joint.reversed else (joint.parent_pose, joint.child_pose)
     if native_type(joint):
@@ -104,7 +104,7 @@ def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic
         axis = _axis(joint, motion.name, motion.axis, placement, mimics)
         single = len(motions) == 1
         chain.joints.append(
-            WrittenJoint(
+            SdfJoint(
                 motion.name,
                 "prismatic" if motion.type == "prismatic" else "revolute",
                 parent,
@@ -121,19 +121,19 @@ def written_chain(joint: Joint, placement: Placement, mimics: Mapping[str, Mimic
     return chain
 
 
-def written_closing(joint: Joint, placement: Placement) -> WrittenJoint | None:
+def written_closing(joint: Joint, placement: LinkPoses) -> SdfJoint | None:
     """A joint that closes a loop; None if SDF does not know its type."""
     if native_type(joint):
         return _native(joint, placement, joint.parent_pose, joint.child_pose, False, {})
     if joint.type in ("revolute", "prismatic"):
         axis = WrittenAxis(joint.axis)
-        return WrittenJoint(joint.name, joint.type, joint.parent, joint.child, joint.child_pose, (axis,))
+        return SdfJoint(joint.name, joint.type, joint.parent, joint.child, joint.child_pose, (axis,))
     return None
 
 
 def _native(
-    joint: Joint, placement: Placement, inner: Pose, outer: Pose, is_reversed: bool, mimics: Mapping[str, Mimic]
-) -> WrittenJoint:
+    joint: Joint, placement: LinkPoses, inner: Pose, outer: Pose, is_reversed: bool, mimics: Mapping[str, Mimic]
+) -> SdfJoint:
     parent, child = (joint.child, joint.parent) if is_reversed else (joint.parent, joint.child)
     sign = -1.0 if is_reversed else 1.0
     axes: list[WrittenAxis] = []
@@ -149,12 +149,10 @@ def _native(
         axes = [_axis(joint, name, sign * one, placement, mimics) for name, one in zip(names, turned, strict=True)]
     elif joint.kind.advances:
         axes = [_axis(joint, joint.name, sign * joint.axis, placement, mimics)]
-    return WrittenJoint(
-        joint.name, native_type(joint), parent, child, outer, tuple(axes), joint.lead, joint.effort_limit
-    )
+    return SdfJoint(joint.name, native_type(joint), parent, child, outer, tuple(axes), joint.lead, joint.effort_limit)
 
 
-def _axis(joint: Joint, name: str, direction: Array, placement: Placement, mimics: Mapping[str, Mimic]) -> WrittenAxis:
+def _axis(joint: Joint, name: str, direction: Array, placement: LinkPoses, mimics: Mapping[str, Mimic]) -> WrittenAxis:
     """What acts on a coordinate, with its offset taken from rest and limits. A closing joint has no coordinate."""
     if name not in placement.offsets:
         return WrittenAxis(direction)
@@ -188,13 +186,13 @@ MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0
 
 
 @dataclass(eq=False)
-class Document:
+class SdfDocument:
     """An SDF as it is written: the world, the model, the names that are taken, and what is left out, by kind."""
 
     mechanism: Mechanism
     world: Element
     model: Element
-    placement: Placement
+    placement: LinkPoses
     names: set[str]
     left_out: dict[str, list[str]] = field(default_factory=dict)
     joints: dict[str, str] = field(default_factory=dict)  # the names of joints, where those of links have them
@@ -215,7 +213,7 @@ def to_sdf(mechanism: Mechanism) -> Written:
     world = ElementTree.SubElement(root, "world", name=f"{mechanism.name}_world")
     _add(world, "gravity", text(mechanism.gravity))
     model = ElementTree.SubElement(world, "model", name=mechanism.name)
-    document = Document(mechanism, world, model, _placement(mechanism), set(mechanism.parts))
+    document = SdfDocument(mechanism, world, model, _placement(mechanism), set(mechanism.parts))
     for part in mechanism.parts.values():
         _add_link(document, part)
     _add_joints(document)
@@ -225,7 +223,7 @@ def to_sdf(mechanism: Mechanism) -> Written:
     return written(root, document.left_out, declaration=True)
 
 
-def _rename(document: Document, root: Element) -> None:
+def _rename(document: SdfDocument, root: Element) -> None:
     """Replace the names that SDF reserves: `::` leads into models, `__…__` and `world` (ground) are its own."""
     elements, new = list(root.iter()), {GROUND: WORLD}
     used = {element.attrib["name"]: None for element in elements if "name" in element.attrib}
@@ -241,7 +239,7 @@ def _rename(document: Document, root: Element) -> None:
             element.text = new[element.text]
 
 
-def _placement(mechanism: Mechanism) -> Placement:
+def _placement(mechanism: Mechanism) -> LinkPoses:
     kinematics = Kinematics(mechanism)
     q, offsets = kinematics.start.copy(), dict[str, float]()
     for name, joint in mechanism.joints.items():
@@ -257,10 +255,10 @@ def _placement(mechanism: Mechanism) -> Placement:
             offsets |= {name: float(value) for name, value in zip(joint.motion_names, q[place], strict=True)}
         elif joint.type == "spherical" and not mechanism.closures:
             q[place] = [1.0, 0.0, 0.0, 0.0]
-    return Placement(kinematics.poses(q), offsets)
+    return LinkPoses(kinematics.poses(q), offsets)
 
 
-def _add_link(document: Document, part: Part) -> None:
+def _add_link(document: SdfDocument, part: Part) -> None:
     link = ElementTree.SubElement(document.model, "link", name=part.name)
     _add_pose(link, document.placement.poses[part.name])
     mass, inertia = part.mass, part.inertia
@@ -310,9 +308,9 @@ def _add_sizes(form: Element, radius: float, length: float) -> None:
     _add(form, "length", number(length))
 
 
-def _add_joints(document: Document) -> None:
+def _add_joints(document: SdfDocument) -> None:
     mechanism, mimics = document.mechanism, mimics_of(document.mechanism)
-    joints: list[WrittenJoint] = []
+    joints: list[SdfJoint] = []
     for joint in mechanism.joints.values():
         if joint.type == "free":
             if joint.inboard != GROUND:
@@ -340,14 +338,14 @@ def _add_joints(document: Document) -> None:
         _add_joint(document, one)
 
 
-def _placed_at(document: Document, name: str, pose: Pose) -> Document:
+def _placed_at(document: SdfDocument, name: str, pose: Pose) -> SdfDocument:
     """The document, with the pose of a link that is no part."""
     poses = {**document.placement.poses, name: pose}
-    document.placement = Placement(poses, document.placement.offsets)
+    document.placement = LinkPoses(poses, document.placement.offsets)
     return document
 
 
-def _add_joint(document: Document, joint: WrittenJoint) -> None:
+def _add_joint(document: SdfDocument, joint: SdfJoint) -> None:
     element = ElementTree.SubElement(document.model, "joint", name=document.joints[joint.name], type=joint.type)
     _add_pose(element, joint.frame)
     for tag, part in (("parent", joint.parent), ("child", joint.child)):
@@ -358,7 +356,7 @@ def _add_joint(document: Document, joint: WrittenJoint) -> None:
         _add(element, "screw_thread_pitch", number(joint.lead))
 
 
-def _add_axis(document: Document, element: Element, axis: WrittenAxis, joint: WrittenJoint) -> None:
+def _add_axis(document: SdfDocument, element: Element, axis: WrittenAxis, joint: SdfJoint) -> None:
     _add(element, "xyz", text(axis.direction))
     bounds = {"lower": axis.lower, "upper": axis.upper, "effort": joint.effort, "velocity": joint.velocity}
     limit = ElementTree.SubElement(element, "limit")
@@ -381,7 +379,7 @@ def _add_axis(document: Document, element: Element, axis: WrittenAxis, joint: Wr
             _add(mimic, tag, number(value))
 
 
-def _add_frames(document: Document) -> None:
+def _add_frames(document: SdfDocument) -> None:
     for part, points in [(GROUND, document.mechanism.ground_points)] + [
         (part.name, part.points) for part in document.mechanism.parts.values()
     ]:
@@ -395,7 +393,7 @@ def _add_frames(document: Document) -> None:
             _add_pose(frame, pose)
 
 
-def _note_rest(document: Document) -> None:
+def _note_rest(document: SdfDocument) -> None:
     mechanism = document.mechanism
     joints = mechanism.all_joints.values()
     mimicked = {mimic.constraint for mimic in mimics_of(mechanism).values()}

@@ -35,6 +35,18 @@ def mesh_path(uri: str, source: str) -> Path | None:
     return next((path for path in _candidates(uri, Path(source).absolute().parent) if _is_file(path)), None)
 
 
+def files_of(mechanism: Mechanism) -> tuple[str, ...]:
+    """The file of a mechanism, then those from which its values come, and those of its meshes as far as they are found.
+
+    Models of an SDF and the URDF of a mechanism file are among them.
+    """
+    source = mechanism.source
+    named = [origin.file for origin in source.origins.values()]
+    uris = [mesh.file for part in mechanism.parts.values() for mesh in part.meshes]
+    meshes = [str(path) for uri in uris if (path := mesh_path(uri, source.file)) is not None]
+    return tuple(dict.fromkeys([source.file, *(source.other_files or ()), *named, *meshes]))
+
+
 def resource_uri(uri: str, source: str) -> str:
     """The URI under which other programs find a mesh; empty if its file is not on this machine.
 

@@ -213,12 +213,12 @@ def text_of(elements: Iterable[Element]) -> str:
 
 
 def _parsed(text: str, file: str) -> Element:
-    reader = _Reader(file)
+    reader = _ElementReader(file)
     reader.parser.Parse(text, True)
     return reader.root.children[0]
 
 
-class _Reader:
+class _ElementReader:
     """Builds elements from expat's events, within the limits on size and depth."""
 
     def __init__(self, file: str) -> None:

@@ -24,7 +24,7 @@ LEAN = 0.3  # rad from upright, beyond which the pendulum has fallen
 SPEED = 6.0  # rad/s, the desired speed of the four-bar's crank
 
 
-class Run(Protocol):
+class Simulated(Protocol):
     """A `Simulation` with q (nq,), or an `Ensemble` with q (k, nq)."""
 
     @property
@@ -38,29 +38,29 @@ class Run(Protocol):
         ...
 
 
-def upright(sim: Run, action: Efforts) -> Any:
+def upright(sim: Simulated, action: Efforts) -> Any:
     """1 if the pendulum stands upright at rest in the middle of the rail, 0 if it hangs."""
     q, rate, push = sim.q.T, sim.u.T[1], action.T[0]
     place, up = q[0], 0.5 * (1.0 - np.cos(q[1]))
     return up - 0.1 * (place * place) - 0.001 * (rate * rate) - 0.0005 * (push * push)
 
 
-def off_the_rail(sim: Run) -> Any:
+def off_the_rail(sim: Simulated) -> Any:
     """Whether the cart has left the rail."""
     return abs(sim.q.T[0]) > RAIL
 
 
-def alive(sim: Run, action: Efforts) -> Any:
+def alive(sim: Simulated, action: Efforts) -> Any:
     """1 for each action."""
     return np.ones(action.shape[:-1])
 
 
-def fallen(sim: Run) -> Any:
+def fallen(sim: Simulated) -> Any:
     """Whether the pendulum has fallen or the cart has left the rail."""
     return off_the_rail(sim) | (abs(np.remainder(sim.q.T[1], 2.0 * math.pi) - math.pi) > LEAN)
 
 
-def height(sim: Run, action: Efforts) -> Any:
+def height(sim: Simulated, action: Efforts) -> Any:
     """The height of the tip, from -1 to 1, minus a cost of fast motion."""
     q, u = sim.q.T, sim.u.T
     first, shoulder, elbow = q[0], u[0], u[1]
@@ -68,7 +68,7 @@ def height(sim: Run, action: Efforts) -> Any:
     return up - 0.0005 * (shoulder * shoulder + elbow * elbow)
 
 
-def speed_error(sim: Run, action: Efforts) -> Any:
+def speed_error(sim: Simulated, action: Efforts) -> Any:
     """Minus the squared relative error of the crank's speed, minus a cost of the effort."""
     error, effort = sim.u.T[0] / SPEED - 1.0, action.T[0]
     return -(error * error) - 1e-5 * (effort * effort)

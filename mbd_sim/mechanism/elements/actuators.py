@@ -53,7 +53,7 @@ PRESSURES = ("pressure_a", "pressure_b")  # Pa, the states of a cylinder
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class FluidCylinder:
     """A piston between two chambers, and a valve that connects one of them to the supply and the other to the tank.
 
     Chamber A, the first of each pair, extends the cylinder and has the opening of the valve as its sign: see
@@ -84,7 +84,7 @@ class Cylinder:
         """Its states before the first command that are not zero, by name."""
         return dict(zip(PRESSURES, self.pressures, strict=True))
 
-    def with_start_states(self, values: Mapping[str, float]) -> Cylinder:
+    def with_start_states(self, values: Mapping[str, float]) -> FluidCylinder:
         """The same cylinder with other start states."""
         first, second = (values[name] for name in PRESSURES)
         return replace(self, pressures=(first, second))
@@ -178,7 +178,7 @@ class DcMotor(_StartsAtRest):
     The drive keeps |i| within `current_limit` as long as |u| stays within `voltage_limit`. With an inductance, its
     current follows that commanded at the rate `bandwidth` in rad/s. `coulomb` in N·m and `viscous` in N·m·s are the
     friction of the rotor; coulomb friction is smooth below the speed `regularization` in rad/s, as the loss of a gear
-    with an `efficiency` below 1 is: see `mbd_sim.dynamics.kinematics.motors`.
+    with an `efficiency` below 1 is: see `mbd_sim.dynamics.actuators.motors`.
     """
 
     torque_constant: float
@@ -202,7 +202,7 @@ class DcMotor(_StartsAtRest):
 
 
 Motor = EffortMotor | DcMotor
-Machine = Motor | Cylinder
+Machine = Motor | FluidCylinder
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ class Actuator:
     def output_limit(self) -> float:
         """The largest size of what commands the motor."""
         match self.motor:
-            case Cylinder():
+            case FluidCylinder():
                 return 1.0
             case EffortMotor(effort_limit=limit, curve=curve):
                 return min(limit, max((effort for _, effort in curve), default=math.inf))

@@ -215,3 +215,18 @@ class Attachment:
     point: Array
 
     __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class PartFrame:
+    """A frame of a part, or of ground: its `pose` in that part's frame."""
+
+    part: str
+    pose: Pose
+
+    __repr__ = short_repr
+
+    @property
+    def is_of_part(self) -> bool:
+        """Whether it is the part's own frame."""
+        return not np.any(self.pose.position) and bool(np.all(self.pose.rotation == np.eye(3)))

@@ -10,11 +10,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
-
 from mbd_sim.base.errors import InputError
-from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
+from mbd_sim.mechanism.elements.parts import PartFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,21 +56,6 @@ class ErrorModel:
 
 
 EXACT = ErrorModel()
-
-
-@dataclass(frozen=True, eq=False)
-class SensorFrame:
-    """A frame of a part or of ground."""
-
-    part: str
-    pose: Pose
-
-    __repr__ = short_repr
-
-    @property
-    def is_of_part(self) -> bool:
-        """Whether it is the part's own frame."""
-        return not np.any(self.pose.position) and bool(np.all(self.pose.rotation == np.eye(3)))
 
 
 @dataclass(frozen=True)
@@ -119,7 +103,7 @@ class Imu(Sensor, kind="imu", message_type="sensor_msgs/msg/Imu"):
     The specific force is the acceleration less that of gravity: at rest it is 9.81 m/s² upward.
     """
 
-    at: SensorFrame
+    at: PartFrame
     orientation: bool
 
     __repr__ = short_repr
@@ -134,7 +118,7 @@ class Imu(Sensor, kind="imu", message_type="sensor_msgs/msg/Imu"):
 class Accelerometer(Sensor, kind="accelerometer", message_type="sensor_msgs/msg/Imu"):
     """The specific force at a point, in the axes of its frame."""
 
-    at: SensorFrame
+    at: PartFrame
 
     __repr__ = short_repr
 
@@ -149,7 +133,7 @@ class ForceTorque(Sensor, kind="force_torque", message_type="geometry_msgs/msg/W
     """The load that a joint transmits to its second part, about and in the axes of the joint's frame `at` there."""
 
     joint: str
-    at: SensorFrame
+    at: PartFrame
 
     __repr__ = short_repr
 
@@ -219,8 +203,8 @@ class RangeFinder(Sensor, kind="range", message_type="sensor_msgs/msg/Range"):
     `field_of_view` in rad is only passed on.
     """
 
-    at: SensorFrame
-    target: SensorFrame
+    at: PartFrame
+    target: PartFrame
     normal: Array | None
     least: float
     most: float
@@ -239,7 +223,7 @@ class RangeFinder(Sensor, kind="range", message_type="sensor_msgs/msg/Range"):
 class PoseSensor(Sensor, kind="pose", message_type="geometry_msgs/msg/PoseStamped"):
     """The pose of a frame in ground's frame."""
 
-    at: SensorFrame
+    at: PartFrame
 
     __repr__ = short_repr
 
@@ -253,7 +237,7 @@ class PoseSensor(Sensor, kind="pose", message_type="geometry_msgs/msg/PoseStampe
 class TwistSensor(Sensor, kind="twist", message_type="geometry_msgs/msg/TwistStamped"):
     """The velocity of a point and the angular velocity of its part, in ground's axes or in those `in_frame`."""
 
-    at: SensorFrame
+    at: PartFrame
     in_frame: bool
 
     __repr__ = short_repr
@@ -268,7 +252,7 @@ class TwistSensor(Sensor, kind="twist", message_type="geometry_msgs/msg/TwistSta
 class Odometry(Sensor, kind="odometry", message_type="nav_msgs/msg/Odometry"):
     """The pose of a frame in ground's frame, and its velocities in its own axes."""
 
-    at: SensorFrame
+    at: PartFrame
 
     __repr__ = short_repr
 

@@ -49,7 +49,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Surface:
+class BicubicSurface:
     """A function of x and y with `values[i][j]` at `x[i]` and `y[j]`, both increasing.
 
     Between the points it is bicubic: Hermite polynomials in x and y through the values, with slopes along each row and
@@ -82,7 +82,7 @@ class Surface:
         return float(np.array(along_x) @ self.nodes[2 * i : 2 * i + 4, 2 * j : 2 * j + 4] @ np.array(along_y))
 
 
-Table = Curve | Surface
+Table = Curve | BicubicSurface
 
 
 def hermite(d: Any, width: Any) -> tuple[Any, Any, Any, Any]:

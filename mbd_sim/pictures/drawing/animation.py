@@ -23,7 +23,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.constraints import constraint_curves
 from mbd_sim.pictures.drawing.outlines import bounding_points, pointer_paths
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, DrawingError, mechanism_sheet, pixels
-from mbd_sim.pictures.drawing.sheet import FRONT, GRAY, MARKS, Page, Sheet, SheetPath, SheetText, view_of
+from mbd_sim.pictures.drawing.sheet import FRONT, GRAY, MARKS, ScaledView, Sheet, SheetPath, SheetText, view_of
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.palette import part_colors
 from mbd_sim.pictures.shapes.solids import circle
@@ -78,7 +78,7 @@ class Animation:
             float(np.max(np.ptp(projected[0], axis=0))), 1e-9
         )  # symbols are drawn in proportion to it
         scale = float(np.min(self._size / np.maximum((high - low) * margin, 0.2 * self._mechanism_size)))
-        self._page = Page(self._view, scale)
+        self._page = ScaledView(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
         self._fit([(start, *shown)[number] for number in _extreme(projected)])
 
@@ -90,7 +90,7 @@ class Animation:
             excess = float(np.max((high - low) / room))
             if excess <= 1.0:
                 break
-            self._page = Page(self._view, self._page.scale / excess)
+            self._page = ScaledView(self._view, self._page.scale / excess)
             self._shift = 0.5 * self._size + (self._shift - 0.5 * self._size) / excess
         low, high = self._bounds(configurations)
         self._shift = np.clip(self._shift, BORDER - low, np.maximum(self._size - BORDER - high, BORDER - low))
@@ -149,7 +149,7 @@ class Animation:
 
 
 def traced_point_paths(
-    page: Page, mechanism: Mechanism, traced: Sequence[tuple[str, Array]], poses: Mapping[str, Pose]
+    page: ScaledView, mechanism: Mechanism, traced: Sequence[tuple[str, Array]], poses: Mapping[str, Pose]
 ) -> list[SheetPath]:
     """Bars to traced points that lie beside the shapes of their parts, see `traced_points`."""
     colors = part_colors(mechanism)

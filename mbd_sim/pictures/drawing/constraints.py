@@ -38,7 +38,7 @@ from mbd_sim.pictures.drawing.sheet import (
     INK,
     STEEL,
     WHITE,
-    Page,
+    ScaledView,
     SheetPath,
     View,
     left_of,
@@ -62,7 +62,9 @@ FITTING = 0.2  # largest difference of a wheel's radius from the pitch radius, r
 NUDGE = 0.02  # toward the eye, relative to the radius
 
 
-def coupling_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], coupling: Coupling) -> list[SheetPath]:
+def coupling_paths(
+    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], coupling: Coupling
+) -> list[SheetPath]:
     """Two wheels, or a wheel and a rack or cable; other couplings, and wheels on skew axes, are not drawn."""
     joints = {
         joint.name: place_joint(page, mechanism, poses, joint)
@@ -80,7 +82,7 @@ def coupling_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], 
     return []
 
 
-def _gears(page: Page, first: PlacedJoint, second: PlacedJoint, ratio: float) -> list[SheetPath]:
+def _gears(page: ScaledView, first: PlacedJoint, second: PlacedJoint, ratio: float) -> list[SheetPath]:
     """Pitch circles that touch: r1 + r2, or |r1 - r2| with internal teeth, equals the distance of the axes."""
     facing = float(first.axis @ second.axis)
     line = second.carrier_frame.position - first.carrier_frame.position
@@ -92,7 +94,7 @@ def _gears(page: Page, first: PlacedJoint, second: PlacedJoint, ratio: float) ->
     return [*_wheel(page, first, abs(ratio) * radius), *_wheel(page, second, radius)]
 
 
-def _wheel(page: Page, placed: PlacedJoint, radius: float) -> list[SheetPath]:
+def _wheel(page: ScaledView, placed: PlacedJoint, radius: float) -> list[SheetPath]:
     """A pitch circle with teeth, on the face of the part's wheel if it has one of about that radius."""
     center = _wheel_center(page, placed, radius)
     plane = aligning_z(placed.axis)[:, :2].T
@@ -104,7 +106,7 @@ def _wheel(page: Page, placed: PlacedJoint, radius: float) -> list[SheetPath]:
     return _pitch_line_and_teeth(page, pitch_circle, teeth, page.depth(center) + NUDGE * radius)
 
 
-def _wheel_center(page: Page, placed: PlacedJoint, radius: float) -> Array:
+def _wheel_center(page: ScaledView, placed: PlacedJoint, radius: float) -> Array:
     """The center (3,) of the face toward the eye of a part's wheel; the joint's point where there is no such wheel."""
     part, center = placed.mover_part, placed.mover_frame.position
     if part is None:
@@ -119,7 +121,7 @@ def _wheel_center(page: Page, placed: PlacedJoint, radius: float) -> Array:
     return center
 
 
-def _rack(page: Page, pinion: PlacedJoint, rack: PlacedJoint, radius: float) -> list[SheetPath]:
+def _rack(page: ScaledView, pinion: PlacedJoint, rack: PlacedJoint, radius: float) -> list[SheetPath]:
     """The pinion's pitch circle and the rack's pitch line where its part reaches the pinion, otherwise a cable."""
     along = rack.axis
     contact = pinion.carrier_frame.position + radius * np.cross(along, pinion.axis)
@@ -140,7 +142,7 @@ def _rack(page: Page, pinion: PlacedJoint, rack: PlacedJoint, radius: float) -> 
     return cable_paths(page, np.array([contact, end]), depth)
 
 
-def _pitch_line_and_teeth(page: Page, line: Array, teeth: list[Array], depth: float) -> list[SheetPath]:
+def _pitch_line_and_teeth(page: ScaledView, line: Array, teeth: list[Array], depth: float) -> list[SheetPath]:
     layer = FRONT if page.view.planar else BODIES
     marks = [SheetPath(page.project(tooth), edge=INK, width=0.9, layer=layer, depth=depth) for tooth in teeth]
     return [SheetPath(page.project(line), edge=INK, width=0.7, dash=AXIS_DASH, layer=layer, depth=depth), *marks]
@@ -164,7 +166,7 @@ class _Guide:
     hatched: float
 
 
-def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
+def constraint_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
     """The symbols of the constraints, except rods of constant length, and curves and surfaces; `size` in m."""
     paths: list[SheetPath] = []
     planes: set[tuple[float, ...]] = set()
@@ -185,7 +187,9 @@ def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]
     return paths
 
 
-def _own_symbol(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], constraint: Constraint) -> list[SheetPath]:
+def _own_symbol(
+    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], constraint: Constraint
+) -> list[SheetPath]:
     match constraint:
         case Cable(points=points, length=length, bound=bound):
             line = np.array([point_of(poses, at) for at in points])
@@ -234,7 +238,7 @@ def _below(base: Attachment) -> float:
 
 
 def _plane_or_line(
-    page: Page, base: Array, point: Array, normals: Array, size: float, hatched: float
+    page: ScaledView, base: Array, point: Array, normals: Array, size: float, hatched: float
 ) -> list[SheetPath]:
     """A plane (one normal) or a line (two), near the `point` (3,) that it guides."""
     foot = point - sum(((point - base) @ normal) * normal for normal in normals)
@@ -256,7 +260,7 @@ def _plane_or_line(
     return [SheetPath(page.project(foot + corners), edge=GRAY, fill=PLANE, width=0.8, closed=True, layer=BACK)]
 
 
-def _blade(page: Page, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[SheetPath]:
+def _blade(page: ScaledView, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[SheetPath]:
     """A lens along the edge, pointed at both ends."""
     along = page.direction(_rotation(poses, edge.point) @ unit_or_zero(edge.direction))
     half_length = BLADE_HALF_LENGTH * float(np.hypot(*along))
@@ -291,7 +295,7 @@ def constraint_curves(mechanism: Mechanism, poses: Mapping[str, Pose], view: Vie
     return curves
 
 
-def curve_paths(page: Page, curves: Sequence[CurveLine]) -> list[SheetPath]:
+def curve_paths(page: ScaledView, curves: Sequence[CurveLine]) -> list[SheetPath]:
     """A curve as a wire, a surface as thin lines, paler on its far side."""
     paths: list[SheetPath] = []
     for curve in sorted(curves, key=lambda curve: (curve.kind != "net", curve.front)):

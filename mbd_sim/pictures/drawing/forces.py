@@ -30,7 +30,7 @@ from mbd_sim.pictures.drawing.sheet import (
     MARKS,
     STEEL,
     WHITE,
-    Page,
+    ScaledView,
     SheetPath,
     arc,
     arrow_head,
@@ -54,7 +54,7 @@ def connectors_of(mechanism: Mechanism) -> list[Connector]:
     return [*mechanism.two_point_elements, *distances, *line_ports(mechanism).values()]
 
 
-def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
+def two_point_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
     """Springs, dampers, cylinders, massless rods that keep a distance, and ropes."""
     paths: list[SheetPath] = []
     for element in connectors_of(mechanism):
@@ -86,7 +86,7 @@ def _elastic_and_damped(element: Connector) -> tuple[bool, bool]:
             assert_never(element)
 
 
-def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
+def force_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
     """Arrows of the applied forces and couples, in the direction they have at the start, and rings of bushings."""
     paths: list[SheetPath] = []
     for element in mechanism.force_elements:
@@ -108,7 +108,9 @@ def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> 
     return paths
 
 
-def _applied(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], element: AppliedForce) -> list[SheetPath]:
+def _applied(
+    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], element: AppliedForce
+) -> list[SheetPath]:
     pose = poses[element.at.part]
     axes = poses[element.axes_of].rotation @ element.axes if element.following else element.axes
     vector = axes @ _first_vector(mechanism, element)
@@ -155,7 +157,7 @@ TURN = -1.3  # rad, from a motor of a joint to the next one
 ARROW = 26.0  # pt, of an effort along a line
 
 
-def drive_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
+def drive_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
     """A circle with an M beside each joint with a motor, an arrow at each other effort."""
     motors, paths = {actuator.name for actuator in mechanism.actuators}, list[SheetPath]()
     drawn: Counter[tuple[str, bool]] = Counter()  # motors and efforts at each joint
@@ -184,7 +186,7 @@ def _motor(at: Array, others: int) -> list[SheetPath]:
     ]
 
 
-def _effort(page: Page, at: Array, axis: Array, rotation: bool, others: int) -> list[SheetPath]:
+def _effort(page: ScaledView, at: Array, axis: Array, rotation: bool, others: int) -> list[SheetPath]:
     """The positive direction of an effort: an arrow around a joint as seen on the sheet, or along its axis."""
     toward = float(page.depth(axis) - page.depth(np.zeros(3)))
     if rotation:

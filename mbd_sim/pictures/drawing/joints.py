@@ -23,7 +23,7 @@ from mbd_sim.pictures.drawing.sheet import (
     INK,
     STEEL,
     WHITE,
-    Page,
+    ScaledView,
     SheetPath,
     arc,
     arrow_head,
@@ -54,7 +54,7 @@ GUIDE = 0.36  # half length of a guide in ground, relative to the size of the me
 BODY = ("block", "cylinder", "sphere", "plate", "disc")
 
 
-def slider_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
+def slider_paths(page: ScaledView, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """A prismatic or cylindrical joint; `size` in m is that of the mechanism."""
     along = unit_or_zero(page.direction(placed.axis))
     if not along.any():
@@ -74,7 +74,7 @@ def slider_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath
     return paths
 
 
-def _bar_to_center(page: Page, placed: PlacedJoint) -> list[SheetPath]:
+def _bar_to_center(page: ScaledView, placed: PlacedJoint) -> list[SheetPath]:
     """A bar from the slider to the mass center of a part without shapes, which would float beside it."""
     part = placed.mover_part
     if part is None or part.shapes or part.meshes or not part.mass:
@@ -92,7 +92,7 @@ def _bar(line: Array, layer: int, depth: float) -> list[SheetPath]:
     ]
 
 
-def _spring_along_guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
+def _spring_along_guide(page: ScaledView, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
     """The joint's spring and damper, from the lower end of the guide (or the upper, beyond it) to the sliding body."""
     position, span = placed.displacement, _body_span(placed)
     low, high = guide_range(placed, size)
@@ -118,7 +118,7 @@ def carries_coordinate_only(placed: PlacedJoint) -> bool:
     return any(part is not None and is_invisible(part) for part in (placed.carrier_part, placed.mover_part))
 
 
-def planar_joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
+def planar_joint_paths(page: ScaledView, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """A planar joint: the springs and dampers along its two directions, from walls in ground."""
     third = np.cross(placed.axis, placed.second)
     paths: list[SheetPath] = []
@@ -136,7 +136,7 @@ def planar_joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[She
     return paths
 
 
-def guide_end(page: Page, placed: PlacedJoint, size: float) -> Array:
+def guide_end(page: ScaledView, placed: PlacedJoint, size: float) -> Array:
     """The point (3,) in ground's frame at which a guide in ground ends."""
     end = placed.carrier_frame.position + guide_range(placed, size)[1] * placed.axis
     if not page.view.planar:
@@ -150,7 +150,7 @@ def _ground_side(along: Array) -> Array:
     return left_of(along) if left_of(along)[1] < -1e-9 else -left_of(along)
 
 
-def _guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
+def _guide(page: ScaledView, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
     """A hatched line in ground in a planar view, otherwise a rod on both sides of the sliding body."""
     low, high = guide_range(placed, size)
     span = _body_span(placed) or (0.0, 0.0)
@@ -169,7 +169,7 @@ def _guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[S
     return paths
 
 
-def _rough_faces(page: Page, placed: PlacedJoint, along: Array, depth: float) -> SheetPath:
+def _rough_faces(page: ScaledView, placed: PlacedJoint, along: Array, depth: float) -> SheetPath:
     """The sign of friction: saw teeth between the body and its guide."""
     side, span = _ground_side(along), _body_span(placed) or (0.0, 0.0)
     at, foreshortening = page.project(placed.mover_frame.position), float(np.hypot(*page.direction(placed.axis)))
@@ -181,7 +181,7 @@ def _rough_faces(page: Page, placed: PlacedJoint, along: Array, depth: float) ->
     return friction_teeth(foot + low * along, foot + high * along, side, FRONT if page.view.planar else BODIES, depth)
 
 
-def _half_height(page: Page, placed: PlacedJoint, side: Array) -> float:
+def _half_height(page: ScaledView, placed: PlacedJoint, side: Array) -> float:
     """The extent in points of the sliding body from the axis toward a side (2,) of the guide."""
     span = placed.mover_span(page.to_space(side), BODY)
     return max(span[1] * page.scale, 3.0) if span else float(SLIDER[1]) + 0.6
@@ -226,7 +226,7 @@ THREAD_PITCH = 6.0  # pt
 DRIVE = outline_color(WORK_DRIVES)
 
 
-def joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
+def joint_paths(page: ScaledView, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """The symbol of a joint; joints that only provide a coordinate have none. `size` in m is that of the mechanism."""
     if carries_coordinate_only(placed):
         return []
@@ -255,7 +255,7 @@ def joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]
     return [*paths, *_drive(page, placed)]
 
 
-def _pin(page: Page, placed: PlacedJoint) -> list[SheetPath]:
+def _pin(page: ScaledView, placed: PlacedJoint) -> list[SheetPath]:
     """A pin seen along its axis; in ground it stands on a bracket, or in a bearing where the view is from above."""
     at = page.project(placed.carrier_frame.position)
     spring = torsion_spring(at, FRONT) if placed.elastic() else []
@@ -269,7 +269,7 @@ def _pin(page: Page, placed: PlacedJoint) -> list[SheetPath]:
     return [*support(at, placed.support_direction, BODIES if hidden else BACK), *spring, *pin(at)]
 
 
-def _hinge(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
+def _hinge(page: ScaledView, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """The axis as a dash-dotted line, with pins on it: at the rims of a ring whose diameter it is, if there is one."""
     center, axis = placed.carrier_frame.position, placed.axis
     rims, pin_positions = _rims(placed), _pin_positions(placed)
@@ -288,7 +288,7 @@ def _hinge(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
     return [*paths, *spring, *brake]
 
 
-def _post_direction(page: Page, placed: PlacedJoint, along: float, on_rim: bool) -> Array:
+def _post_direction(page: ScaledView, placed: PlacedJoint, along: float, on_rim: bool) -> Array:
     """The direction (2,) from a pin to the ground that supports it: outward along the axis for pins on a rim."""
     projected = page.direction(placed.axis)
     if on_rim and float(np.hypot(*projected)) > 0.2:
@@ -298,7 +298,7 @@ def _post_direction(page: Page, placed: PlacedJoint, along: float, on_rim: bool)
     return placed.support_direction
 
 
-def label_point(page: Page, placed: PlacedJoint, size: float) -> Array:
+def label_point(page: ScaledView, placed: PlacedJoint, size: float) -> Array:
     """The point (3,) in ground's frame near which the name of a joint is written."""
     if placed.joint.kind.slides_along_axis and placed.grounded:
         return guide_end(page, placed, size)
@@ -339,7 +339,7 @@ def _rims(placed: PlacedJoint) -> list[float]:
     return radii
 
 
-def _cross(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
+def _cross(page: ScaledView, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """The two short shafts of a universal joint."""
     center, depth = placed.carrier_frame.position, _depth_in_front(page, placed, size)
     at = page.project(center)
@@ -349,7 +349,7 @@ def _cross(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
     return [*paths, SheetPath(arc(at, 4.4), fill=WHITE, closed=True, width=1.2, layer=BODIES, depth=depth)]
 
 
-def _depth_in_front(page: Page, placed: PlacedJoint, size: float) -> float:
+def _depth_in_front(page: ScaledView, placed: PlacedJoint, size: float) -> float:
     """A depth at which the symbol lies in front of the ends of the rods that it connects."""
     depths = [page.depth(placed.carrier_frame.position) + NUDGE * size]
     for part, frame in ((placed.carrier_part, placed.carrier_frame), (placed.mover_part, placed.mover_frame)):
@@ -360,7 +360,7 @@ def _depth_in_front(page: Page, placed: PlacedJoint, size: float) -> float:
     return max(depths)
 
 
-def _screw(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
+def _screw(page: ScaledView, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """A thread on the moving part's cylinder, in a nut; in ground the nut is hatched on both sides."""
     shafts = _shafts(placed)
     radius = max((half_sizes(shape)[0] for shape in shafts), default=7.0 / page.scale)
@@ -399,7 +399,7 @@ def _shafts(placed: PlacedJoint) -> list[Shape]:
     ]
 
 
-def _weld(page: Page, placed: PlacedJoint) -> list[SheetPath]:
+def _weld(page: ScaledView, placed: PlacedJoint) -> list[SheetPath]:
     if not placed.grounded:
         return []
     at = page.project(placed.carrier_frame.position)
@@ -407,7 +407,7 @@ def _weld(page: Page, placed: PlacedJoint) -> list[SheetPath]:
     return hatched_line(at - across, at + across, placed.support_direction)
 
 
-def _drive(page: Page, placed: PlacedJoint) -> list[SheetPath]:
+def _drive(page: ScaledView, placed: PlacedJoint) -> list[SheetPath]:
     """An arrow along or about the axis of a driven joint."""
     if not placed.joint.drive:
         return []
@@ -424,7 +424,7 @@ def _drive(page: Page, placed: PlacedJoint) -> list[SheetPath]:
 
 
 def turning_arrow(
-    page: Page, center: Array, axis: Array, radius: float, color: tuple[int, int, int] = DRIVE
+    page: ScaledView, center: Array, axis: Array, radius: float, color: tuple[int, int, int] = DRIVE
 ) -> list[SheetPath]:
     """An arrow about an axis (3,), right-handed, with a radius in points."""
     frame = aligning_z(unit_or_zero(axis))
@@ -434,12 +434,12 @@ def turning_arrow(
     return [SheetPath(points[:-3], edge=color, width=1.4, layer=FRONT), head]
 
 
-def _axis_line(page: Page, center: Array, axis: Array, half: float, depth: float) -> SheetPath:
+def _axis_line(page: ScaledView, center: Array, axis: Array, half: float, depth: float) -> SheetPath:
     ends = page.project(np.array([center - half * axis, center + half * axis]))
     return SheetPath(ends, edge=GRAY, width=0.8, dash=AXIS_DASH, layer=BODIES, depth=depth)
 
 
-def _steel_cylinder(page: Page, frame: Pose, length: float, radius: float, depth: float) -> list[SheetPath]:
+def _steel_cylinder(page: ScaledView, frame: Pose, length: float, radius: float, depth: float) -> list[SheetPath]:
     """A small steel cylinder about z of `frame`; `length` and `radius` in points."""
     paths = cylinder(page, frame, length / page.scale, radius / page.scale, STEEL)
     return [replace(path, edge=INK, depth=depth) for path in paths]

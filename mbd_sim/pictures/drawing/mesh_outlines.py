@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.mechanism.elements.parts import Part
-from mbd_sim.pictures.drawing.sheet import Page, SheetPath, fill_color, outline_color
+from mbd_sim.pictures.drawing.sheet import ScaledView, SheetPath, fill_color, outline_color
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.palette import Color, from_hex
 
@@ -24,7 +24,7 @@ SMALLEST = 25.0  # pixels, area of a piece
 Piece = list[Array]  # an outline (n, 2), then its holes
 
 
-def mesh_paths(page: Page, part: Part, source: str, pose: Pose, color: Color) -> list[SheetPath]:
+def mesh_paths(page: ScaledView, part: Part, source: str, pose: Pose, color: Color) -> list[SheetPath]:
     """The meshes of a part whose frame is at `pose` in ground's; empty if none can be drawn.
 
     :param source: the file of the mechanism, from whose folder the paths of meshes count.

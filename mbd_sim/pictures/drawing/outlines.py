@@ -23,7 +23,7 @@ from mbd_sim.pictures.drawing.sheet import (
     LINE,
     MARKS,
     WHITE,
-    Page,
+    ScaledView,
     SheetPath,
     arc,
     fill_color,
@@ -31,14 +31,14 @@ from mbd_sim.pictures.drawing.sheet import (
 )
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.palette import Color, from_hex, mixed
-from mbd_sim.pictures.shapes.solids import Ball, Box, Cylinder, Ring, Rod, half_sizes, solid_of
+from mbd_sim.pictures.shapes.solids import Box, Cylinder, Ring, Rod, Sphere, half_sizes, solid_of
 
 BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths: of rods, from and to; and of rods on which something slides
 DOT, MAX_DOT = 5.0, 11.0  # pt
 ROUNDING = 3.0  # pt
 
 
-def shape_paths(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[SheetPath]:
+def shape_paths(page: ScaledView, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[SheetPath]:
     """The paths of a shape of a part whose frame is at `pose` in ground's.
 
     :param tube: draw a rod wide, because something slides in it.
@@ -51,9 +51,9 @@ def shape_paths(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool =
             ends = page.project(np.array([placed.position - half, placed.position + half]))
             half_width = TUBE if tube else float(np.clip(radius * page.scale, BAR, MAX_BAR))
             return [_bar(ends, half_width, color, depth, tube)]
-        case Ball(radius, particle=True):
+        case Sphere(radius, particle=True):
             return [dot(page.project(placed.position), color, depth, radius * page.scale)]
-        case Ball(radius):
+        case Sphere(radius):
             return _sphere(page, placed, radius, color, depth)
         case Ring(radius):
             return _ring(page, placed, radius, color)
@@ -73,7 +73,7 @@ def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> SheetPath
 
 
 def cylinder(
-    page: Page, pose: Pose, length: float, radius: float, color: Color, hole: bool = False, spoke: bool = False
+    page: ScaledView, pose: Pose, length: float, radius: float, color: Color, hole: bool = False, spoke: bool = False
 ) -> list[SheetPath]:
     """A cylinder about z of `pose`, which is its center; a `spoke` makes its rotation visible."""
     axis, depth = pose.rotation[:, 2], page.depth(pose.position)
@@ -139,7 +139,7 @@ def _bar(ends: Array, half: float, color: Color, depth: float, tube: bool) -> Sh
     return SheetPath(capsule(ends, half), edge=outline_color(color), fill=fill, closed=True, depth=depth)
 
 
-def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -> list[SheetPath]:
+def _sphere(page: ScaledView, pose: Pose, radius: float, color: Color, depth: float) -> list[SheetPath]:
     at, projected = page.project(pose.position), max(radius * page.scale, DOT)
     paths = [SheetPath(arc(at, projected), edge=outline_color(color), fill=fill_color(color), closed=True, depth=depth)]
     if not page.view.planar:
@@ -148,7 +148,7 @@ def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -
     return paths
 
 
-def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[SheetPath]:
+def _ring(page: ScaledView, pose: Pose, radius: float, color: Color) -> list[SheetPath]:
     """Two halves, the far one behind the parts inside the ring."""
     circle = arc(np.zeros(2), radius, count=97)
     points = pose.position + circle @ pose.rotation[:, :2].T
@@ -168,7 +168,7 @@ def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[SheetPath
     return sorted([*rims, *fills], key=lambda path: (path.depth, -path.width))
 
 
-def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> list[SheetPath]:
+def _block(page: ScaledView, pose: Pose, half: Array, color: Color, hole: bool) -> list[SheetPath]:
     depth = page.depth(pose.position)
     paths = []
     for axis in range(3):
@@ -190,7 +190,7 @@ def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> lis
     return paths
 
 
-def _lit(page: Page, color: Color, normal: Array) -> Color:
+def _lit(page: ScaledView, color: Color, normal: Array) -> Color:
     """The color of a face, lit from the upper left."""
     light = 0.9 * page.view.up + 0.55 * page.view.toward - 0.35 * page.view.right
     share = 0.5 + 0.5 * float(normal @ light) / float(np.linalg.norm(light))
@@ -207,7 +207,7 @@ POINTER_TOLERANCE = 1e-6  # relative distance up to which a point lies on a shap
 ROD_TOLERANCE = 1e-6  # relative; largest deviation of a slide from the rod that guides it
 
 
-def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
+def part_paths(page: ScaledView, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
     """The meshes of a part, or else its shapes, or else bars from its origin to its points and a dot at its center."""
     if meshes := mesh_paths(page, part, mechanism.source.file, pose, color):
         return meshes
@@ -235,7 +235,7 @@ def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: 
 
 
 def pin_bar_paths(
-    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], colors: Mapping[str, Color]
+    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], colors: Mapping[str, Color]
 ) -> list[SheetPath]:
     """Bars from the shapes of parts to their pins beside these, such as the third pin of a coupler that is a rod."""
     paths = []
@@ -249,7 +249,7 @@ def pin_bar_paths(
 
 
 def pointer_paths(
-    page: Page, part: Part, point: Array, pose: Pose, color: Color, width: float = POINTER
+    page: ScaledView, part: Part, point: Array, pose: Pose, color: Color, width: float = POINTER
 ) -> list[SheetPath]:
     """A bar from the nearest shape of a part to a point (3,) in its frame, unless that lies on a shape.
 
@@ -277,7 +277,7 @@ def _nearest(shape: Shape, point: Array) -> tuple[Array, float]:
     return shape.pose.position + shape.pose.rotation @ inside, float(np.linalg.norm(local - inside)) - radius
 
 
-def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:
+def mass_center(page: ScaledView, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:
     """The quartered circle at a part's mass center, unless a dot or another symbol is there.
 
     :param occupied: points (2,) on the sheet at which there are other symbols.

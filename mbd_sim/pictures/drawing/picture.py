@@ -31,7 +31,7 @@ from mbd_sim.pictures.drawing.sheet import (
     GRAY,
     INK,
     MARKS,
-    Page,
+    ScaledView,
     Sheet,
     SheetPath,
     SheetText,
@@ -51,7 +51,7 @@ ARM = 30.0  # pt
 SIZE = 10.5  # pt, of texts
 
 
-def add_strip(sheet: Sheet, page: Page, gravity: Array, width: float) -> None:
+def add_strip(sheet: Sheet, page: ScaledView, gravity: Array, width: float) -> None:
     """Add axes, gravity and scale in a strip from (0, 0) to (width, HEIGHT)."""
     _add_axes(sheet, page, np.array([26.0, 20.0]))
     _add_gravity(sheet, page, gravity, np.array([98.0, 24.0]))
@@ -72,7 +72,7 @@ def length_text(length: float) -> str:
     return f"{length:.6g} m"
 
 
-def _add_axes(sheet: Sheet, page: Page, origin: Array) -> None:
+def _add_axes(sheet: Sheet, page: ScaledView, origin: Array) -> None:
     colors = [mixed(color, INK, 0.3) for color in (AXIS_X, AXIS_Y, AXIS_Z)]
     order = np.argsort(np.eye(3) @ page.view.toward)
     for index in order:
@@ -92,7 +92,7 @@ def _add_axes(sheet: Sheet, page: Page, origin: Array) -> None:
         sheet.texts.append(SheetText(label, tip + 8.0 * unit_or_zero(projected), SIZE, colors[index], italic=True))
 
 
-def _add_gravity(sheet: Sheet, page: Page, gravity: Array, at: Array) -> None:
+def _add_gravity(sheet: Sheet, page: ScaledView, gravity: Array, at: Array) -> None:
     if not gravity.any():
         return
     projected = page.direction(unit_or_zero(gravity))
@@ -117,7 +117,7 @@ def _add_end_on(sheet: Sheet, at: Array, toward: bool, color: tuple[int, int, in
         sheet.add(SheetPath(np.array([at - half, at + half]), edge=color, width=1.0, layer=MARKS))
 
 
-def _add_scale(sheet: Sheet, page: Page, right: Array, limit: float) -> None:
+def _add_scale(sheet: Sheet, page: ScaledView, right: Array, limit: float) -> None:
     length = nice_length(limit / page.scale)
     left = right - np.array([length * page.scale, 0.0])
     tick = np.array([0.0, 3.5])
@@ -150,11 +150,11 @@ def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None =
     size = max(float(np.max(np.ptp(spread, axis=0))), 0.0) or 1.0
     scale = float(np.min(MAX_SIZE)) / size
     for _ in range(5):  # lines and symbols have sizes in points, so that the scale is found by iteration
-        sheet = mechanism_sheet(Page(view, scale), mechanism, poses, size, curves)
+        sheet = mechanism_sheet(ScaledView(view, scale), mechanism, poses, size, curves)
         low, high = sheet.bounds()
         scale *= float(np.clip(np.min(MAX_SIZE / np.maximum(high - low, 1.0)), 0.2, 5.0))
         scale = min(scale, MAX_ENLARGEMENT * float(np.max(MAX_SIZE)) / size)  # the mechanism may be a single dot
-    page = Page(view, scale)
+    page = ScaledView(view, scale)
     sheet = mechanism_sheet(page, mechanism, poses, size, curves)
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     sheet.texts += place_labels(sheet, _joint_and_part_labels(page, mechanism, poses, joints, size))
@@ -171,7 +171,7 @@ def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None =
 
 
 def mechanism_sheet(
-    page: Page,
+    page: ScaledView,
     mechanism: Mechanism,
     poses: Mapping[str, Pose],
     size: float,
@@ -205,7 +205,9 @@ def mechanism_sheet(
     return sheet
 
 
-def _supported_as_at(start: Mapping[str, Pose], page: Page, mechanism: Mechanism, placed: PlacedJoint) -> PlacedJoint:
+def _supported_as_at(
+    start: Mapping[str, Pose], page: ScaledView, mechanism: Mechanism, placed: PlacedJoint
+) -> PlacedJoint:
     if not placed.grounded:
         return placed
     return replace(placed, support_direction=place_joint(page, mechanism, start, placed.joint).support_direction)
@@ -217,7 +219,7 @@ def _without_depth(path: SheetPath) -> SheetPath:
 
 
 def _joint_and_part_labels(
-    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joints: Sequence[PlacedJoint], size: float
+    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], joints: Sequence[PlacedJoint], size: float
 ) -> list[tuple[SheetText, float]]:
     """The names of the parts, and of the joints that move where there is room, each with the most it may cover."""
     colors = part_colors(mechanism)
@@ -236,7 +238,7 @@ def _joint_and_part_labels(
     return names
 
 
-def _label_point(page: Page, part: Part, pose: Pose) -> Array:
+def _label_point(page: ScaledView, part: Part, pose: Pose) -> Array:
     """The point (2,) on the sheet near which the name of a part is written; of a ring, a point on its rim."""
     if part.shapes and all(shape.kind == "ring" for shape in part.shapes):
         ring = pose @ part.shapes[0].pose

@@ -147,7 +147,7 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class Page:
+class ScaledView:
     """A view at a scale, in points per meter."""
 
     view: View

@@ -28,7 +28,7 @@ from mbd_sim.pictures.drawing.sheet import (
     LINE,
     STEEL,
     WHITE,
-    Page,
+    ScaledView,
     SheetPath,
     arc,
     left_of,
@@ -91,7 +91,7 @@ class PlacedJoint:
         return float((self.mover_frame.position - self.carrier_frame.position) @ self.axis)
 
 
-def place_joint(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joint: Joint) -> PlacedJoint:
+def place_joint(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], joint: Joint) -> PlacedJoint:
     """A joint of the mechanism at the poses of its parts."""
     first = frame_of(poses, joint.parent, joint.parent_pose)
     second = frame_of(poses, joint.child, joint.child_pose)
@@ -127,7 +127,7 @@ def middle(part: Part) -> Array:
     return np.asarray(np.mean([shape.pose.position for shape in part.shapes], axis=0))
 
 
-def _support_direction(page: Page, toward_part: Array) -> Array:
+def _support_direction(page: ScaledView, toward_part: Array) -> Array:
     """Up for parts that hang from or lie beside the joint, down for those that stand on it or are centered on it."""
     projected = page.project(toward_part)
     stands = projected[1] > 0.35 * abs(projected[0]) or float(np.hypot(*projected)) < 1.0
@@ -211,7 +211,7 @@ def link(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> 
     return [rim, SheetPath(line, edge=INK, width=LINE, dash=(5.0, 3.0), layer=layer, depth=depth), *ends]
 
 
-def cable_paths(page: Page, line: Array, depth: float) -> list[SheetPath]:
+def cable_paths(page: ScaledView, line: Array, depth: float) -> list[SheetPath]:
     """A taut cable along a line (n, 3) in ground's frame, with a white rim."""
     widths = ((WHITE, 3.0), (INK, LINE))
     return [SheetPath(page.project(line), edge=edge, width=w, layer=BODIES, depth=depth) for edge, w in widths]
@@ -314,7 +314,7 @@ POINTS = 33  # of the curve of a slack rope
 HALVINGS = 60
 
 
-def rope_paths(page: Page, mechanism: Mechanism, points: Array, length: TimeExpression) -> list[SheetPath]:
+def rope_paths(page: ScaledView, mechanism: Mechanism, points: Array, length: TimeExpression) -> list[SheetPath]:
     """A rope along points (n, 3) in ground's frame; one whose length varies with time is drawn straight."""
     between = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     whole = between if length.variables else length.at(0.0)

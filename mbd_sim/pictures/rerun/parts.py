@@ -22,7 +22,7 @@ from mbd_sim.pictures.shapes.joints import LONG
 from mbd_sim.pictures.shapes.meshes import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Lines, Primitive, primitives
-from mbd_sim.pictures.shapes.solids import Ball, Box, Cylinder, Ring, Rod
+from mbd_sim.pictures.shapes.solids import Box, Cylinder, Ring, Rod, Sphere
 
 RERUN_READS = (".glb", ".gltf", ".obj", ".stl")  # files of meshes
 THIN = -1.0  # radius of a thin line: negative ones are in points on the screen, which no transform stretches
@@ -98,7 +98,7 @@ def archetype(primitive: Primitive, source: str = "") -> Any:
             return _torus(pose, form, color)
         case Box(size):
             return rr.Boxes3D(sizes=[size], **placed, **look)
-        case Ball(radius):
+        case Sphere(radius):
             return rr.Ellipsoids3D(half_sizes=[[radius] * 3], centers=[pose.position], **look)
         case Lines(strips, radius):
             moved = [pose.position + points @ pose.rotation.T for points in strips]

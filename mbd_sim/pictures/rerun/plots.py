@@ -29,7 +29,7 @@ WIDTH = 1.6
 
 
 @dataclass(frozen=True)
-class Series:
+class PlottedCurves:
     """The curves of one plot: their entity, names and colors; a `stepped` curve is constant between samples."""
 
     path: str
@@ -74,11 +74,11 @@ class _JointPlots:
         names = [*mechanism.coordinate_names, *mechanism.driven_names]
         kinds = [_kind(mechanism, name) for name in names]
         colors = [*palette.series_colors(mechanism), *[palette.DRIVEN] * len(mechanism.driven_names)]
-        self._series: list[tuple[int, list[int], Series]] = []
+        self._series: list[tuple[int, list[int], PlottedCurves]] = []
         for kind in (paths.ANGULAR, paths.LINEAR):
             own = [index for index, other in enumerate(kinds) if other == kind]
             for row, path in enumerate((paths.POSITION, paths.VELOCITY, paths.EFFORT)):
-                series = Series(
+                series = PlottedCurves(
                     f"{path}/{kind}",
                     tuple(names[index] for index in own),
                     tuple(colors[index] for index in own),
@@ -101,13 +101,15 @@ class _JointPlots:
             yield from series.values(values[row][:, own])
 
 
-STACK = Series(
+STACK = PlottedCurves(
     paths.STACK,
     ("potential", "+ kinetic", "+ dissipated", "\N{MINUS SIGN} work: stays at the initial energy"),
     (palette.POTENTIAL, palette.KINETIC, palette.DISSIPATED, palette.TOTAL),
 )
-RESIDUAL = Series(paths.RESIDUAL, ("log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} |residual / J|",), (palette.RESIDUAL,))
-RESIDUAL_PJ = Series(paths.RESIDUAL_PJ, ("residual",), (palette.RESIDUAL,))
+RESIDUAL = PlottedCurves(
+    paths.RESIDUAL, ("log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} |residual / J|",), (palette.RESIDUAL,)
+)
+RESIDUAL_PJ = PlottedCurves(paths.RESIDUAL_PJ, ("residual",), (palette.RESIDUAL,))
 
 
 class _EnergyPlots:
@@ -118,7 +120,7 @@ class _EnergyPlots:
         lines += [("dissipated", palette.DISSIPATED), ("work of forces", palette.WORK_APPLIED)]
         lines += [("work of drives", palette.WORK_DRIVES)] if driven else []
         names, colors = zip(*lines, strict=True)
-        self._account = Series(paths.ACCOUNT, names, colors)
+        self._account = PlottedCurves(paths.ACCOUNT, names, colors)
 
     def static(self) -> LoggedItems:
         for series in (self._account, STACK, RESIDUAL, RESIDUAL_PJ):
@@ -140,7 +142,7 @@ class _ReactionPlots:
     def __init__(self, scene: SceneDescription) -> None:
         names = tuple(scene.mechanism.all_joints)
         colors = [palette.PARTS[index % len(palette.PARTS)] for index in range(len(names))]
-        self._series = Series(paths.REACTION, names, tuple(colors))
+        self._series = PlottedCurves(paths.REACTION, names, tuple(colors))
 
     def static(self) -> LoggedItems:
         yield from self._series.style()
@@ -154,11 +156,11 @@ def _kind(mechanism: Mechanism, coordinate: str) -> str:
     return paths.ANGULAR if mechanism.coordinate(coordinate).rotation else paths.LINEAR
 
 
-def sensor_series(sensor: str, quantity: str, components: int) -> Series:
+def sensor_series(sensor: str, quantity: str, components: int) -> PlottedCurves:
     """The components of a quantity that a sensor measures; a quaternion is in the order of ROS."""
     names = {1: (sensor,), 3: ("x", "y", "z"), 4: ("qx", "qy", "qz", "qw")}[components]
     colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(components))
-    return Series(paths.sensor(sensor, quantity), names, colors, stepped=True)
+    return PlottedCurves(paths.sensor(sensor, quantity), names, colors, stepped=True)
 
 
 def units(entities: Sequence[str]) -> str:

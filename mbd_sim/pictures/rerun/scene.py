@@ -66,7 +66,7 @@ class RowLayout:
         return int(self.slices[FIELDS[-1]].stop)
 
 
-class RowWriter:
+class RowMaker:
     """Makes rows from the states of a model with as little work as possible: the simulation may be waiting."""
 
     def __init__(self, model: Model, reactions: bool = False) -> None:

@@ -26,7 +26,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import MissingPackageError, require_packages
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.pictures.rerun import worker
-from mbd_sim.pictures.rerun.scene import TRACE_TIME, DisplayOptions, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.scene import TRACE_TIME, DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.rerun.sinks import ViewerError, checked_sink, is_live
 from mbd_sim.simulation.run.events import RESTARTS, Event, EventKind, parse_event
 
@@ -148,7 +148,7 @@ class Viewer:
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, EventKind, str]] = Mailbox(capacity)
         self._measurements: Mailbox[tuple[float, str, str, list[float]]] = Mailbox(capacity)
-        self._writer, measures = RowWriter(model, reactions), bool(model.mechanism.sensors)
+        self._writer, measures = RowMaker(model, reactions), bool(model.mechanism.sensors)
         options = DisplayOptions(None if traces is None else tuple(traces), trace_time, reactions, measures)
         self.failure: ViewerError | None = None
         self._reported_by_worker = False

@@ -50,12 +50,12 @@ from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     POINT_MASS_RADIUS,
-    Ball,
     Box,
     Cylinder,
     Ring,
     Rod,
     Solid,
+    Sphere,
     circle,
     diameters,
     is_invisible,
@@ -161,7 +161,7 @@ def _part_primitives(part: Part, color: Color, size: float, draws_mesh: Callable
             ink = palette.mixed(own, MARK_COLOR, 0.55)
             yield Primitive("parts", (name, "mark"), part.name, shape.pose, marks, ink)
     if not meshes and not part.shapes and part.mass:
-        center, ball = Pose(part.center, np.eye(3)), Ball(POINT_MASS_RADIUS * size)
+        center, ball = Pose(part.center, np.eye(3)), Sphere(POINT_MASS_RADIUS * size)
         yield Primitive("parts", ("center",), part.name, center, ball, palette.lit(color))
         if lines := skeleton(part):
             bars = Lines(tuple(lines), LINE_WIDTH * size)
@@ -176,9 +176,9 @@ def _marks(solid: Solid) -> Lines | None:
             return Lines(tuple(diameters(radius, (-height, height), crossed=disc)), 0.015 * radius)
         case Ring(radius):
             return Lines(tuple(diameters(radius, (0.0,))), 0.015 * radius)
-        case Ball(radius, particle=False):
+        case Sphere(radius, particle=False):
             return Lines((meridian(radius),), 0.015 * radius)
-        case Ball() | Rod() | Box():
+        case Sphere() | Rod() | Box():
             return None
         case _:
             assert_never(solid)
@@ -220,7 +220,7 @@ class _JointPieces:
                 corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0)], dtype=float)
                 yield self._piece(Lines((0.3 * size * corners,)))
             case "spherical":
-                yield self._piece(Ball(1.4 * radius))
+                yield self._piece(Sphere(1.4 * radius))
                 dark = palette.mixed(self._color, (0, 0, 0), 0.4)
                 yield self._piece(Ring(1.5 * radius, 0.25 * radius), "socket", own=dark)
             case "fixed" | "free":

@@ -130,14 +130,14 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Ball:
+class Sphere:
     """A ball; a `particle` is a point mass, whose radius is only that of its picture."""
 
     radius: float
     particle: bool = False
 
 
-Solid = Rod | Cylinder | Ring | Box | Ball
+Solid = Rod | Cylinder | Ring | Box | Sphere
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -159,7 +159,7 @@ def solid_of(shape: Shape) -> Solid:
         case "block", (x, y, z):
             return Box((x, y, z))
         case ((("sphere" | "particle") as kind), (radius,)):
-            return Ball(radius, particle=kind == "particle")
+            return Sphere(radius, particle=kind == "particle")
         case _:
             raise ValueError(f"no solid for a shape of kind '{shape.kind}' and size {shape.size}")
 

@@ -262,7 +262,7 @@ COORDINATES = "coordinates"  # stands for all coordinates
 ALL = "*"
 
 
-class Accelerations:
+class AccelerationMessages:
     """The accelerations that are requested, as labels and numbers.
 
     With `coordinates` in the request, those of the joint states come first, in their order, m/s² or rad/s². The
@@ -314,11 +314,11 @@ class Accelerations:
 
 
 def accelerations(model: Model, frame_prefix: str, requested: Sequence[str]) -> StateWriter:
-    """The requested accelerations, labeled: see `Accelerations`.
+    """The requested accelerations, labeled: see `AccelerationMessages`.
 
     :raises InputError: there is no such part or point.
     """
-    source = Accelerations(model, requested)
+    source = AccelerationMessages(model, requested)
     message, values = labeled_array(source.labels, source.sizes)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:

@@ -245,7 +245,7 @@ def is_vital(topic: OutputTopic) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class SensorMessage:
     """A measurement of a sensor as the message of a topic, and as such."""
 
     topic: str
@@ -254,7 +254,7 @@ class Measured:
     reading: SensorReading
 
 
-class SensorMessages:
+class SensorSerializer:
     """Serializes measurements; for one thread."""
 
     def __init__(self, model: Model, step_size: float, frame_prefix: str = "") -> None:
@@ -269,12 +269,12 @@ class SensorMessages:
         for number, writer in enumerate(self.writers):
             writer.payload(self._sensors.reading(number, StateSample(0, y, inputs)), 0)
 
-    def measured(self, arrivals: Sequence[Arrival], clock_ns: int) -> Iterator[Measured]:
+    def measured(self, arrivals: Sequence[Arrival], clock_ns: int) -> Iterator[SensorMessage]:
         """The measurements that arrive at a time in ns; the stamp of their messages is the time of the sample."""
         for number, sample in arrivals:
             reading = self._sensors.reading(number, sample)
             payload = self.writers[number].payload(reading, clock_ns - self._delays_ns[number])
-            yield Measured(self.names[number], payload, self._sensors.sensors[number].name, reading)
+            yield SensorMessage(self.names[number], payload, self._sensors.sensors[number].name, reading)
 
     def rounding(self, number: int, quantity: str) -> float:
         """By how much a value of a sensor may change because the value before rounding changes in its last bits."""

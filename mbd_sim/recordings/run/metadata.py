@@ -21,14 +21,14 @@ from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, RecordedFile
 from mbd_sim.recordings.messages.states import Snapshot
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 # Increased whenever the equations are traced with other rounding errors. Recordings without this entry have the first.
 FIRST_EQUATIONS, EQUATIONS = "1", "2"
 
 
 def run_metadata(
-    simulation: Simulation, moment: Snapshot | None = None, parameters: Mapping[str, Any] | None = None
+    simulation: BaseSimulation, moment: Snapshot | None = None, parameters: Mapping[str, Any] | None = None
 ) -> dict[str, str]:
     """Return mechanism, method, step, the `Snapshot` at the first message, versions and host; numbers are hexadecimal.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, assert_never
+from typing import assert_never
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
@@ -19,7 +20,7 @@ from mbd_sim.recordings.run.reader import TopicRole, topic_roles
 from mbd_sim.simulation.model.commands import parse_wrench
 from mbd_sim.simulation.model.live_values import LARGEST_GAP, LiveValues
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, parse_event
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 __all__ = ["SEQUENCE_MODULUS", "LiveValueMismatch", "Recomputation", "RecomputeError"]
 
@@ -27,7 +28,8 @@ BOUNDARY = 1e-6  # part of a step by which a time may miss a boundary between st
 SEQUENCE_MODULUS = 1 << 32  # sequence numbers are ticks modulo this
 
 
-class LiveValueMismatch(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LiveValueMismatch:
     """A live value in effect that differs from the one that a recorded event announced."""
 
     key: str
@@ -61,7 +63,7 @@ class Recomputation:
         self.file, self.changes = file, dict(changes or {})
         start = self._start = read_run_start(file)
         try:
-            self.simulation = Simulation(
+            self.simulation = BaseSimulation(
                 self._mechanism(),
                 method=method or start.method,
                 step=step or start.step,

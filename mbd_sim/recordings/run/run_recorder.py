@@ -11,12 +11,10 @@ from typing import Self
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.text.yaml_text import mechanism_text
-from mbd_sim.recordings.mcap.durable_file import OPEN_FILES
-from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
+from mbd_sim.recordings.mcap.writer import OPEN_FILES, DiskNearlyFullError, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic, offered_qos_profiles
-from mbd_sim.recordings.messages.events import EventWriter
-from mbd_sim.recordings.messages.journal import Journal, publication_schedule
-from mbd_sim.recordings.messages.states import Accelerations, StateWriter
+from mbd_sim.recordings.messages.events import EventWriter, Journal, publication_schedule
+from mbd_sim.recordings.messages.states import AccelerationMessages, StateWriter
 from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,
     CONSTRAINT_VIOLATION,
@@ -26,7 +24,7 @@ from mbd_sim.recordings.messages.topics import (
     TOPICS,
     OutputTopic,
     Recorded,
-    SensorMessages,
+    SensorSerializer,
     absolute_name,
     for_accelerations,
     for_each_part,
@@ -36,7 +34,7 @@ from mbd_sim.recordings.messages.topics import (
 from mbd_sim.recordings.run.metadata import run_metadata
 from mbd_sim.recordings.run.paths import RecordingError
 from mbd_sim.simulation.run.events import RESTARTS, EventKind, Payload
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 SUFFIX = ".mcap"
 DEFAULT_RATE = 100.0  # Hz, as `publish_rate` of the node
@@ -57,7 +55,7 @@ class RunRecorder:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         path: str | Path,
         *,
         rate: float | None = None,
@@ -93,7 +91,7 @@ class RunRecorder:
         self._numbers = {topic.name: number for number, topic in enumerate(requested)}
         self._state_writers: dict[str, StateWriter] = {t.name: t.on_state(model, "") for t in requested if t.on_state}
         self._event_writers: dict[str, EventWriter] = {t.name: t.on_event(model) for t in requested if t.on_event}
-        self._sensors = SensorMessages(model, simulation.step_size)
+        self._sensors = SensorSerializer(model, simulation.step_size)
         simulation.listen(self)
         try:
             self._writer = McapWriter(self.path, [_described(topic) for topic in requested])
@@ -228,14 +226,14 @@ def _possible_rate(rate: float | None, step_size: float) -> float:
 
 
 def _requested(
-    simulation: Simulation, reactions: bool, violation: bool, poses: Sequence[str], accelerations: Sequence[str]
+    simulation: BaseSimulation, reactions: bool, violation: bool, poses: Sequence[str], accelerations: Sequence[str]
 ) -> list[OutputTopic]:
     """The topics to record: those that the node always records, and those on request."""
     parts = simulation.model.part_names
     for part in poses:
         if part not in (*parts, ALL):
             raise InputError(f"poses: there is no part '{part}'", nearest(part, parts))
-    Accelerations(simulation.model, accelerations)  # refuses unknown names
+    AccelerationMessages(simulation.model, accelerations)  # refuses unknown names
     wanted = {JOINT_REACTIONS.name: reactions, CONSTRAINT_VIOLATION.name: violation}
     found: list[OutputTopic] = []
     for topic in TOPICS:

@@ -21,8 +21,8 @@ from mbd_sim.recordings.mcap.check import check_file
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, DamagedError, Message, ReadingError, RecordedFile
 from mbd_sim.recordings.messages.sensors import Numbers
-from mbd_sim.recordings.messages.states import Accelerations, requested_by
-from mbd_sim.recordings.messages.topics import SensorMessages
+from mbd_sim.recordings.messages.states import AccelerationMessages, requested_by
+from mbd_sim.recordings.messages.topics import SensorSerializer
 from mbd_sim.recordings.run.metadata import FIRST_EQUATIONS, run_metadata
 from mbd_sim.recordings.run.reader import COMMANDS, TopicRole, open_recording
 from mbd_sim.recordings.run.recomputation import LiveValueMismatch, Recomputation, RecomputeError
@@ -39,7 +39,7 @@ class SensorComparison:
     def __init__(self, recomputation: Recomputation) -> None:
         """Prepare the messages, with the frame names that the node was given."""
         self._recomputation, simulation = recomputation, recomputation.simulation
-        self._messages = SensorMessages(simulation.model, simulation.step_size, recomputation.frame_prefix)
+        self._messages = SensorSerializer(simulation.model, simulation.step_size, recomputation.frame_prefix)
         self._numbers = {name.rpartition("/")[2]: number for number, name in enumerate(self._messages.names)}
 
     def differences(self, message: Message, tolerance: float | None) -> list[NumberDifference]:
@@ -299,7 +299,7 @@ class Comparison:
 
     def _accelerations_agree(self, message: Message) -> bool:
         simulation, recorded = self.recomputation.simulation, cdr.multi_array(message.payload)
-        source = Accelerations(simulation.model, requested_by(simulation.model, recorded.labels))
+        source = AccelerationMessages(simulation.model, requested_by(simulation.model, recorded.labels))
         names = [name for name, size in zip(source.labels, source.sizes, strict=True) for _ in range(size)]
         computed = np.empty(len(names))
         source.write(computed, simulation.time, simulation.y, simulation.inputs, simulation.live)
@@ -337,8 +337,9 @@ class Comparison:
         return not np.any(differ)
 
     def _add_mismatches(self, mismatches: Sequence[LiveValueMismatch], time_ns: int) -> None:
-        for key, recorded, announced in mismatches:
-            self._add(Difference("live_values", key, self.recomputation.tick, time_ns * 1e-9, recorded, announced))
+        for one in mismatches:
+            tick, time = self.recomputation.tick, time_ns * 1e-9
+            self._add(Difference("live_values", one.key, tick, time, one.recorded, one.announced))
 
     def _add_difference(
         self, message: Message, name: str, recorded: float, computed: float, tick: int | None = None

@@ -11,8 +11,8 @@ import numpy as np
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.pictures.rerun import paths
-from mbd_sim.pictures.rerun.plots import Series
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.plots import PlottedCurves
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.rerun.sinks import SinkConnection
 from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
 from mbd_sim.pictures.rerun.viewer import EventFilter
@@ -21,7 +21,7 @@ from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, Message
 from mbd_sim.recordings.run.reader import COMMANDS, Recording, TopicRole
 from mbd_sim.recordings.run.recomputation import SEQUENCE_MODULUS, Recomputation
-from mbd_sim.recordings.views.sensor_columns import SensorMessages
+from mbd_sim.recordings.views.sensor_columns import SensorTables
 from mbd_sim.recordings.views.table import Progress, RunTable, iterate_messages
 from mbd_sim.simulation.model.state_records import Energies
 from mbd_sim.simulation.run.events import Event, EventKind, parse_event
@@ -55,12 +55,12 @@ def show_run(
     :raises ViewerError: the sink cannot be opened.
     :raises InputError: a point to trace does not exist.
     """
-    writer, options = RowWriter(recomputation.simulation.model, options.reactions), replace(options, measurements=True)
+    writer, options = RowMaker(recomputation.simulation.model, options.reactions), replace(options, measurements=True)
     scene = describe_scene(recomputation.simulation.model, writer.layout, options)
     stream = RerunStream(scene, sink, live=False)
     notes: list[str] = []
     try:
-        sender = _RunSender(recomputation, writer, stream, rate, SensorMessages(recording))
+        sender = _RunSender(recomputation, writer, stream, rate, SensorTables(recording))
         for message in iterate_messages(recording, progress, notes):
             sender.add(message)
         count = sender.finish()
@@ -76,10 +76,10 @@ class _RunSender:
     def __init__(
         self,
         recomputation: Recomputation,
-        writer: RowWriter,
+        writer: RowMaker,
         stream: RerunStream,
         rate: float,
-        sensors: SensorMessages,
+        sensors: SensorTables,
     ) -> None:
         self._recomputation, self._writer, self._stream, self._rate = recomputation, writer, stream, rate
         self._tick = recomputation.first_tick
@@ -195,7 +195,7 @@ def show_joint_plots(table: RunTable, sink: str, on_sent: AddressCallback = _ign
         colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(len(table.names)))
         times = rr.TimeColumn(paths.TIMELINE, duration=table.times)
         for name, values in recorded.items():
-            series = Series(f"{paths.JOINTS}/{name}", table.names, colors)
+            series = PlottedCurves(f"{paths.JOINTS}/{name}", table.names, colors)
             for entity, style in series.style():
                 stream.log(entity, style, static=True)
             for entity, columns in series.values(values):

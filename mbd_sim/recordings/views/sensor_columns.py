@@ -36,7 +36,7 @@ Values = Mapping[str, Sequence[float]]  # by quantity
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredQuantity:
     """The measurements (k, components) of a quantity, with its SI unit and the names of the components."""
 
     unit: str
@@ -55,7 +55,7 @@ class SensorTable:
     times: Array
     sampled: Array
     rows: np.ndarray
-    quantities: Mapping[str, Measured]
+    quantities: Mapping[str, MeasuredQuantity]
 
     def held(self, states: int, resets: Sequence[int]) -> dict[str, Array]:
         """Columns (states,) by name and unit: the last measurement that has arrived since the last reset, or nan."""
@@ -77,7 +77,7 @@ class SensorTable:
 
 
 @dataclass
-class SensorMessages:
+class SensorTables:
     """Collects the messages of the sensors of a run."""
 
     recording: Recording
@@ -131,11 +131,11 @@ class SensorMessages:
         return found
 
 
-def _measured(quantity: str, values: Sequence[Sequence[float]], unit: str | None) -> Measured:
+def _measured(quantity: str, values: Sequence[Sequence[float]], unit: str | None) -> MeasuredQuantity:
     table = np.array(values, dtype=float)
     components = {1: ("",), 3: _AXES, 4: _QUATERNION}[table.shape[1]]
     own = unit if unit and quantity in ("position", "velocity") and table.shape[1] == 1 else None
-    return Measured(_UNITS[quantity] if own is None else own, components, table)
+    return MeasuredQuantity(_UNITS[quantity] if own is None else own, components, table)
 
 
 def _coordinate_units(mechanism: Mechanism | None) -> dict[str, str]:

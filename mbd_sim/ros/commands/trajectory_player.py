@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from mbd_sim.base.errors import CommandError, listed, require_each_once
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.recordings.messages.journal import publication_schedule
+from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.commands import CommandMap
 
 
@@ -27,7 +27,7 @@ class JointPoint(NamedTuple):
     acceleration: float | None = None
 
 
-class JointMotion(NamedTuple):
+class Setpoint(NamedTuple):
     """Position, velocity and acceleration at one time, in rad or m and s."""
 
     position: float
@@ -47,27 +47,27 @@ class JointCurve:
         """The time of the last point in s."""
         return self._times[-1]
 
-    def begun(self, time: float, motion: JointMotion) -> JointCurve:
+    def begun(self, time: float, motion: Setpoint) -> JointCurve:
         """The curve from a motion at a time in s on, to the first of its points that is later."""
         later = [point for point in self.points if point.time > time]
         if len(later) < len(self.points):  # it has begun already
             return self
         return JointCurve([JointPoint(time, *motion), *later])
 
-    def at(self, time: float) -> JointMotion:
+    def at(self, time: float) -> Setpoint:
         """The motion at a time in s, which is not before the first point."""
         index = bisect_right(self._times, time)
         if index == len(self._times):
-            return JointMotion(self.points[-1].position)
+            return Setpoint(self.points[-1].position)
         return between(self.points[index - 1], self.points[index], time)
 
 
-def between(first: JointPoint, second: JointPoint, time: float) -> JointMotion:
+def between(first: JointPoint, second: JointPoint, time: float) -> Setpoint:
     """The motion at a time in s between two points."""
     t, duration = time - first.time, second.time - first.time
     p, rise = first.position, second.position - first.position
     if first.velocity is None or second.velocity is None:
-        return JointMotion(p + rise * (t / duration), rise / duration)
+        return Setpoint(p + rise * (t / duration), rise / duration)
     v, w = first.velocity, second.velocity
     if first.acceleration is None or second.acceleration is None:
         a = 0.0
@@ -79,7 +79,7 @@ def between(first: JointPoint, second: JointPoint, time: float) -> JointMotion:
         c3 = (20.0 * rise - (12.0 * v + 8.0 * w) * duration - (3.0 * a - b) * duration**2) / (2.0 * duration**3)
         c4 = (-30.0 * rise + (16.0 * v + 14.0 * w) * duration + (3.0 * a - 2.0 * b) * duration**2) / (2.0 * duration**4)
         c5 = (12.0 * rise - 6.0 * (v + w) * duration - (a - b) * duration**2) / (2.0 * duration**5)
-    return JointMotion(
+    return Setpoint(
         p + t * (v + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
         v + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5))),
         2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5)),
@@ -241,7 +241,7 @@ class TrajectoryPlayer:
             for played in (self._playing.get(actuator), self._waiting.get(actuator))
         )
 
-    def motion(self, actuator: str, now: int) -> JointMotion | None:
+    def motion(self, actuator: str, now: int) -> Setpoint | None:
         """The motion that is commanded `now` in ns of the run; None if no trajectory has begun."""
         played = self._playing.get(actuator)
         return None if played is None else _motion(played, now)
@@ -295,16 +295,16 @@ class TrajectoryPlayer:
         for name in sorted(begun):
             waiting = self._waiting.pop(name)
             before = self._playing.get(name)
-            motion = _motion(before, now) if before else JointMotion(float(current[self._index[f"{name}.position"]]))
+            motion = _motion(before, now) if before else Setpoint(float(current[self._index[f"{name}.position"]]))
             curve = waiting.curve.begun(waiting.elapsed(now), motion)
             self._playing[name] = PlayedCurve(curve, now if waiting.start is None else waiting.start, waiting.number)
         return begun
 
 
-def _motion(played: PlayedCurve, now: int) -> JointMotion:
+def _motion(played: PlayedCurve, now: int) -> Setpoint:
     motion = played.curve.at(played.elapsed(now))
     if not math.isfinite(motion.position) or not math.isfinite(motion.velocity):  # of points too far apart
-        return JointMotion(played.curve.points[-1].position)
+        return Setpoint(played.curve.points[-1].position)
     return motion
 
 
@@ -344,7 +344,7 @@ class TrajectoryGoal:
     goal: Mapping[str, Tolerance] = field(default_factory=dict)
     time_tolerance: float = math.inf
 
-    def verdict(self, elapsed: float, deviations: Mapping[str, JointMotion]) -> Verdict | None:
+    def verdict(self, elapsed: float, deviations: Mapping[str, Setpoint]) -> Verdict | None:
         """How the goal has ended, at a time in s from its start; None: it has not.
 
         :param deviations: of the joints from their trajectories.
@@ -361,7 +361,7 @@ class TrajectoryGoal:
         )
 
 
-def _exceeded(tolerances: Mapping[str, Tolerance], deviations: Mapping[str, JointMotion]) -> Iterator[str]:
+def _exceeded(tolerances: Mapping[str, Tolerance], deviations: Mapping[str, Setpoint]) -> Iterator[str]:
     for name, tolerance in tolerances.items():
         for what, value, limit in (
             ("position", deviations[name].position, tolerance.position),

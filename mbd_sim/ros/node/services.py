@@ -75,14 +75,19 @@ class RunServices:
         response.message = problem or f"t = {1e-9 * self._stepping_thread.clock.ns:.9g} s"
         return response
 
-    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if request.data:
-            response.success, response.message = self._recordings.start()
+    def record(self, on: bool) -> tuple[bool, str]:
+        """Start or stop a recording; returns success, and its path or the reason."""
+        if on:
+            done, answer = self._recordings.start()
             self._on_recording()
         else:
-            response.success, response.message = self._recordings.stop()
-        if response.success:
-            self._log.info(f"recording to {response.message}" if request.data else self._recordings.summary())
+            done, answer = self._recordings.stop()
+        if done:
+            self._log.info(f"recording to {answer}" if on else self._recordings.summary())
+        return done, answer
+
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.success, response.message = self.record(request.data)
         return response
 
     def _on_split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

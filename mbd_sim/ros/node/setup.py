@@ -19,13 +19,14 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from mbd_sim.base.errors import InputError, listed, nearest
+from mbd_sim.base.packages import MissingPackageError
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.files.urdf.writer import ControlTopics, control_blocks, floating_joints
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.events import robot_description
-from mbd_sim.recordings.messages.states import Accelerations, floating_transforms
+from mbd_sim.recordings.messages.states import AccelerationMessages, floating_transforms
 from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,
     CLOCK,
@@ -46,7 +47,7 @@ from mbd_sim.recordings.messages.topics import (
 from mbd_sim.recordings.run.metadata import run_metadata
 from mbd_sim.recordings.run.paths import FORMATS, new_recording_paths
 from mbd_sim.recordings.run.recorder import Recorder
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import ALL, WrenchTargets, wrench_targets
 from mbd_sim.ros.node.parameters import NodeParameters
@@ -58,10 +59,12 @@ from mbd_sim.ros.stepping.clock import FollowedClock, Rates
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.model.live_values import names_with_matches
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 if TYPE_CHECKING:
     from mbd_sim.pictures.rerun.viewer import Viewer
+    from mbd_sim.ros.node.lab import LabPage
+    from mbd_sim.ros.node.sim_node import SimNode
 
 
 LEAST_STEP = 1e-9  # s
@@ -72,7 +75,7 @@ KEPT_BLOCKS = (
 )
 
 
-def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTargets]:
+def build_simulation(parameters: NodeParameters) -> tuple[BaseSimulation, WrenchTargets]:
     """The simulation, and the parts and points of it that accept wrenches.
 
     :raises MechanismError, ValueError: the file is wrong, or a parameter does not fit the mechanism.
@@ -84,7 +87,7 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
     live = parameters.names_in("live")
     if parameters.is_default("live"):
         live = names_with_matches(mechanism, live)
-    simulation = Simulation(
+    simulation = BaseSimulation(
         mechanism,
         method=parameters["method"] or None,
         step=parameters["step"] or None,
@@ -106,7 +109,7 @@ def _with_seed(mechanism: Mechanism, seed: int) -> Mechanism:
     return with_values(mechanism, {"sensor_seed": seed})
 
 
-def command_buffer(parameters: NodeParameters, simulation: Simulation) -> CommandBuffer:
+def command_buffer(parameters: NodeParameters, simulation: BaseSimulation) -> CommandBuffer:
     """The buffer of commands, with its watchdogs."""
     timeout, step_size = parameters["command_timeout"], simulation.step_size
     ranges = CommandRanges(simulation.mechanism)
@@ -159,7 +162,7 @@ def _accelerations(names: list[str], model: Model) -> OutputTopic:
     :raises ValueError: there is no such part or point.
     """
     try:
-        Accelerations(model, names)
+        AccelerationMessages(model, names)
     except InputError as error:
         raise ValueError(f"accelerations: {error}") from error
     return for_accelerations(names)
@@ -208,7 +211,7 @@ def split_limits(parameters: NodeParameters) -> SplitLimits:
     return SplitLimits(1e6 * parameters["record_split_size"], parameters["record_split_duration"])
 
 
-def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -> Viewer | None:
+def rerun_viewer(parameters: NodeParameters, simulation: BaseSimulation, log: Any) -> Viewer | None:
     """The Rerun viewer; None if it is not requested, or if it cannot be opened, which is logged."""
     if not parameters["rerun"]:
         return None
@@ -229,6 +232,19 @@ def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -
         return None
     log.info(f"showing in Rerun: {viewer.address}")
     return viewer
+
+
+def lab_page(node: SimNode) -> LabPage | None:
+    """The page of the node; None if it is not requested, or if viser is not installed, which is logged."""
+    if not node.parameters["lab"]:
+        return None
+    from mbd_sim.ros.node.lab import LabPage
+
+    try:
+        return LabPage(node)
+    except MissingPackageError as error:
+        node.get_logger().error(f"{error} The run has no page.")
+        return None
 
 
 def initial_rates(parameters: NodeParameters, *, leads: bool) -> Rates:

@@ -19,8 +19,8 @@ from mbd_sim.base.errors import CommandError, require_each_once
 from mbd_sim.mechanism.elements.actuators import Base
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.definitions import topic_names
-from mbd_sim.recordings.messages.journal import RunClock
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.recordings.messages.events import RunClock
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.trajectory_player import Trajectory, TrajectoryPoint
 from mbd_sim.ros.commands.wrenches import WrenchBuffer, WrenchTargets
 from mbd_sim.ros.publishing.publishers import COMMAND, COMMAND_BEST_EFFORT
@@ -29,6 +29,7 @@ from mbd_sim.simulation.run.changes import StateValues
 SET_STATE, ACTUATORS, TRAJECTORY = "~/set_state", "~/actuator_commands", "joint_trajectory"
 JOINT_COMMANDS = "joint_commands"
 CMD_VEL = "cmd_vel"
+LAB = "the lab's page"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
     (JOINT_COMMANDS, "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),

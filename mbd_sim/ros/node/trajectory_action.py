@@ -16,8 +16,8 @@ from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from mbd_sim.base.errors import CommandError, listed, nearest
-from mbd_sim.ros.commands.efforts import Followed
-from mbd_sim.ros.commands.trajectory_player import JointMotion, Outcome, Tolerance, TrajectoryGoal
+from mbd_sim.ros.commands.command_buffer import Followed
+from mbd_sim.ros.commands.trajectory_player import Outcome, Setpoint, Tolerance, TrajectoryGoal
 from mbd_sim.ros.node.subscriptions import nanoseconds, trajectory_of
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.state import joint_state_arrays, joint_state_names
@@ -57,13 +57,13 @@ class _Progress:
 
     elapsed: float
     is_followed: bool
-    desired: Mapping[str, JointMotion]
-    actual: Mapping[str, JointMotion]
+    desired: Mapping[str, Setpoint]
+    actual: Mapping[str, Setpoint]
 
-    def deviations(self) -> dict[str, JointMotion]:
+    def deviations(self) -> dict[str, Setpoint]:
         """How far the joints are off the desired motions."""
         pairs = {name: (self.actual[name], wanted) for name, wanted in self.desired.items()}
-        return {name: JointMotion(a.position - w.position, a.velocity - w.velocity) for name, (a, w) in pairs.items()}
+        return {name: Setpoint(a.position - w.position, a.velocity - w.velocity) for name, (a, w) in pairs.items()}
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class TrajectoryAction:
         y, inputs, now = simulation.state, simulation.inputs, clock.ns - clock.zero_ns
         position, velocity, _ = joint_state_arrays(simulation.model, simulation.time, y, inputs)
         actual = {
-            name: JointMotion(*map(float, motion))
+            name: Setpoint(*map(float, motion))
             for name, *motion in zip(joint_state_names(simulation.model), position, velocity, strict=True)
         }
         for active in self._active:

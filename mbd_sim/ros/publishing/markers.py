@@ -23,7 +23,7 @@ from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Ball, Box, Cylinder, Ring, Rod, circle
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere, circle
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
@@ -105,7 +105,7 @@ def fixed_markers(primitive: Primitive, source: str, size: float) -> list[FixedM
             return [marker(Marker.LINE_STRIP, (2.0 * tube, 0.0, 0.0), points=rim)]
         case Box(sides):
             return [marker(Marker.CUBE, sides)]
-        case Ball(radius):
+        case Sphere(radius):
             return [marker(Marker.SPHERE, (2.0 * radius,) * 3)]
         case Lines(strips, radius):
             width = 2.0 * radius or THIN * size

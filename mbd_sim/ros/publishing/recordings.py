@@ -120,6 +120,12 @@ class NodeRecordings:
         if self.recorder is not None:
             self.recorder.close(CLOSE_TIMEOUT)
 
+    @property
+    def location(self) -> str:
+        """Where the present recording is; "" without one."""
+        recorder = self._active()
+        return str(recorder.location) if recorder is not None else ""
+
     def summary(self) -> str:
         """Sentences on the last recording, or ""."""
         recorder = self.recorder
@@ -157,7 +163,7 @@ class NodeRecordings:
         size, duration = self.limits.size, self.limits.duration
         too_large = bool(size) and recorder.size >= size
         too_long = bool(duration) and time_ns - self._file_start_ns >= duration * 1e9
-        if (too_large and recorder.is_settled) or (too_long and recorder.waiting_files < MAX_WAITING_FILES):
+        if (too_large and recorder.has_known_size) or (too_long and recorder.waiting_files < MAX_WAITING_FILES):
             self._splitting = True
             self._requests.submit(self._split)
         elif (too_large or too_long) and not self._long_files and not recorder.failure:

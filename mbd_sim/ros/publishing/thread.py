@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from mbd_sim.recordings.messages import topics
 from mbd_sim.recordings.messages.definitions import Topic
 from mbd_sim.recordings.messages.states import Due, Snapshot
-from mbd_sim.recordings.messages.topics import OutputTopic, Recorded, SensorMessages
+from mbd_sim.recordings.messages.topics import OutputTopic, Recorded, SensorSerializer
 from mbd_sim.recordings.run.recorder import Recorder
 from mbd_sim.ros.publishing.markers import Markers
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, TopicPublisher
@@ -74,7 +74,7 @@ class PublishingThread:
         self._topics = {topic.name: TopicPublisher(node, topic) for topic in requested}
         self._state_writers = {t.name: t.on_state(model, frame_prefix) for t in requested if t.on_state is not None}
         self._event_writers = {t.name: t.on_event(model) for t in requested if t.on_event is not None}
-        self._sensors = SensorMessages(model, step_size or model.mechanism.step, frame_prefix)
+        self._sensors = SensorSerializer(model, step_size or model.mechanism.step, frame_prefix)
         self._node, self._clock_lock = node, threading.Lock()
         self._clock: TopicPublisher | None = None
         self.publish_clock(clock)
@@ -233,7 +233,7 @@ class PublishingThread:
             self._log.error(event.text)
         elif event.kind is EventKind.WARNING:
             self._log.warning(str(event.payload))  # the severity says that it is a warning
-        elif event.kind is not EventKind.COMMAND:
+        elif event.kind not in (EventKind.COMMAND, EventKind.NEW_STATE):  # which may come with each move of a hand
             self._log.info(event.text)
 
     def _send(self, name: str, payload: bytes, time_ns: int, ticks: int, *, repeated: bool = False) -> None:

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
 
-from mbd_sim.recordings.messages.journal import Journal
+from mbd_sim.recordings.messages.events import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.stepping.clock import Rates
 from mbd_sim.simulation.run.events import Event, EventKind, Payload
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 Item = Snapshot | Event | None  # None ends the output
 
@@ -58,7 +58,7 @@ class SteppingOutput:
     It is the `RunListener` of the simulation, so that each change of the run becomes an event.
     """
 
-    def __init__(self, simulation: Simulation, *, silent: bool = False) -> None:
+    def __init__(self, simulation: BaseSimulation, *, silent: bool = False) -> None:
         self.queue: SimpleQueue[Item] = SimpleQueue()
         self.counters = Counters()
         self.last_emitted = -1  # the tick of the last state
@@ -68,6 +68,7 @@ class SteppingOutput:
         self._last_viewed = -1  # the tick of the last sample for the viewer
         self._emitted_at = 0.0  # s of the steady clock
         self._silent, self._held_moments = silent, 0
+        self.shown, self.shows = self.journal.snapshot(), False  # the state for pages; whether they want a newer one
         self._contacts = ContactReports()
 
     @property
@@ -105,8 +106,13 @@ class SteppingOutput:
             self._last_viewed = self._clock.ticks
         snapshot = self.journal.snapshot(due, repeated, time.perf_counter() if in_real_time else math.inf)
         if Due.STATE in due:
-            self.newest = snapshot
+            self.newest = self.shown = snapshot
         self.queue.put(snapshot)
+
+    def show(self) -> None:
+        """Keep the present state for pages, if they want a newer one."""
+        if self.shows:
+            self.shown, self.shows = self.journal.snapshot(), False
 
     def parts_of(self, steps: int) -> Iterator[int]:
         """All steps at once; afterwards the clock has gone on. See `RunListener`."""

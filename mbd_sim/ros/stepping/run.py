@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from mbd_sim.base.errors import CommandError, DivergedError, listed
 from mbd_sim.files.checks.bare_angles import TURN
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping.output import SteppingOutput
@@ -20,7 +20,7 @@ from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.advice import OPEN_ACCOUNT, TOLERATED, open_share
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 AUDIT_PERIOD = 1.0  # simulated s between looks at the energy account
 
@@ -34,7 +34,7 @@ class SteppedRun:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: BaseSimulation,
         commands: CommandBuffer,
         wrenches: WrenchBuffer,
         start_values: StateValues | None = None,
@@ -60,6 +60,11 @@ class SteppedRun:
         self.simulation.step(steps)
         self._check_accuracy()
         self.output.counters.stepping += time.perf_counter() - began
+
+    def steps_to_command(self, at_most: int) -> int:
+        """The steps to the next sample of a trajectory or wrench of a pull, or fewer."""
+        steps = self.commands.steps_to_sample(self.clock.ticks, at_most)
+        return self.wrenches.steps_to_pull(self.simulation.step_size, steps)
 
     def _apply_commands(self, now: float) -> None:
         """Apply what is due at a time in s of the run, by which commands expire."""
@@ -101,14 +106,19 @@ class SteppedRun:
         self.wrenches.clear()
         return ""
 
-    def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
-        """Set positions and speeds by name, given as such or by a function; returns the problem, or ""."""
+    def set_state(self, given: StateValues | Callable[[], StateValues], *, told: bool = True) -> str:
+        """Set positions and speeds by name, given as such or by a function; returns the problem, or "".
+
+        :param told: whether a note says what was set, besides the event of the new state.
+        """
         try:
             given = given() if callable(given) else given
             self.simulation.set_state(*given)
         except CommandError as error:
             return str(error)
         self._forget_problems()
+        if not told:
+            return ""
         self.output.report(EventKind.NOTE, f"state set: {given}")
         positions, _ = given
         for name, value in positions.items():

@@ -96,7 +96,7 @@ class OneSidedStepper:
         self._keep_new()
         return True
 
-    def settle(self, time: float, y: Array, inputs: Array) -> None:
+    def find_modes(self, time: float, y: Array, inputs: Array) -> None:
         """Find the modes of a state as if nothing were known of them, with impacts of contacts that approach.
 
         :raises EventError: contacts without a solution.

@@ -23,7 +23,7 @@ from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
 from mbd_sim.dynamics.contact.equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 

@@ -20,10 +20,10 @@ from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.simulation.contact.records import ContactObserver
 from mbd_sim.simulation.ensemble.members import (
     divergence_of_member,
-    member_contacts,
+    find_modes_of_members,
     member_groups,
+    member_steppers,
     sampling_steps,
-    settle_members,
     time_dependence,
 )
 from mbd_sim.simulation.ensemble.variants import Change, Variants, member_changes
@@ -101,8 +101,8 @@ class Ensemble(ReadOnlyAttributes):
         self._effort_map = EffortMap(self.model.coordinate_names, variants.effort_limits(), self.model.driven_names)
         self._failures: dict[int, MemberFailure] = {}
         self._starts, values = variants.starts(self.model)
-        self._contacts = member_contacts(self.model, variants, len(changes))
-        self._groups: MemberGroups = member_groups(self.model, len(changes), self._contacts)
+        self._steppers = member_steppers(self.model, variants, len(changes))
+        self._groups: MemberGroups = member_groups(self.model, len(changes), self._steppers)
         layout = self.model.input_layout
         self._command_map = CommandMap(mechanism.commanded, layout)
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
@@ -258,7 +258,7 @@ class Ensemble(ReadOnlyAttributes):
             for member, y, row in zip(members.tolist(), states, inputs, strict=True):
                 self.model.hold_start(y, row, self._variants.holding(member))
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
-        settle_members(self.model, self._contacts, members, states, inputs)
+        find_modes_of_members(self.model, self._steppers, members, states, inputs)
         return states, inputs, np.array(energies)
 
     def snapshot(self) -> EnsembleSnapshot:
@@ -440,5 +440,5 @@ class Ensemble(ReadOnlyAttributes):
         if len(observers) != len(self):
             counts = f"{counted(len(observers), 'observer')} for {counted(len(self), 'member')}"
             raise ValueError(f"{counts}. Give one for each.")
-        for contact, observer in zip(self._contacts, observers, strict=False):
-            contact.observer = observer
+        for stepper, observer in zip(self._steppers, observers, strict=False):
+            stepper.observer = observer

@@ -20,39 +20,38 @@ from mbd_sim.simulation.ensemble.variants import Variants
 from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
 from mbd_sim.simulation.model.builder import partial_system
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.advice import advice_on_step, divergence
+from mbd_sim.simulation.run.advice import advice_on_step, divergence, undefined_expression
 from mbd_sim.simulation.run.changes import require_outside
 from mbd_sim.simulation.run.state import MemberFailure
-from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
 
-def member_contacts(model: Model, variants: Variants, count: int) -> tuple[OneSidedStepper, ...]:
+def member_steppers(model: Model, variants: Variants, count: int) -> tuple[OneSidedStepper, ...]:
     """The stepper of each of `count` members, or none at all where everything is two-sided."""
     if model.one_sided is None:
         return ()
     return tuple(one_sided_stepper(model, variants.mechanism_of(member)) for member in range(count))
 
 
-def settle_members(
-    model: Model, contacts: Sequence[OneSidedStepper], members: NDArray[np.intp], states: Array, inputs: Array
+def find_modes_of_members(
+    model: Model, steppers: Sequence[OneSidedStepper], members: NDArray[np.intp], states: Array, inputs: Array
 ) -> None:
     """Find the modes of some members at time zero, in place, with impacts where contacts approach.
 
-    :param contacts: of all members.
+    :param steppers: of all members.
     :param states: (k, n), and `inputs` (k, m), of these members.
     :raises CommandError: a member is inside an obstacle.
     :raises EventError: contacts without a solution; both errors name the member.
     """
-    for member, y, row in zip(members.tolist() if contacts else (), states, inputs, strict=False):
-        contacts[member].events.clear()
+    for member, y, row in zip(members.tolist() if steppers else (), states, inputs, strict=False):
+        steppers[member].events.clear()
         try:
             require_outside(model, 0.0, y, row)
-            contacts[member].settle(0.0, y, row)
+            steppers[member].find_modes(0.0, y, row)
         except (CommandError, EventError) as error:
             raise type(error)(f"member {member}: {error}") from error
 
 
-def advance_through_events(contacts: Sequence[OneSidedStepper]) -> Advance:
+def advance_through_events(steppers: Sequence[OneSidedStepper]) -> Advance:
     """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive."""
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
@@ -60,7 +59,7 @@ def advance_through_events(contacts: Sequence[OneSidedStepper]) -> Advance:
             y, inputs, estimate, alive = (arrays[name][group, :, 0] for name in ("y", "inputs", "estimates", "alive"))
             if alive[0]:
                 try:
-                    alive[0] = float(contacts[group].advance(y, inputs, np.array([first]), h, steps, estimate))
+                    alive[0] = float(steppers[group].advance(y, inputs, np.array([first]), h, steps, estimate))
                 except EventError:
                     alive[0] = 0.0
 
@@ -70,11 +69,11 @@ def advance_through_events(contacts: Sequence[OneSidedStepper]) -> Advance:
 ENOUGH = 2_000_000  # instructions of all members together from which on threads save time
 
 
-def member_groups(model: Model, count: int, contacts: Sequence[OneSidedStepper]) -> MemberGroups:
+def member_groups(model: Model, count: int, steppers: Sequence[OneSidedStepper]) -> MemberGroups:
     """The arrays of `count` members, and what advances them."""
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
-    if contacts:
-        return MemberGroups(count, 1, sizes, advance_through_events(contacts))
+    if steppers:
+        return MemberGroups(count, 1, sizes, advance_through_events(steppers))
     if model.method.uses_series:  # each member needs its own expansions
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations

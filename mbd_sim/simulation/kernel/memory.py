@@ -33,9 +33,9 @@ class KernelMemory:
         :param mechanism: a variant of that of the model with the same equations, see `one_sided_stepper`.
         """
         self._kernel, self._model = model.kernel, model
-        self.contacts: OneSidedStepper | None = None
+        self.stepper: OneSidedStepper | None = None
         if model.one_sided is not None:
-            self.contacts = one_sided_stepper(model, mechanism or model.mechanism)
+            self.stepper = one_sided_stepper(model, mechanism or model.mechanism)
         self.y, size = model.start.copy(), len(model.inputs)
         memory = model.kernel_inputs()
         self.inputs, self.history = memory[:size], memory[size:]
@@ -108,8 +108,8 @@ class KernelMemory:
         Only the error estimate is then that of all n steps. Ctrl-C, which Python notices between calls of compiled
         code, leaves state and step counter together, as this code counts its steps.
         """
-        if self.contacts is not None:
-            return self.contacts.advance(self.y, self.inputs, self._counter, self.step_size, n, self._error_estimate)
+        if self.stepper is not None:
+            return self.stepper.advance(self.y, self.inputs, self._counter, self.step_size, n, self._error_estimate)
         if self._step is None:
             self._step = self.compiled_step(lambda n: False)
         return self._step(n) is None
@@ -122,15 +122,15 @@ class KernelMemory:
     @property
     def contact_count(self) -> int:
         """The number of changes of contacts since the arrays were allocated."""
-        return 0 if self.contacts is None else self.contacts.count
+        return 0 if self.stepper is None else self.stepper.count
 
-    def settle(self) -> None:
+    def find_modes(self) -> None:
         """Determine the modes of one-sided rows, for a state that was set from outside.
 
         :raises EventError: contacts without a solution.
         """
-        if self.contacts is not None:
-            self.contacts.settle(*self.now)
+        if self.stepper is not None:
+            self.stepper.find_modes(*self.now)
 
     def load(
         self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0, history: Array | None = None

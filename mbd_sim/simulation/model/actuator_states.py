@@ -12,7 +12,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.actuators.functions import CYLINDER_READINGS, MOTOR_READINGS
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, Cylinder, DcMotor, EffortMotor, Motor
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, FluidCylinder, Motor
 from mbd_sim.mechanism.elements.joint_types import Channel
 
 
@@ -119,7 +119,7 @@ def states_of_actuators(
         match actuator.motor:
             case EffortMotor() | DcMotor():
                 found[actuator.name] = _motor_state(actuator.motor, commands, energies, row)
-            case Cylinder():
+            case FluidCylinder():
                 found[actuator.name] = _cylinder_state(commands, energies, row)
             case _:
                 assert_never(actuator.motor)

@@ -56,12 +56,12 @@ class RunReports:
         """Steps in the parts that the listener wants."""
         return (steps,) if self.listener is None else self.listener.parts_of(steps)
 
-    def contacts(self) -> None:
+    def report_contacts(self) -> None:
         """Report what has happened at contacts since the last report."""
-        contacts = self._memory.contacts
-        if self.listener is not None and contacts is not None:
-            new, self._contacts_seen = contacts.count - self._contacts_seen, contacts.count
-            for event in list(contacts.events)[-new:] if new > 0 else ():
+        stepper = self._memory.stepper
+        if self.listener is not None and stepper is not None:
+            new, self._contacts_seen = stepper.count - self._contacts_seen, stepper.count
+            for event in list(stepper.events)[-new:] if new > 0 else ():
                 self.listener.report(EventKind.CONTACT, event.text)
 
     def report(self, kind: EventKind, payload: Payload = None) -> None:

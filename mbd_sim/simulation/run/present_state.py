@@ -94,6 +94,11 @@ class PresentState(ReadOnlyAttributes):
         """
         return self._memory.accelerations()
 
+    @property
+    def live_mechanism(self) -> Mechanism:
+        """The mechanism with the present live values."""
+        return self._live.mechanism
+
     def motion(self, frame: str) -> PartMotion:
         """The motion of a part, or of one of its points: pose, velocities and accelerations in ground's axes.
 
@@ -181,7 +186,7 @@ class PresentState(ReadOnlyAttributes):
     @property
     def contact_events(self) -> tuple[ContactEvent, ...]:
         """The latest changes of contacts since the start, at most 10,000 of them."""
-        stepper = self._memory.contacts
+        stepper = self._memory.stepper
         return () if stepper is None else tuple(stepper.events)
 
     @property

@@ -38,14 +38,14 @@ from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layou
 if TYPE_CHECKING:
     from mbd_sim.simulation.contact.records import ContactObserver
 
-Kind = TypeVar("Kind", bound="Simulation")
+Kind = TypeVar("Kind", bound="BaseSimulation")
 RUN_CHUNK = 20_000  # steps between two calls of `progress` in `run`
 _RESET = "Call reset(q=…, u=…) to start from given coordinates and speeds."
 _RESTORE = "Call reset() to return to time zero, or restore(…) to continue from a snapshot."
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(PresentState):
+class BaseSimulation(PresentState):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
@@ -127,19 +127,19 @@ class Simulation(PresentState):
     def __reduce__(self) -> NoReturn:
         raise TypeError("a Simulation cannot be pickled. Pickle its snapshot(), and restore that in a new one.")
 
-    def copy(self) -> Simulation:
+    def copy(self) -> BaseSimulation:
         """Another simulation in the same state, which goes on by itself; both share the compiled equations."""
-        return self._copied_to(Simulation.__new__(Simulation))
+        return self._copied_to(BaseSimulation.__new__(BaseSimulation))
 
     def _copied_to(self, copied: Kind) -> Kind:
         copied._begin(self.mechanism, self.model, self._live.copy(), self.step_size)
         copied.restore(self.snapshot())
         return copied
 
-    def __copy__(self) -> Simulation:
+    def __copy__(self) -> BaseSimulation:
         return self.copy()
 
-    def __deepcopy__(self, memo: object) -> Simulation:
+    def __deepcopy__(self, memo: object) -> BaseSimulation:
         return self.copy()
 
     @classmethod
@@ -168,12 +168,11 @@ class Simulation(PresentState):
         n = step_count(n)
         for part in self._sensors.divided(self._reports.parts_of(n)):
             if not self._memory.advance(part):
-                from mbd_sim.simulation.run.advice import divergence
-                from mbd_sim.simulation.run.undefined_expressions import undefined_expression
+                from mbd_sim.simulation.run.advice import divergence, undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
-            self._reports.contacts()
+            self._reports.report_contacts()
 
     def advance(self, n: int) -> None:
         """Take n steps; if the state becomes infinite, take as many of them as possible.
@@ -212,7 +211,8 @@ class Simulation(PresentState):
             vars(self).pop("step", None)  # the method divides the steps, which compiled code does not
 
     def _use_compiled_step(self) -> None:
-        if type(self).step is Simulation.step and self.sensor_model is None:  # a subclass with its own `step` keeps it
+        # A subclass with its own `step` keeps it.
+        if type(self).step is BaseSimulation.step and self.sensor_model is None:
             vars(self).pop("step", None)
             vars(self)["step"] = self._memory.compiled_step(self.step)  # calls the method of this name if a step fails
 
@@ -242,9 +242,9 @@ class Simulation(PresentState):
         memory = self._memory
         memory.load(y, inputs, 0)
         self.start_energy = self.model.energies(0.0, y, 0.0, inputs).total
-        if memory.contacts is not None:
-            memory.contacts.events.clear()
-        memory.settle()
+        if memory.stepper is not None:
+            memory.stepper.events.clear()
+        memory.find_modes()
         self._sensors.restart()
         self._report_state(EventKind.RESET, q is not None or u is not None)
 
@@ -296,14 +296,14 @@ class Simulation(PresentState):
         given, count = own if inputs is None else finite_vector(inputs, own.size, "inputs"), checked_steps(steps)
         energy, goes_on = self.start_energy if start_energy is None else float(start_energy), count == self.steps
         point = RunPoint(count, y, given, energy, live or {}, history=np.empty(0) if history is None else history)
-        self._continue_from(point, samples, keep_samples=goes_on, settle=inputs is None)
+        self._continue_from(point, samples, keep_samples=goes_on, find_modes=inputs is None)
 
     def _continue_from(
-        self, point: RunPoint, samples: Array | None, *, keep_samples: bool = False, settle: bool = False
+        self, point: RunPoint, samples: Array | None, *, keep_samples: bool = False, find_modes: bool = False
     ) -> None:
         self._memory.load(point.state, point.inputs, point.steps, point.error_estimate, point.history)
-        if settle:
-            self._memory.settle()
+        if find_modes:
+            self._memory.find_modes()
         self.start_energy = point.start_energy
         self._live.restore(point.live)
         self._live.limit(self.effort_map)
@@ -347,7 +347,7 @@ class Simulation(PresentState):
     @cached_property
     def _write_efforts(self) -> EffortWriter:
         """Compiled code, which from its first call on also replaces the method that is called on the simulation."""
-        if type(self).set_efforts is Simulation.set_efforts:  # a subclass with its own `set_efforts` keeps it
+        if type(self).set_efforts is BaseSimulation.set_efforts:  # a subclass with its own `set_efforts` keeps it
             vars(self)["set_efforts"] = self._inputs.effort_writer(self.set_efforts, "set_efforts(efforts)")
         return self._inputs.effort_writer(self._inputs.set_efforts, "write(efforts)")
 
@@ -428,7 +428,7 @@ class Simulation(PresentState):
         self._memory.inputs[:], self._memory.y[:] = inputs, y
         self._live.apply(prepared)
         self.start_energy += self.energies.total - before
-        self._memory.settle()
+        self._memory.find_modes()
         if told:
             self._sensors.restart(keep=True)
         self._reports.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.live))
@@ -442,6 +442,6 @@ class Simulation(PresentState):
 
         :raises ValueError: the mechanism has no one-sided elements.
         """
-        if self._memory.contacts is None:
+        if self._memory.stepper is None:
             raise ValueError(f"mechanism '{self.mechanism.name}' has no one-sided elements to observe")
-        self._memory.contacts.observer = observer
+        self._memory.stepper.observer = observer

@@ -20,7 +20,7 @@ from mbd_sim.pictures.drawing.animation import TRACE_COLORS, TRACE_WIDTH, traced
 from mbd_sim.pictures.drawing.constraints import constraint_curves
 from mbd_sim.pictures.drawing.outlines import bounding_points
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, add_picture, mechanism_sheet
-from mbd_sim.pictures.drawing.sheet import FRONT, INK, MARKS, Page, SheetPath, view_of
+from mbd_sim.pictures.drawing.sheet import FRONT, INK, MARKS, ScaledView, SheetPath, view_of
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.solids import circle
 from mbd_sim.simulation.run.moving_points import points_of
@@ -283,7 +283,7 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> Comp
     every = np.vstack([own, dots @ axes, *(path @ axes for path in paths)])
     size = max(float(np.max(np.ptp(own, axis=0))), 1e-9)
     scale = float(np.min((DRAWN - 8.0 * MARGIN) / np.maximum(np.ptp(every, axis=0), 0.2 * size)))
-    page = Page(view, scale)
+    page = ScaledView(view, scale)
     sheet = _sheet(page, motion, poses, size, points, paths)
     for dot in dots:
         outline = page.project(dot) + DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
@@ -294,7 +294,7 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> Comp
 
 
 def _sheet(
-    page: Page,
+    page: ScaledView,
     motion: DrivenMotion,
     poses: Mapping[str, Pose],
     size: float,

@@ -243,15 +243,15 @@ def _table(motion: DrivenMotion, columns: Mapping[str, Array]) -> Iterator[str]:
     rows = {int(row) for row in np.linspace(0, len(motion) - 1, min(LINES, len(motion))).round()}
     marks = {one.row: one.kind for one in motion.singular}
     widths = [max(len(name), WIDTH) for name in columns]
-    settled = [_settled(motion, name, values) for name, values in columns.items()]
+    cleaned = [_without_round_off(motion, name, values) for name, values in columns.items()]
     yield "  ".join(name.rjust(width) for name, width in zip(columns, widths, strict=True))
     for row in sorted(rows | marks.keys()):
-        numbers = [f"{values[row]:.6g}" for values in settled]
+        numbers = [f"{values[row]:.6g}" for values in cleaned]
         text = "  ".join(number.rjust(width) for number, width in zip(numbers, widths, strict=True))
         yield f"{text}  {marks.get(row, '')}".rstrip()
 
 
-def _settled(motion: DrivenMotion, name: str, values: Array) -> Array:
+def _without_round_off(motion: DrivenMotion, name: str, values: Array) -> Array:
     """A column with 0 in place of round-off: of a full turn, of the size of the mechanism, or of its largest number."""
     unit = {"(deg)": 360.0, "(m)": motion.system.constraints.size}.get(name.rpartition(" ")[2], 0.0)
     scale = max(unit, float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values))))

@@ -29,14 +29,14 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.changes import require_outside
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 BALANCED = 1e-9  # the accelerations that may remain with contacts, in units of gravity or of those at the start
 PAUSES, FALLING = 500, 30_000  # how often a mechanism that sinks is stopped, and its steps altogether
 _OTHERWISE = "Linearize about the start or another state instead."
 
 
-def to_equilibrium(simulation: Simulation, near: Array | None = None, number: int = 1) -> Array:
+def to_equilibrium(simulation: BaseSimulation, near: Array | None = None, number: int = 1) -> Array:
     """Set a simulation to rest in an equilibrium, see `set_to_equilibrium`.
 
     :returns: the coordinates (nq,).
@@ -44,7 +44,7 @@ def to_equilibrium(simulation: Simulation, near: Array | None = None, number: in
     return set_to_equilibrium(simulation, near, number).q
 
 
-def set_to_equilibrium(simulation: Simulation, near: Array | None = None, number: int = 1) -> Equilibrium:
+def set_to_equilibrium(simulation: BaseSimulation, near: Array | None = None, number: int = 1) -> Equilibrium:
     """Set a simulation to rest at time zero in an equilibrium near its present coordinates, stable or not.
 
     If it can stay at rest in these, they are the equilibrium, also with contacts, stops and friction that hold it.
@@ -66,7 +66,7 @@ def set_to_equilibrium(simulation: Simulation, near: Array | None = None, number
     return found
 
 
-def equilibria_of(simulation: Simulation) -> list[Equilibrium]:
+def equilibria_of(simulation: BaseSimulation) -> list[Equilibrium]:
     """The equilibria that are found near the present coordinates of a simulation, the nearest first.
 
     With one-sided elements, these are the present one, the one in which the mechanism comes to rest if it sinks from
@@ -81,7 +81,7 @@ def equilibria_of(simulation: Simulation) -> list[Equilibrium]:
         simulation.restore(before)
 
 
-def _found(simulation: Simulation, q: Array, number: int) -> Equilibrium:
+def _found(simulation: BaseSimulation, q: Array, number: int) -> Equilibrium:
     name = simulation.mechanism.name
     if number != 1:
         found = _all(simulation, q)
@@ -105,7 +105,7 @@ def _found(simulation: Simulation, q: Array, number: int) -> Equilibrium:
     return min(found, key=lambda one: one.distance)
 
 
-def _all(simulation: Simulation, q: Array) -> list[Equilibrium]:
+def _all(simulation: BaseSimulation, q: Array) -> list[Equilibrium]:
     _require_autonomous(simulation)
     equations = simulation.model.equations
     found = equilibria(equations, _inputs(simulation), q, _states(simulation))
@@ -125,19 +125,19 @@ def _apart(one: Equilibrium, other: Equilibrium) -> bool:
     )
 
 
-def _require_autonomous(simulation: Simulation) -> None:
+def _require_autonomous(simulation: BaseSimulation) -> None:
     if not is_autonomous(simulation.model.equations):
         name = simulation.mechanism.name
         raise InputError(f"'{name}' has no equilibrium, because forces or drives depend on time", _OTHERWISE)
 
 
-def _held(simulation: Simulation, q: Array) -> Equilibrium | None:
+def _held(simulation: BaseSimulation, q: Array) -> Equilibrium | None:
     """The configuration itself, if contacts and friction hold the mechanism there."""
     balance = _balance(simulation, q)
     return _described(simulation, balance) if _stays(simulation, balance, q, _states(simulation)) else None
 
 
-def _sunk(simulation: Simulation, q: Array) -> list[Equilibrium]:
+def _sunk(simulation: BaseSimulation, q: Array) -> list[Equilibrium]:
     """The equilibrium in which the mechanism comes to rest, on what it then touches, if it sinks from a configuration.
 
     It falls, and is stopped whenever its kinetic energy has begun to decrease: so it loses energy until it stays.
@@ -157,7 +157,7 @@ def _sunk(simulation: Simulation, q: Array) -> list[Equilibrium]:
     return []
 
 
-def _described(simulation: Simulation, balance: RestBalance) -> Equilibrium:
+def _described(simulation: BaseSimulation, balance: RestBalance) -> Equilibrium:
     """The configuration of a simulation at rest as an equilibrium, with its distance from that of a balance."""
     rest = Rest(simulation.q.copy(), _states(simulation), 0.0, balance.start.holding)
     try:
@@ -168,11 +168,11 @@ def _described(simulation: Simulation, balance: RestBalance) -> Equilibrium:
     return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth)
 
 
-def _balance(simulation: Simulation, q: Array) -> RestBalance:
+def _balance(simulation: BaseSimulation, q: Array) -> RestBalance:
     return RestBalance(simulation.model.equations, q, _states(simulation), _inputs(simulation))
 
 
-def _stays(simulation: Simulation, balance: RestBalance, q: Array, states: Array) -> bool:
+def _stays(simulation: BaseSimulation, balance: RestBalance, q: Array, states: Array) -> bool:
     """Set a simulation to rest in a configuration; whether it stays there, with what touches and sticks."""
     model = simulation.model
     try:
@@ -184,23 +184,23 @@ def _stays(simulation: Simulation, balance: RestBalance, q: Array, states: Array
     return bool(np.linalg.norm(balance.of(rates)) <= BALANCED)
 
 
-def _rest_at(simulation: Simulation, q: Array, states: Array) -> None:
+def _rest_at(simulation: BaseSimulation, q: Array, states: Array) -> None:
     model, y = simulation.model, simulation.model.start.copy()
     y[model.q_range], y[model.u_range], y[_places_of_states(simulation)] = q, 0.0, states
     require_outside(model, 0.0, y, simulation.inputs)
     simulation.restore(y, steps=0, start_energy=model.energies(0.0, y, 0.0, simulation.inputs).total)
 
 
-def _states(simulation: Simulation) -> Array:
+def _states(simulation: BaseSimulation) -> Array:
     return np.array(simulation.y[_places_of_states(simulation)])
 
 
-def _places_of_states(simulation: Simulation) -> slice:
+def _places_of_states(simulation: BaseSimulation) -> slice:
     equations = simulation.model.equations
     return slice(equations.layout.nq + equations.layout.nv, equations.core.stop)
 
 
-def _inputs(simulation: Simulation) -> Array:
+def _inputs(simulation: BaseSimulation) -> Array:
     """The inputs, with open contacts."""
     inputs = simulation.inputs.copy()
     inputs[simulation.model.input_layout.one_sided] = 0.0
@@ -275,11 +275,11 @@ class _WorkingPoint:
     def __init__(self, mechanism: Mechanism, names: Sequence[str], about: About, efforts: Mapping[str, float]) -> None:
         self._mechanism, self._about, self._efforts = mechanism, about, efforts
         self._near: Array | None = None
-        self._live: Simulation | None = None
+        self._live: BaseSimulation | None = None
         try:
-            self._live = Simulation(mechanism, live=names)
+            self._live = BaseSimulation(mechanism, live=names)
         except MechanismError:
-            Simulation(mechanism)  # raises where the mechanism itself is the reason
+            BaseSimulation(mechanism)  # raises where the mechanism itself is the reason
 
     def eigenvalues(self, values: Mapping[str, float]) -> NDArray[np.complex128]:
         """The eigenvalues (n,) with these values, sorted; none where there is no equilibrium."""
@@ -296,7 +296,7 @@ class _WorkingPoint:
         size = float(np.max(np.abs(found), initial=0.0)) or 1.0
         return found[np.lexsort((found.real, np.round(found.imag / size, ORDERED)))]
 
-    def _with(self, values: Mapping[str, float]) -> Simulation:
+    def _with(self, values: Mapping[str, float]) -> BaseSimulation:
         if self._live is not None:
             try:
                 self._live.set_live(values)
@@ -305,4 +305,4 @@ class _WorkingPoint:
                 self._live = None
             else:
                 return self._live
-        return Simulation(self._mechanism, set=dict(values))
+        return BaseSimulation(self._mechanism, set=dict(values))

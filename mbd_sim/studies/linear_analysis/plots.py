@@ -25,7 +25,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.pictures.drawing.animation import Animation, require_animation_packages, write_animation
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.linear_analysis.loci import EigenvalueLocus
 
 NEUTRAL = 1e-6  # growth, relative to the largest, at which the limit of stability is drawn: neutral states are within
@@ -160,7 +160,7 @@ LARGEST_ANGLE = 0.35  # rad
 
 
 def animate_mode(
-    simulation: Simulation, shape: ModeShape, path: str | Path, amplitude: float | None = None, title: str = ""
+    simulation: BaseSimulation, shape: ModeShape, path: str | Path, amplitude: float | None = None, title: str = ""
 ) -> float:
     """Write a mode about the present state of a simulation as .gif, .webp, .mp4 or .html, one cycle in 1.2 s.
 
@@ -183,7 +183,7 @@ def animate_mode(
     return size
 
 
-def _poses(simulation: Simulation, shape: ModeShape, amplitude: float, phase: float) -> Mapping[str, Pose]:
+def _poses(simulation: BaseSimulation, shape: ModeShape, amplitude: float, phase: float) -> Mapping[str, Pose]:
     model, y, inputs = simulation.model, simulation.state, simulation.inputs
     q = displaced_coordinates(model.equations, y[model.q_range], shape, amplitude, phase)
     values = inputs[model.input_layout.values]
@@ -191,7 +191,7 @@ def _poses(simulation: Simulation, shape: ModeShape, amplitude: float, phase: fl
     return model.poses(simulation.time, y, inputs)
 
 
-def _visible_amplitude(simulation: Simulation, shape: ModeShape) -> float:
+def _visible_amplitude(simulation: BaseSimulation, shape: ModeShape) -> float:
     """The amplitude with which no part moves or turns more than is easily seen, by the linear motion."""
     small, equations = 1e-6, simulation.model.equations
     rest, moved = (_poses(simulation, shape, amplitude, 0.0) for amplitude in (0.0, small))

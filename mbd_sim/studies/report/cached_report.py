@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mbd_sim.files.load import cached, casadi_version, records_digest
+from mbd_sim.base.disk_cache import cached, casadi_version, records_digest
 from mbd_sim.mechanism.mechanism import Mechanism
 
 
@@ -15,9 +15,9 @@ def cached_report(mechanism: Mechanism) -> dict[str, Any]:
     """
 
     def made() -> dict[str, Any]:
-        from mbd_sim.simulation.run.simulation import Simulation
+        from mbd_sim.simulation.run.simulation import BaseSimulation
         from mbd_sim.studies.report.mechanism_report import report
 
-        return report(Simulation(mechanism))
+        return report(BaseSimulation(mechanism))
 
     return cached(made, "report", records_digest(mechanism), casadi_version())

@@ -26,13 +26,13 @@ from mbd_sim.mechanism.elements.parts import Joint, Part
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.contact.complementarity import independent
 from mbd_sim.simulation.contact.readings import compliant_names
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.report.elements import actuator_report, force_reports, sensor_report
 
 LINEARIZED = 4000  # instructions for the accelerations up to which the report linearizes them
 
 
-def report(simulation: Simulation) -> dict[str, Any]:
+def report(simulation: BaseSimulation) -> dict[str, Any]:
     """The contents of the report, in SI units."""
     mechanism, equations = simulation.mechanism, simulation.model.equations
     energies = simulation.energies
@@ -67,7 +67,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
     }
 
 
-def _one_sided(simulation: Simulation) -> dict[str, Any]:
+def _one_sided(simulation: BaseSimulation) -> dict[str, Any]:
     """The one-sided elements at the start, and the degrees of freedom that the closed ones leave."""
     contact = simulation.model.one_sided
     if contact is None:
@@ -81,7 +81,7 @@ def _one_sided(simulation: Simulation) -> dict[str, Any]:
     return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - held}
 
 
-def _contacts(simulation: Simulation, *, compliant: bool) -> dict[str, Any]:
+def _contacts(simulation: BaseSimulation, *, compliant: bool) -> dict[str, Any]:
     """The compliant contacts, or all others, at the start."""
     soft = compliant_names(simulation.model.compliant_contacts)
     return {
@@ -161,7 +161,7 @@ def _constraints(equations: Equations) -> list[dict[str, Any]]:
     ]
 
 
-def _size(simulation: Simulation) -> float:
+def _size(simulation: BaseSimulation) -> float:
     """The largest distance of a center of mass from the origin of ground at the start, m."""
     poses, parts = simulation.poses(), simulation.mechanism.parts
     places = [poses[name].position + poses[name].rotation @ part.center for name, part in parts.items()]
@@ -181,7 +181,7 @@ def _position_names(equations: Equations, mechanism: Mechanism) -> list[str]:
     return [names[index] for index in sorted(names)]
 
 
-def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
+def _mass_matrix(simulation: BaseSimulation) -> dict[str, Any]:
     """Whether the mass matrix is regular, and the kinetic energy by degree in the speeds (Lidström, ch. 9)."""
     constraints, q, u = simulation.model.equations.constraints, simulation.q, simulation.u
     mass = constraints.mass_matrix(0.0, q)
@@ -197,14 +197,14 @@ def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
     }
 
 
-def _kinetic(simulation: Simulation, speeds: Array) -> float:
+def _kinetic(simulation: BaseSimulation, speeds: Array) -> float:
     """The kinetic energy at the start with other speeds, J."""
     y = simulation.state
     y[simulation.model.u_range] = speeds
     return simulation.model.energies(0.0, y).kinetic
 
 
-def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
+def _inertia_forces(simulation: BaseSimulation) -> dict[str, Any] | None:
     """The inertia forces at the start by origin, or None if nothing is driven."""
     model = simulation.model
     if not model.driven_names or not len(simulation.u):

@@ -26,6 +26,7 @@ from mbd_sim.dynamics.measurements import exact_values, measured_values
 from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs, transmitted_wrenches
 from mbd_sim.dynamics.terms import link_accelerations, weight
 from mbd_sim.mechanism.elements.actuators import CoordinatePort, LinePort, SumPort, WrenchPort
+from mbd_sim.mechanism.elements.parts import PartFrame
 from mbd_sim.mechanism.elements.sensors import (
     ORIENTATION,
     AnySensor,
@@ -34,7 +35,6 @@ from mbd_sim.mechanism.elements.sensors import (
     FramelessSensor,
     MotorCurrent,
     RangeFinder,
-    SensorFrame,
 )
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, state_and_inputs
@@ -191,7 +191,7 @@ def _with_clean_axes(sensor: AnySensor) -> AnySensor:
     return replace(sensor, **changes)
 
 
-def _cleaned_frame(frame: SensorFrame) -> SensorFrame:
+def _cleaned_frame(frame: PartFrame) -> PartFrame:
     return replace(frame, pose=replace(frame.pose, rotation=_cleaned(frame.pose.rotation)))
 
 

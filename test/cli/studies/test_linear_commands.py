@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.cli.main import main
-from mbd_sim.cli.studies.linearize import settled
+from mbd_sim.cli.studies.linearize import without_round_off
 from mbd_sim.studies.linear_analysis.plots import mode_shapes
 from test.studies.linear_analysis.columns import COLUMN
 
@@ -122,5 +122,5 @@ def test_the_modes_as_a_table(tmp_path):
 
 
 def test_entries_of_round_off_are_printed_as_zero():
-    found = settled(np.array([[1e-17, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]))
+    found = without_round_off(np.array([[1e-17, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]))
     assert found.tolist() == [[0.0, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]

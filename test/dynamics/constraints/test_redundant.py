@@ -10,7 +10,7 @@ import pytest
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.dynamics.math.rank import RANK, least_solution
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from test.generators.mechanisms import derived
 from test.generators.redundant import KINDS, redundant_pair
 
@@ -84,7 +84,7 @@ def test_a_door_on_a_hinge_and_a_ball_joint_turns_about_any_axis():
     for axis in directions():
         for second in ("spherical", "revolute"):
             text = door(axis, second)
-            simulations = [Simulation(parse_mechanism(each)) for each in (text, _without_second(text))]
+            simulations = [BaseSimulation(parse_mechanism(each)) for each in (text, _without_second(text))]
             for simulation in simulations:
                 simulation.run(until=0.1)
             one, other = (np.concatenate([simulation.q, simulation.u]) for simulation in simulations)
@@ -100,13 +100,13 @@ def _without_second(text):
 
 
 def test_reference_values():
-    door_simulation = Simulation(parse_mechanism(door([0, 0.6, 0.8])))
+    door_simulation = BaseSimulation(parse_mechanism(door([0, 0.6, 0.8])))
     door_simulation.run(until=1.0)
     assert [*door_simulation.q, *door_simulation.u] == pytest.approx([2.7145670970803204, 1.043812286832665], rel=1e-11)
-    rails = Simulation(parse_mechanism(RAILS))
+    rails = BaseSimulation(parse_mechanism(RAILS))
     rails.run(until=1.0)
     assert rails.u == pytest.approx([-4.463091870434738], rel=1e-13)
-    strut = Simulation(parse_mechanism(STRUT))
+    strut = BaseSimulation(parse_mechanism(STRUT))
     strut.run(until=0.5)
     expected = [-0.3530869495028562, 2.9360132572415556, -8.668652628433184, 6.621133500079806]
     assert [*strut.q, *strut.u] == pytest.approx(expected, rel=1e-11)
@@ -118,7 +118,7 @@ def test_redundant_elements_change_nothing(kind, scaled):
     """Nor do the orders of the lists, which differ, or the units: small ones for every other kind, large ones for the rest."""
     length, mass = ((1e-6, 1e-9), (1e6, 1e3))[KINDS.index(kind) % 2] if scaled else (1.0, 1.0)
     pair = redundant_pair(np.random.default_rng([7, KINDS.index(kind)]), kind, length, mass)
-    simulations = [Simulation(parse_mechanism(text)) for text in (pair.with_extra, pair.without)]
+    simulations = [BaseSimulation(parse_mechanism(text)) for text in (pair.with_extra, pair.without)]
     for simulation in simulations:
         simulation.run(until=0.2)
         assert simulation.model.degrees_of_freedom == pair.freedoms
@@ -135,7 +135,7 @@ def test_two_bearings_share_the_load_as_equal_elastic_bearings():
     """On an axis through the center of mass, halfway between two bearings that bear as one does alone."""
     text = json.loads(door([0.0, 0.6, 0.8], "revolute"))
     text["parts"]["b"]["center"], text["joints"]["a"]["velocity"] = [0.0, 0.3, 0.4], 0.0
-    reactions = Simulation(parse_mechanism(json.dumps(text))).reactions()
+    reactions = BaseSimulation(parse_mechanism(json.dumps(text))).reactions()
     weight = np.array([0.0, 0.0, 20 * 9.80665])
     forces = [np.array(reaction.force) for reaction in reactions.values()]
     assert np.linalg.norm(forces[0]) == pytest.approx(np.linalg.norm(weight) / 2, rel=1e-2)
@@ -160,7 +160,7 @@ def test_a_stretched_four_bar_is_refused(position):
 
 
 def test_a_four_bar_that_is_nearly_stretched_moves():
-    simulation = Simulation(
+    simulation = BaseSimulation(
         parse_mechanism(FOUR_BAR.replace("0.9,", "0.8999,").replace("position: 0,", "position: 0.01,"))
     )
     simulation.run(until=0.2)
@@ -206,7 +206,7 @@ def test_steps_do_not_divide_round_off_by_round_off():
 def test_a_gap_between_welded_parts_never_acts(bound):
     """It neither opens nor closes; what its row has left is round-off."""
     text = STRUT.replace("1.0565768360853087}", f"1.0565768360853087, bound: {bound}, restitution: 0.5}}")
-    simulation = Simulation(parse_mechanism(text))
+    simulation = BaseSimulation(parse_mechanism(text))
     simulation.run(until=0.5)
     expected = [-0.3530869495028562, 2.9360132572415556, -8.668652628433184, 6.621133500079806]
     assert [*simulation.q, *simulation.u] == pytest.approx(expected, rel=1e-11)
@@ -220,7 +220,9 @@ def test_a_driven_shaft_may_have_two_bearings(drive):
     text["joints"]["a"]["drive"] = drive
     text["parts"]["c"] = {"mass": 1, "center": [0.4, 0.1, -0.1], "inertia": [0.3, 0.4, 0.5]}
     text["joints"]["c"] = {"type": "revolute", "between": ["b", "c"], "axis": [1, 0, 0.3]}
-    one, other = (Simulation(parse_mechanism(each)) for each in (json.dumps(text), _without_second(json.dumps(text))))
+    one, other = (
+        BaseSimulation(parse_mechanism(each)) for each in (json.dumps(text), _without_second(json.dumps(text)))
+    )
     for simulation in (one, other):
         simulation.run(until=0.2)
     assert np.concatenate([one.q, one.u]) == pytest.approx(np.concatenate([other.q, other.u]), rel=1e-13, abs=1e-13)

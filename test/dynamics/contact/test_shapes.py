@@ -223,7 +223,7 @@ def test_a_slider_in_a_guide_with_play_stays_between_its_walls():
         simulation.step()
         read = gaps(simulation, simulation.y)
         assert read.min() > -1e-13, f"at step {step}"
-    kinds = {event.name.split(".")[0] for event in simulation._memory.contacts.events}
+    kinds = {event.name.split(".")[0] for event in simulation._memory.stepper.events}
     assert kinds == {"lower_wall", "upper_wall"}
     assert simulation.energies.dissipated > 0.3
     simulation.run(until=0.5)
@@ -265,7 +265,7 @@ def test_a_smooth_collision_reverses_the_normal_velocity_by_its_restitution():
 
 def impacts_after(simulation, until):
     simulation.run(until)
-    return [event for event in simulation._memory.contacts.events if event.change is ContactChange.IMPACT]
+    return [event for event in simulation._memory.stepper.events if event.change is ContactChange.IMPACT]
 
 
 def test_a_ball_that_rolls_in_a_cylinder_swings_like_a_longer_pendulum():
@@ -310,7 +310,7 @@ def test_a_follower_lifts_off_where_its_cam_would_have_to_pull():
     w, base, lift, roller, mass, k, preload = 140.0, 0.03, 0.005, 0.01, 0.3, 600.0, 15.0
     simulation = Simulation.from_file("cam_lift_off")
     simulation.run(0.05)
-    opened, *_ = [event for event in simulation._memory.contacts.events if event.change is ContactChange.OPENED]
+    opened, *_ = [event for event in simulation._memory.stepper.events if event.change is ContactChange.OPENED]
 
     def height(t):
         return lift * np.sin(w * t) + np.sqrt((base + roller) ** 2 - (lift * np.cos(w * t)) ** 2)

@@ -13,7 +13,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.math.spatial import SpdFactors, inverse_spd
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from test.generators.mechanisms import accelerations, derived, random_state
 from test.oracles import kane
 
@@ -273,7 +273,7 @@ joints:
     distance += "constraints: {rod: {type: distance, between: [crank.tip, slide], length: 3}}\n"
     states = []
     for one in (text, distance):
-        simulation = Simulation(parse_mechanism(one))
+        simulation = BaseSimulation(parse_mechanism(one))
         simulation.run(until=1.0)
         found = dict(zip(simulation.coordinate_names, simulation.q, strict=True))
         states.append([found["main"], found["rail"]])

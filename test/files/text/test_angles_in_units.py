@@ -14,10 +14,9 @@ from mbd_sim.cli.main import main
 from mbd_sim.files.checks.json_schema import json_schema
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.files.schema.base import Spec
-from mbd_sim.files.schema.fields import ExpressionField, Quantity
+from mbd_sim.files.schema.fields import ExpressionField, QuantityField, Spec
 from mbd_sim.many.sweep.plan import variation
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.kinematic_analysis.system import drive_speed, parameter_value
 
 TURN = 2.0 * math.pi
@@ -98,7 +97,7 @@ def expected(unit, wanted):
 
 def markers(kind):
     for mark in getattr(kind, "__metadata__", ()):
-        if isinstance(mark, Quantity | ExpressionField):
+        if isinstance(mark, QuantityField | ExpressionField):
             yield mark
     for inner in typing.get_args(kind):
         yield from markers(inner)
@@ -239,7 +238,7 @@ def test_values_of_runs_sweeps_and_studies_have_the_unit_of_their_key():
     mechanism, key = screw(), "joints.thread.lead"
     assert variation(f"{key}=4 mm/turn,3 mm/rad", mechanism).values == pytest.approx((0.004, 0.003 * TURN))
     assert parameter_value(f"{key}=0.1 mm/turn", mechanism) == (key, pytest.approx(1e-4))
-    simulation = Simulation(mechanism, live=["joints.hinge.stiffness"])
+    simulation = BaseSimulation(mechanism, live=["joints.hinge.stiffness"])
     simulation.set_live({"joints.hinge.stiffness": "1 N*m/turn"})
     assert simulation.live["joints.hinge.stiffness"] == pytest.approx(1.0 / TURN)
     for refused in ("joints.hinge.velocity=1,3 Hz", "sensors.imu.rate=10 rpm"):

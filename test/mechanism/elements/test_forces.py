@@ -17,7 +17,7 @@ from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.urdf.writer import left_out
 from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.pictures.drawing.picture import mechanism_sheet
-from mbd_sim.pictures.drawing.sheet import Page, view_of
+from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.pictures.shapes.primitives import connectors, primitives
 from mbd_sim.studies.kinematic_analysis.parametric import without_forces
@@ -115,7 +115,7 @@ def drawn_pieces(mechanism):
     """The number of paths of a drawing, and of primitives, connectors and arrows of a viewer."""
     simulation = Simulation(mechanism)
     poses, extent = simulation.poses(), extent_of(simulation.model)
-    paths = mechanism_sheet(Page(view_of(mechanism, poses), 100.0), mechanism, poses, 1.0, []).paths
+    paths = mechanism_sheet(ScaledView(view_of(mechanism, poses), 100.0), mechanism, poses, 1.0, []).paths
     start = {"ground": identity_pose(), **poses}
     lists = primitives(mechanism, extent, lambda mesh: True), connectors(mechanism, extent, start), mechanism.applied
     return len(paths), sum(map(len, lists))

@@ -14,7 +14,7 @@ from mbd_sim.files.checks import problems
 from mbd_sim.files.schema.sensors import AnySensorSpec
 from mbd_sim.mechanism.elements.sensors import ORIENTATION, AnySensor
 from mbd_sim.recordings.messages.cdr import RecordedTopic, decode
-from mbd_sim.recordings.messages.topics import SensorMessages
+from mbd_sim.recordings.messages.topics import SensorSerializer
 from mbd_sim.recordings.views import sensor_columns
 from mbd_sim.studies.report.elements import sensor_report
 from mbd_sim.studies.symbolic import latex_elements
@@ -74,7 +74,7 @@ def test_its_message_contains_what_it_measures(kind):
     """Fields in another order or number than those of the type would be read as other quantities."""
     simulation = Simulation(sensed(kind))
     simulation.step(5)
-    (measured,) = SensorMessages(simulation.model, simulation.step_size).measured(simulation.arrivals, 10**9)
+    (measured,) = SensorSerializer(simulation.model, simulation.step_size).measured(simulation.arrivals, 10**9)
     message_type = simulation.mechanism.sensors[0].message_type
     message = decode(RecordedTopic(measured.topic, message_type, "", "", "cdr", 1), measured.payload)
     found, values = sensor_columns._READERS[message_type](message), measured.reading.values

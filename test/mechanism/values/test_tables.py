@@ -8,13 +8,13 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from mbd_sim.dynamics.math.piecewise import looked_up
-from mbd_sim.mechanism.values.tables import Curve, Surface
+from mbd_sim.mechanism.values.tables import BicubicSurface, Curve
 
 X, Y = (-1.0, 0.0, 0.5, 2.0, 2.5), (0.0, 1.0, 1.5, 4.0)
 VALUES = (2.0, -1.0, 3.0, 3.5, 0.0)
 CURVE = Curve(X, VALUES)
 PERIODIC = Curve((0.5, 1.0, 2.0, 3.5), (1.0, -2.0, 4.0, 1.0), 3.0)
-SURFACE = Surface(X, Y, tuple(map(tuple, np.random.default_rng(3).normal(size=(5, 4)).tolist())))
+SURFACE = BicubicSurface(X, Y, tuple(map(tuple, np.random.default_rng(3).normal(size=(5, 4)).tolist())))
 PLACES = np.random.default_rng(4).uniform(-6.0, 9.0, (400, 2))
 
 

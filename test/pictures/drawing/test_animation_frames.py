@@ -5,7 +5,7 @@ import numpy as np
 from mbd_sim import Simulation
 from mbd_sim.pictures.drawing.animation import Animation
 from mbd_sim.pictures.drawing.picture import mechanism_sheet
-from mbd_sim.pictures.drawing.sheet import STEEL, Page, view_of
+from mbd_sim.pictures.drawing.sheet import STEEL, ScaledView, view_of
 
 
 def test_paths_go_through_samples_between_frames():
@@ -30,7 +30,7 @@ def test_supports_of_ground_stay_where_they_are():
     sim = Simulation.from_file("rod_pendulum")
     mechanism, start = sim.mechanism, sim.poses()
     sim.reset(q=[np.pi])  # upright
-    page = Page(view_of(mechanism, start), 100.0)
+    page = ScaledView(view_of(mechanism, start), 100.0)
 
     def supports(poses, start=None):
         sheet = mechanism_sheet(page, mechanism, poses, 1.0, [], start)

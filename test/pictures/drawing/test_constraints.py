@@ -6,7 +6,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.pictures.drawing.constraints import constraint_paths, coupling_paths
 from mbd_sim.pictures.drawing.picture import compose
-from mbd_sim.pictures.drawing.sheet import GRAY, Page, view_of
+from mbd_sim.pictures.drawing.sheet import GRAY, ScaledView, view_of
 
 GEARS = """
 mechanism: gears
@@ -23,7 +23,7 @@ constraints: {teeth: {type: gear, joints: [small, large], radii: [0.1, 0.3], int
 
 def paths(simulation):
     mechanism, poses = simulation.mechanism, simulation.poses()
-    page = Page(view_of(mechanism, poses), 1000.0)
+    page = ScaledView(view_of(mechanism, poses), 1000.0)
     return coupling_paths(page, mechanism, poses, mechanism.constraints[0])
 
 
@@ -46,7 +46,7 @@ def test_pitch_circles_touch(distance, internal, sign):
 
 def test_a_pitch_circle_is_drawn_on_the_wheel():
     simulation = Simulation.from_file("driveline")
-    page = Page(view_of(simulation.mechanism, simulation.poses()), 1000.0)
+    page = ScaledView(view_of(simulation.mechanism, simulation.poses()), 1000.0)
     drawn = paths(simulation)
     (counter,) = (path for path in drawn if path.dash and np.ptp(path.points[:, 1]) > 150.0)
     start = simulation.poses()["counter"]
@@ -129,7 +129,7 @@ joints:
 constraints: {{bound: {{type: on_plane, point: ball, plane: {carrier}, bound: {bound}}}}}
 """)
     mechanism, poses = simulation.mechanism, simulation.poses()
-    page = Page(view_of(mechanism, poses), 1000.0)
+    page = ScaledView(view_of(mechanism, poses), 1000.0)
     strokes = [path.points for path in constraint_paths(page, mechanism, poses, 1.0) if path.edge == GRAY]
     assert len(strokes) > 10
     assert all(np.sign(stroke[1, 1] - stroke[0, 1]) == side for stroke in strokes)

@@ -8,7 +8,7 @@ from mbd_sim.files.text.library import shipped
 from mbd_sim.pictures.drawing.picture import compose
 from mbd_sim.pictures.drawing.sheet import plane_normal, view_of
 from mbd_sim.pictures.shapes.solids import is_invisible
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 EVERYTHING = """
 mechanism: everything
@@ -41,7 +41,7 @@ forces:
 
 
 def drawn(text):
-    simulation = Simulation.from_text(text)
+    simulation = BaseSimulation.from_text(text)
     return compose(simulation.mechanism, simulation.poses())
 
 
@@ -60,7 +60,7 @@ def test_every_kind_of_joint_shape_and_force_is_drawn_with_its_name():
 
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_every_shipped_mechanism_fits_its_sheet_and_names_do_not_cover_each_other(name):
-    simulation = Simulation.from_file(name)
+    simulation = BaseSimulation.from_file(name)
     picture = compose(simulation.mechanism, simulation.poses())
     low, high = picture.sheet.bounds()
     assert np.all(low >= -0.5) and np.all(high <= picture.size + 0.5)
@@ -107,7 +107,7 @@ def test_a_single_particle_can_be_drawn():
     ],
 )
 def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name, normal):
-    simulation = Simulation.from_file(name)
+    simulation = BaseSimulation.from_file(name)
     found = plane_normal(simulation.mechanism, simulation.poses())
     view = view_of(simulation.mechanism, simulation.poses())
     assert view.planar == (normal is not None)
@@ -120,7 +120,7 @@ def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name,
 def test_a_single_slide_is_drawn_in_a_plane_that_contains_it():
     for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 2, 3]):
         text = f"{{mechanism: m, parts: {{p: {{mass: 1}}}}, joints: {{s: {{type: prismatic, between: [ground, p], axis: {axis}}}}}}}"
-        simulation = Simulation.from_text(text)
+        simulation = BaseSimulation.from_text(text)
         normal = plane_normal(simulation.mechanism, simulation.poses())
         assert abs(normal @ np.array(axis)) < 1e-9
 
@@ -128,7 +128,7 @@ def test_a_single_slide_is_drawn_in_a_plane_that_contains_it():
 def test_gravity_along_the_direction_of_view_is_drawn_end_on():
     flat = load_mechanism("planar_puck")
     assert flat.gravity[2] < 0.0
-    simulation = Simulation(flat)
+    simulation = BaseSimulation(flat)
     texts = [text.text for text in compose(flat, simulation.poses()).sheet.texts]
     assert "g" in texts
     assert "g" not in [text.text for text in compose(*_without_gravity()).sheet.texts]
@@ -136,5 +136,5 @@ def test_gravity_along_the_direction_of_view_is_drawn_end_on():
 
 def _without_gravity():
     text = "{mechanism: m, gravity: [0, 0, 0], parts: {p: {mass: 1, inertia: [1, 1, 1]}}, joints: {f: {type: free, between: [ground, p]}}}"
-    simulation = Simulation(parse_mechanism(text))
+    simulation = BaseSimulation(parse_mechanism(text))
     return simulation.mechanism, simulation.poses()

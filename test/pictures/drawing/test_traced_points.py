@@ -7,10 +7,10 @@ from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.pictures.drawing.animation import traced_point_paths
 from mbd_sim.pictures.drawing.outlines import pin_bar_paths
-from mbd_sim.pictures.drawing.sheet import Page, view_of
+from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.palette import part_colors
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 COUPLER = """mechanism: coupler
 parts:
@@ -25,12 +25,12 @@ joints: {pin: {type: revolute, between: [ground, bar], axis: [0, -1, 0], positio
 
 @pytest.fixture(scope="module")
 def simulation():
-    return Simulation.from_text(COUPLER)
+    return BaseSimulation.from_text(COUPLER)
 
 
 def paths(simulation, point):
     mechanism, poses = simulation.mechanism, simulation.poses()
-    page = Page(view_of(mechanism, poses), 100.0)
+    page = ScaledView(view_of(mechanism, poses), 100.0)
     return page, poses, traced_point_paths(page, mechanism, traced_points(mechanism, [point]), poses)
 
 
@@ -60,7 +60,7 @@ def test_a_pin_beside_its_rod_is_joined_to_it(point, bars):
     )
     mechanism = parse_mechanism(text)
     poses = Kinematics(mechanism).poses()
-    page = Page(view_of(mechanism, poses), 100.0)
+    page = ScaledView(view_of(mechanism, poses), 100.0)
     found = pin_bar_paths(page, mechanism, poses, part_colors(mechanism))
     assert len(found) == bars
     if bars:

@@ -7,7 +7,7 @@ from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.cli.main import main
 from mbd_sim.pictures.drawing.animation import Animation
 from mbd_sim.pictures.drawing.joints import slider_paths
-from mbd_sim.pictures.drawing.sheet import Page, view_of
+from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.drawing.symbols import place_joint
 
 POLAR = """
@@ -45,7 +45,7 @@ def test_the_guide_of_a_slider_begins_on_a_part_without_shapes(position):
     """It floated between the arm, of which only the pivot is drawn, and the hand."""
     simulation = Simulation(parse_mechanism(POLAR.format(position=position, center=[0.1, 0, -0.3])))
     poses = simulation.poses()
-    page = Page(view_of(simulation.mechanism, poses), 100.0)
+    page = ScaledView(view_of(simulation.mechanism, poses), 100.0)
     placed = place_joint(page, simulation.mechanism, poses, simulation.mechanism.joints["slide"])
     points = np.vstack([path.points for path in slider_paths(page, placed, abs(position))])
     hand = poses["hand"]

@@ -7,7 +7,7 @@ from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun.constraints import constraint_entities, floor_of
 from mbd_sim.pictures.rerun.forces import arrow_entities, weight
-from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, Rows, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, RowMaker, Rows, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -31,7 +31,7 @@ forces:
 def show(sim, tmp_path, options=None, seconds=0.4, each=10, read=lambda: None):
     """Run, show, and read back; also returns the poses and reactions of `sim` at each sample. `read` is called then."""
     path, options = tmp_path / "a.rrd", options or DisplayOptions()
-    writer = RowWriter(sim.model, options.reactions)
+    writer = RowMaker(sim.model, options.reactions)
     scene = describe_scene(sim.model, writer.layout, options)
     stream = RerunStream(scene, str(path))
     rows, moments = [], []
@@ -194,7 +194,7 @@ def test_drawn_efforts_have_the_power_of_the_equations(name):
     velocity = (later.position - before.position) / 1e-8
     spin = (later.rotation - before.rotation) / 1e-8 @ before.rotation.T
     omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
-    writer = RowWriter(sim.model)
+    writer = RowMaker(sim.model)
     scene = describe_scene(sim.model, writer.layout, DisplayOptions())
     (drawn,) = arrow_entities(scene)
     for index, speed in enumerate(sim.u):
@@ -256,7 +256,7 @@ def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
 def test_the_grid_lies_in_the_plane_on_which_the_feet_stand_and_points_away_from_a_surface_are_not_drawn():
     def scene_of(name):
         model = Simulation.from_file(name).model
-        return describe_scene(model, RowWriter(model).layout, DisplayOptions())
+        return describe_scene(model, RowMaker(model).layout, DisplayOptions())
 
     point, normal = floor_of(scene_of("column_of_beads"))
     assert (point.tolist(), normal.tolist()) == ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])

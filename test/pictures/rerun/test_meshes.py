@@ -7,7 +7,7 @@ import numpy as np
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.files.text.mesh_files import mesh_path, resource_uri
 from mbd_sim.pictures.rerun.parts import RERUN_READS, part_entities
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.shapes.meshes import undrawn_meshes
 from test.generators import mesh_files
 
@@ -28,7 +28,7 @@ def folder(tmp_path):
 
 def static_items(mechanism):
     model = Simulation(mechanism).model
-    scene = describe_scene(model, RowWriter(model).layout, DisplayOptions())
+    scene = describe_scene(model, RowMaker(model).layout, DisplayOptions())
     return [item for entity in part_entities(scene) for item in entity.static()]
 
 

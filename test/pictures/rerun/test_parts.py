@@ -3,7 +3,7 @@
 from rerun.chunk import RrdReader
 
 from mbd_sim import Simulation
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 
 EVERY_SHAPE = """
@@ -38,7 +38,7 @@ joints:
 
 def test_every_kind_of_shape_is_drawn(tmp_path):
     sim = Simulation.from_text(EVERY_SHAPE)
-    scene = describe_scene(sim.model, RowWriter(sim.model).layout, DisplayOptions())
+    scene = describe_scene(sim.model, RowMaker(sim.model).layout, DisplayOptions())
     RerunStream(scene, str(tmp_path / "a.rrd")).close()
     drawn = {}
     for chunk in RrdReader(tmp_path / "a.rrd").stream().to_chunks():

@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun import Viewer, ViewerError
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
 from mbd_sim.pictures.rerun.viewer import EventFilter
 from mbd_sim.simulation.run.events import parse_event
@@ -216,7 +216,7 @@ def test_the_recording_is_complete_when_the_simulation_is_killed(tmp_path):
 
 def test_the_trace_starts_again_after_a_reset(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
-    writer, rows = RowWriter(sim.model), []
+    writer, rows = RowMaker(sim.model), []
     for tick in range(20):
         if tick == 10:
             sim.reset()
@@ -240,7 +240,7 @@ def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
 
 def test_events_become_lines_and_lanes(tmp_path):
     sim, event_filter = Simulation.from_file("rod_pendulum"), EventFilter()
-    writer = RowWriter(sim.model)
+    writer = RowMaker(sim.model)
     stream = RerunStream(describe_scene(sim.model, writer.layout, DisplayOptions()), str(tmp_path / "a.rrd"))
     stream.send_samples(writer.row(0.0, 0.0, sim.state, sim.inputs, sim.energies)[None])
     texts = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]

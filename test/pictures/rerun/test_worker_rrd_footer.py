@@ -10,7 +10,7 @@ import rerun_cli
 
 from mbd_sim import Simulation
 from mbd_sim.pictures.rerun import worker
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowWriter, describe_scene
+from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.rerun.worker import add_footer
 
@@ -27,7 +27,7 @@ def without_footer(tmp_path):
     """A file as the viewer's process writes it."""
     model = Simulation.from_file("rod_pendulum").model
     RerunStream(
-        describe_scene(model, RowWriter(model).layout, DisplayOptions()), str(tmp_path / "a.rrd"), footer=False
+        describe_scene(model, RowMaker(model).layout, DisplayOptions()), str(tmp_path / "a.rrd"), footer=False
     ).close()
     return tmp_path / "a.rrd"
 

@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim.base.geometry.pose import identity_pose
 from mbd_sim.mechanism.elements.parts import Shape
-from mbd_sim.pictures.shapes.solids import Ball, Box, Cylinder, Ring, Rod, half_sizes, solid_of
+from mbd_sim.pictures.shapes.solids import Box, Cylinder, Ring, Rod, Sphere, half_sizes, solid_of
 
 SHAPES = [
     (("rod", (2.0, 0.1)), Rod(2.0, 0.1), [0.1, 0.1, 1.0]),
@@ -14,8 +14,8 @@ SHAPES = [
     (("ring", (0.5,)), Ring(0.5, 0.02), [0.5, 0.5, 0.0]),
     (("plate", (1.0, 2.0)), Box((1.0, 2.0, 0.02)), [0.5, 1.0, 0.0]),
     (("block", (1.0, 2.0, 3.0)), Box((1.0, 2.0, 3.0)), [0.5, 1.0, 1.5]),
-    (("sphere", (0.5,)), Ball(0.5), [0.5, 0.5, 0.5]),
-    (("particle", (0.5,)), Ball(0.5, particle=True), [0.5, 0.5, 0.5]),
+    (("sphere", (0.5,)), Sphere(0.5), [0.5, 0.5, 0.5]),
+    (("particle", (0.5,)), Sphere(0.5, particle=True), [0.5, 0.5, 0.5]),
 ]
 
 

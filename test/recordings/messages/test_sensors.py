@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mbd_sim import Simulation
 from mbd_sim.files.urdf.writer import to_urdf
-from mbd_sim.recordings.messages.topics import SensorMessages
+from mbd_sim.recordings.messages.topics import SensorSerializer
 from mbd_sim.ros.publishing.publishers import message_type
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -50,7 +50,7 @@ def simulation():
 @pytest.fixture(scope="module")
 def read(simulation):
     """The message of a sensor as rclpy and as rosbags read it."""
-    messages = SensorMessages(simulation.model, simulation.step_size, "robot/")
+    messages = SensorSerializer(simulation.model, simulation.step_size, "robot/")
     numbers = {sensor.name: number for number, sensor in enumerate(simulation.mechanism.sensors)}
     arrivals = {arrival.sensor: arrival for arrival in simulation.arrivals}
 

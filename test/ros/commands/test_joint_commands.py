@@ -8,7 +8,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
 from mbd_sim.files.checks.override import value_of, with_values
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.trajectory_player import Trajectory, TrajectoryPoint
 

@@ -7,12 +7,12 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.trajectory_player import (
     JointCurve,
-    JointMotion,
     JointPoint,
     Outcome,
+    Setpoint,
     Tolerance,
     Trajectory,
     TrajectoryGoal,
@@ -37,12 +37,12 @@ GOAL = TrajectoryGoal(2.0, {"hip": Tolerance(0.1, 0.5)}, {"hip": Tolerance(0.01)
     ],
 )
 def test_a_goal_ends_by_its_tolerances(elapsed, position, velocity, outcome):
-    verdict = GOAL.verdict(elapsed, {"hip": JointMotion(position, velocity)})
+    verdict = GOAL.verdict(elapsed, {"hip": Setpoint(position, velocity)})
     assert (None if verdict is None else verdict.outcome) is outcome
 
 
 def test_the_verdict_says_how_far_which_joint_is_off():
-    verdict = GOAL.verdict(1.0, {"hip": JointMotion(0.2)})
+    verdict = GOAL.verdict(1.0, {"hip": Setpoint(0.2)})
     assert verdict.text == "the position of 'hip' is 0.2 off, more than 0.1, at 1.000 s"
 
 
@@ -96,11 +96,11 @@ def test_between_two_points_is_the_polynomial_of_what_both_give(first, second, d
 
 def test_a_curve_holds_its_end_and_begins_anywhere():
     curve = JointCurve([JointPoint(1.0, 2.0, 0.0), JointPoint(2.0, 3.0, 0.0)])
-    assert curve.at(2.0) == curve.at(9.0) == JointMotion(3.0)
-    begun = curve.begun(0.0, JointMotion(1.0, 0.5))
-    assert begun.at(0.0) == JointMotion(1.0, 0.5, begun.at(0.0).acceleration)
+    assert curve.at(2.0) == curve.at(9.0) == Setpoint(3.0)
+    begun = curve.begun(0.0, Setpoint(1.0, 0.5))
+    assert begun.at(0.0) == Setpoint(1.0, 0.5, begun.at(0.0).acceleration)
     assert begun.at(1.5) == curve.at(1.5)
-    assert curve.begun(1.5, JointMotion(9.0)).at(1.5) == curve.at(1.5)
+    assert curve.begun(1.5, Setpoint(9.0)).at(1.5) == curve.at(1.5)
 
 
 def test_a_trajectory_starts_at_once_ends_and_is_held(played):

@@ -10,9 +10,9 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.recordings.messages.journal import Journal
+from mbd_sim.recordings.messages.events import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
-from mbd_sim.ros.commands.efforts import CommandBuffer
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.stepping import clock as pacing
 from mbd_sim.ros.stepping import output

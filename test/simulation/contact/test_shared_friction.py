@@ -170,7 +170,7 @@ def frictions_and_slip(simulation, times, count):
     return np.array(sizes), slips[0].time
 
 
-@pytest.mark.parametrize(("seed", "count"), [(5, 4), (7, 3), (2, 5)])
+@pytest.mark.parametrize(("seed", "count"), [(7, 3), (2, 5)])
 def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes(seed, count):
     """The limit load is the least over all motions, as of plastic bodies; friction depended on the order of the legs."""
     chance = np.random.default_rng(seed)

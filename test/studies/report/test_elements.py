@@ -3,7 +3,7 @@
 import pytest
 
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.simulation.run.simulation import Simulation
+from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.report.elements import actuator_report, force_reports
 from mbd_sim.studies.report.mechanism_report import report
 from mbd_sim.studies.report.text import report_text
@@ -65,6 +65,6 @@ def test_the_text_has_a_line_for_each():
     servo = "servo: {controls: position, kp: 1, sample_rate: 500 Hz}"
     text = TEXT + "forces: {push: {type: force, at: box, vector: [1, 0, 0]}}\nactuators:\n"
     text += "  motor: {type: effort, joint: rail, delay: 4 ms, " + servo + "}\n"
-    lines = [" ".join(line.split()) for line in report_text(report(Simulation.from_text(text))).splitlines()]
+    lines = [" ".join(line.split()) for line in report_text(report(BaseSimulation.from_text(text))).splitlines()]
     assert "push force box constant" in lines
     assert "motor effort rail position, 500 Hz position, velocity, effort, 0.004 s later" in lines

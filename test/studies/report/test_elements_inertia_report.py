@@ -10,6 +10,7 @@ from mbd_sim.cli.main import main
 # Particles of 2, 3 and 4 kg at (1, 1, 1), (2, 2, 4) and (0, 5, 2) m: sums written out by hand.
 PARTICLES = """
 mechanism: particles
+gravity: [0, 0, 0]
 parts:
   three:
     shapes:

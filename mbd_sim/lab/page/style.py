@@ -1,0 +1,16 @@
+"""How the panel looks: readable on a projector, and as wide as the window on a phone."""
+
+from __future__ import annotations
+
+# viser sets these sizes of its sheet for phones in the elements themselves, by which they are found.
+STYLE = """<style>
+:root { --mantine-color-dimmed: #444c56 !important; font-size: %s; }
+:root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b8c0ca !important; }
+[style*="max-height: 60%%"] { max-height: 45%% !important; width: 100%% !important; }
+[style*="max-height: 60%%"] [style*="width: 20em"] { width: 100%% !important; }
+</style>"""
+
+
+def style(*, large: bool) -> str:
+    """HTML with the style, for the panel."""
+    return STYLE % ("125%" if large else "100%")

@@ -1,0 +1,48 @@
+"""From where a mechanism is seen at first: near enough to fill the part of the window that the panel leaves free."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.pictures.shapes.extent import Extent
+
+FOV = math.radians(30.0)  # of the height of the window
+FILLED = 0.8  # of the free part of the window
+PHONE = 576  # px of width from which viser puts the panel beside the picture and no longer into a sheet below it
+FREE_ON_A_PHONE = 0.55  # of the height, above the sheet
+ASPECT = 1.5  # where the window is not known
+
+
+def aim(camera: Any, extent: Extent, aspect: float = ASPECT, width: float = math.inf) -> None:
+    """Aim a camera of viser at the box of the motion: a plane mechanism is seen nearly from the front of its plane.
+
+    :param aspect: the width of the window relative to its height; `width` in pixels.
+    """
+    toward = _direction(extent.normal)
+    right = np.cross([0.0, 0.0, 1.0], toward)
+    right /= np.linalg.norm(right)
+    up = np.cross(toward, right)
+    half = 0.5 * np.maximum(extent.upper - extent.lower, 0.2 * extent.size)
+    corners = half * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    free = FREE_ON_A_PHONE if width < PHONE else 1.0
+    slope = math.tan(0.5 * FOV)
+    reach = np.maximum(abs(corners @ right) / aspect, abs(corners @ up) / free) / (FILLED * slope)
+    distance = float(np.max(reach + corners @ toward))
+    look_at = extent.center - (1.0 - free) * distance * slope * up
+    camera.fov = FOV
+    camera.position = tuple(look_at + distance * toward)
+    camera.look_at = tuple(look_at)
+
+
+def _direction(normal: Array | None) -> Array:
+    """The unit vector (3,) from the mechanism to the camera."""
+    toward = np.array([0.55, -1.0, 0.5] if normal is None else [0.12, -1.0, 0.16])
+    if normal is not None and abs(normal[0]) > 0.5:
+        toward = np.array([1.0, -0.12, 0.16])
+    if normal is not None and abs(normal[2]) > 0.5:
+        toward = np.array([0.05, -0.3, 1.0])
+    return np.asarray(toward / np.linalg.norm(toward))

@@ -1,0 +1,226 @@
+"""What the sliders of a page change: live values, efforts, commands and the state, in the units of the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import yaml
+
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.checks.override import location_of
+from mbd_sim.files.text.units import is_number, si_factor, split_unit
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
+from mbd_sim.lab.session.session import Session
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.source import value_at
+from mbd_sim.pictures.shapes.joints import weight
+from mbd_sim.simulation.run.simulation import BaseSimulation
+
+Kind = Literal["drive", "value", "effort", "command", "position", "speed"]
+STEPS = 400  # of a slider from end to end
+GRAVITY = 20.0  # m/s²
+COMMANDS: Mapping[str, tuple[str, float]] = {  # unit and range of a command, by its channel
+    "voltage": ("V", 24.0),
+    "current": ("A", 10.0),
+    "position": ("", 3.1416),
+    "velocity": ("", 20.0),
+}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A number that can change: its `value` in the file or at the start, and the ends of its slider, in `unit`.
+
+    `factor` makes SI units of it.
+    """
+
+    kind: Kind
+    group: str
+    key: str
+    label: str
+    unit: str
+    factor: float
+    value: float
+    low: float
+    high: float
+
+    @property
+    def step(self) -> float:
+        """The step of the slider: a round number."""
+        return float(f"{(self.high - self.low) / STEPS:.0e}")
+
+    @property
+    def from_file(self) -> bool:
+        """Whether `value` is what the mechanism goes back to; a position or speed is that of the start only."""
+        return self.kind not in ("drive", "position", "speed")
+
+    def apply(self, session: Session, shown: float) -> None:
+        """Give the mechanism of a session a value in `unit`.
+
+        :raises CommandError: it does not fit.
+        """
+        value = shown * self.factor
+        match self.kind:
+            case "value":
+                session.change(self.key, value)
+            case "effort":
+                session.set_effort(self.key, value)
+            case "command":
+                session.set_command(self.key, value)
+            case "position":
+                session.set_state({self.label: value}, {})
+            case "speed":
+                session.set_state({}, {self.label: value})
+            case "drive":
+                session.drive_to(value)
+
+
+def settings_of(bench: Bench, size: float) -> list[Setting]:
+    """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m."""
+    if isinstance(bench, PositionBench):
+        return [_drive(bench, size), *(one for one in _values(bench.simulation, size) if one.group == "Parameters")]
+    simulation = bench.simulation
+    return [
+        *_commands(simulation),
+        *_values(simulation, size),
+        *_efforts(simulation, size),
+        *_states(simulation, size),
+    ]
+
+
+def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
+    """The changed values as the file has them; `shown` are values by key, in their units."""
+    changed = [one for one in settings if one.kind == "value" and shown.get(one.key, one.value) != one.value]
+    lists = {one.key.partition("[")[0] for one in changed if "[" in one.key}
+    data: dict[str, Any] = {}
+    for setting in settings:
+        name, bracket, _ = setting.key.partition("[")
+        if setting not in changed and not (bracket and name in lists):
+            continue
+        value = float(f"{shown.get(setting.key, setting.value):.12g}")
+        entry = f"{value:.12g} {setting.unit}" if setting.unit else value
+        *sections, last = name.split(".")
+        here = data
+        for section in sections:
+            here = here.setdefault(section, {})
+        if bracket:
+            here.setdefault(last, []).append(entry)  # the file has the whole list
+        else:
+            here[last] = entry
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True) if data else "# as in the file\n"
+
+
+def _drive(bench: PositionBench, size: float) -> Setting:
+    """The position of the driven joint: a turn to both sides, or the length of the mechanism."""
+    name, start = bench.drive, bench.position
+    joints = bench.simulation.mechanism.joints.values()
+    rotates = any(
+        coordinate.rotation
+        for joint in joints
+        for own, coordinate in zip(joint.coordinate_names, joint.kind.coordinates, strict=True)
+        if own == name
+    )
+    factor, end, unit = (math.radians(1.0), 360.0, "deg") if rotates else (1.0, _round(size), "m")
+    shown = start / factor
+    return Setting("drive", "Drive", name, name, unit, factor, shown, _round(shown - end), _round(shown + end))
+
+
+def _commands(simulation: BaseSimulation) -> Iterator[Setting]:
+    values = simulation.inputs[simulation.model.input_layout.commands].tolist()
+    for name, value in zip(simulation.command_map.names, values, strict=True):
+        unit, end = COMMANDS.get(name.rpartition(".")[2], ("", 100.0))
+        low, high = min(-end, value), max(end, value)
+        yield Setting("command", "Commands", name, name, unit, 1.0, value, low, high)
+
+
+def _efforts(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
+    mechanism = simulation.mechanism
+    full = weight(mechanism, size)
+    for joint in mechanism.joints.values():
+        if joint.drive:
+            continue
+        for name, coordinate in zip(joint.coordinate_names, joint.kind.coordinates, strict=True):
+            end = joint.effort_limit or _round(full * (0.5 * size if coordinate.rotation else 1.0))
+            unit = "N*m" if coordinate.rotation else "N"
+            yield Setting("effort", "Efforts", name, name, unit, 1.0, 0.0, -end, end)
+
+
+def _states(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
+    """The position and the speed of each joint with one coordinate; loops are closed from there."""
+    names, model = simulation.coordinate_names, simulation.model
+    places = dict(zip(names, model.coordinates(model.start).tolist(), strict=True))
+    speeds = dict(zip(names, model.start[model.u_range].tolist(), strict=True))
+    for joint in simulation.mechanism.joints.values():
+        if joint.drive or len(joint.kind.coordinates) != 1:
+            continue
+        (name,), (coordinate,) = joint.coordinate_names, joint.kind.coordinates
+        factor, reach, unit = (math.radians(1.0), 180.0, "deg") if coordinate.rotation else (1.0, _round(size), "m")
+        place, limits = float(f"{places[name] / factor:.12g}"), joint.limits_of(0)
+        lower, upper = (limits.lower / factor, limits.upper / factor) if limits else (-math.inf, math.inf)
+        low = min(_round(lower if math.isfinite(lower) else place - reach), place)
+        high = max(_round(upper if math.isfinite(upper) else place + reach), place)
+        yield Setting("position", "Positions", f"position {name}", name, unit, factor, place, low, high)
+        speed = float(f"{speeds[name] / factor:.12g}")
+        end = max(2.0 * reach, 2.0 * abs(speed))
+        yield Setting("speed", "Speeds", f"speed {name}", name, f"{unit}/s", factor, speed, -end, end)
+
+
+def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
+    mechanism = simulation.mechanism
+    for key, value in simulation.live.items():
+        text = _written(mechanism, key)
+        unit, factor = "", 1.0
+        if isinstance(text, str):
+            number, unit = split_unit(text)
+            if not is_number(number):
+                continue  # a formula: it follows other values
+            factor = si_factor(unit) if unit else 1.0
+            value = float(number) * factor
+        elif text is not None:
+            value = float(text)
+        shown = float(f"{value / factor:.12g}")
+        group, label = _named(key)
+        given = mechanism.ranges.get(label) if group == "Parameters" else None
+        if given is not None:  # a value that was changed with --set may be outside
+            low, high = (float(f"{end / factor:.12g}") for end in given)
+            low, high = min(low, shown), max(high, shown)
+        else:
+            low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size)
+        yield Setting("value", group, key, label, unit, factor, shown, low, high)
+
+
+def _written(mechanism: Mechanism, key: str) -> Any:
+    try:
+        return value_at(mechanism.source.data, location_of(mechanism, key))
+    except MechanismError:
+        return None
+
+
+def _named(key: str) -> tuple[str, str]:
+    """The folder of a setting, and its label there."""
+    section, _, rest = key.partition(".")
+    if section.startswith("gravity"):
+        return "Gravity", "xyz"[int(key[8])]
+    return section.capitalize(), rest
+
+
+def _range(mechanism: Mechanism, key: str, value: float, size: float) -> tuple[float, float]:
+    """Sensible ends of a slider."""
+    if key.startswith("gravity"):
+        return -max(GRAVITY, abs(value)), max(GRAVITY, abs(value))
+    if value == 0.0:
+        scale = weight(mechanism, size)
+        return 0.0, _round(scale * size * (0.1 if key.endswith("damping") else 1.0))
+    if key.startswith("parameters."):
+        ends = sorted((0.25 * value, 2.0 * value))
+        return _round(ends[0]), _round(ends[1])
+    return min(0.0, _round(4.0 * value)), max(0.0, _round(4.0 * value))
+
+
+def _round(value: float) -> float:
+    """A value with two digits."""
+    return float(f"{value:.1e}")

@@ -1,0 +1,87 @@
+"""Dragging a paused mechanism: loops stay closed, and stops are not passed."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import load_mechanism, parse_mechanism
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.positions import PositionBench
+
+LINKAGE = """
+mechanism: linkage
+parameters: {{base: 1.5 m, crank: {crank} cm, coupler: 1.4 m, rocker: 1.2 m}}
+ground:
+  points: {{pivot: [base, 0, 0]}}
+parts:
+  crank: {{mass: 0, points: {{tip: [crank, 0, 0]}}}}
+  coupler: {{mass: 0, points: {{tip: [coupler, 0, 0]}}}}
+  rocker: {{mass: 0, points: {{tip: [rocker, 0, 0]}}}}
+joints:
+  crank: {{type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 90 deg}}
+  pin: {{type: revolute, between: [crank.tip, coupler], axis: [0, -1, 0], position: -60 deg, guess: true}}
+  rocker: {{type: revolute, between: [ground.pivot, rocker], axis: [0, -1, 0], position: 100 deg, guess: true}}
+  end: {{type: revolute, between: [coupler.tip, rocker.tip], axis: [0, -1, 0]}}
+"""
+
+
+@pytest.mark.parametrize("name", ["four_bar", "six_axis_arm", "slider_crank", "tumbling"])
+def test_the_grabbed_point_comes_closer_with_loops_closed(name):
+    bench = Bench.of(load_mechanism(name))
+    simulation = bench.simulation
+    part, point = list(simulation.wrench_map.slices)[-1], np.array([0.05, 0.02, 0.03])
+    pose = simulation.poses()[part]
+    start = pose.position + pose.rotation @ point
+    target = start + np.array([0.04, 0.01, -0.03])
+    bench.drag(part, point, target)
+    moved = simulation.poses()[part]
+    gap = np.linalg.norm(target - moved.position - moved.rotation @ point)
+    assert gap < 0.99 * np.linalg.norm(target - start)
+    assert simulation.violation.position < 1e-9
+    assert abs(simulation.energies.residual) < 1e-9
+    assert simulation.time == 0.0
+
+
+def test_a_free_body_is_dragged_onto_the_pointer():
+    bench = Bench.of(load_mechanism("tumbling"))
+    part = next(iter(bench.simulation.wrench_map.slices))
+    target = np.array([0.2, -0.1, 0.3])
+    for _ in range(4):
+        bench.drag(part, np.array([0.01, 0.0, 0.0]), target)
+    pose = bench.simulation.poses()[part]
+    assert pose.position + pose.rotation @ [0.01, 0.0, 0.0] == pytest.approx(target, abs=1e-4)
+
+
+def test_stops_are_not_passed():
+    bench = Bench.of(load_mechanism("bounce"))
+    part = next(iter(bench.simulation.wrench_map.slices))
+    for _ in range(5):
+        bench.drag(part, np.zeros(3), np.array([0.0, 0.0, -2.0]))
+    gaps = [one.gap for one in bench.simulation.contacts().values()]
+    assert min(gaps) > -1e-8
+
+
+def test_a_linkage_without_masses_turns_and_stays_assembled():
+    bench = PositionBench.driven(parse_mechanism(LINKAGE.format(crank=50)), "crank")
+    start = bench.position
+    rocker = bench.simulation.coordinate_names.index("rocker")
+    side = []
+    while bench.position < start + 2 * np.pi:
+        bench.advance(bench.period)
+        assert bench.message == ""
+        side.append(np.sin(bench.simulation.model.coordinates(bench.simulation.y)[rocker]))
+    assert bench.simulation.violation.position < 1e-9
+    assert min(side) > 0.0  # the branch of the start: the rocker swings above its pivot
+
+
+def test_at_a_dead_point_the_drive_turns_back():
+    """With a crank of 1.2 m it cannot pass where coupler and rocker are in line: cos of its angle by the triangle."""
+    bench = PositionBench.driven(parse_mechanism(LINKAGE.format(crank=120)), "crank")
+    dead = np.arccos((1.2**2 + 1.5**2 - (1.4 + 1.2) ** 2) / (2 * 1.2 * 1.5))
+    positions = []
+    for _ in range(400):
+        bench.advance(bench.period)
+        positions.append(bench.position)
+        if bench.message:
+            break
+    assert "turns back" in bench.message
+    assert dead - np.radians(3.0) < max(positions) < dead + 1e-9

@@ -1,0 +1,87 @@
+"""What sliders change, in the units of the file."""
+
+import pytest
+import yaml
+
+from mbd_sim import parse_mechanism
+from mbd_sim.files.checks.override import with_values
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.sliders import as_yaml, settings_of
+
+TEXT = """
+mechanism: arm
+parameters: {l: 800 mm, tilt: 30 deg, slack: 30 deg, twice: 2*l, e: 0.5}
+ranges: {slack: [-0.25 rev, 60 deg]}
+parts:
+  arm: {shape: {type: rod, to: [l, 0, 0], mass: 2 kg}}
+  tip: {shape: {type: rod, to: [twice, 0, 0], mass: 1 kg}}
+joints:
+  pin: {type: revolute, between: [ground, arm], axis: [0, -1, 0], position: tilt, damping: 20 mN*m*s/rad}
+  elbow: {type: revolute, between: [arm, tip], axis: [0, -1, 0], stiffness: 3 N*m/rad, rest: slack, effort_limit: 7 N*m}
+"""
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return Bench.of(parse_mechanism(TEXT))
+
+
+@pytest.fixture(scope="module")
+def settings(bench):
+    return {one.key: one for one in settings_of(bench, 1.6)}
+
+
+def test_values_have_the_units_of_the_file(settings):
+    length, damping = settings["parameters.l"], settings["joints.pin.damping"]
+    assert (length.value, length.unit, length.factor) == (800.0, "mm", 1e-3)
+    assert (damping.value, damping.unit) == (20.0, "mN*m*s/rad")
+    assert damping.factor == pytest.approx(1e-3)
+
+
+def test_ranges_of_the_file_are_the_ends(bench, settings):
+    slack, length = settings["parameters.slack"], settings["parameters.l"]
+    assert (slack.low, slack.high, slack.unit) == (-90.0, 60.0, "deg")
+    assert (length.low, length.high) == (200.0, 1600.0)
+    changed = Bench.of(with_values(bench.simulation.mechanism, {"slack": "70 deg"}))
+    slack = next(one for one in settings_of(changed, 1.6) if one.key == "parameters.slack")
+    assert (slack.low, slack.value, slack.high) == (-90.0, 70.0, 70.0)
+
+
+def test_values_that_follow_others_have_no_slider(settings):
+    assert "parameters.twice" not in settings
+
+
+def test_efforts_end_at_their_limits(settings):
+    assert (settings["elbow"].low, settings["elbow"].high, settings["elbow"].unit) == (-7.0, 7.0, "N*m")
+
+
+def test_every_value_lies_within_its_slider(settings):
+    for one in settings.values():
+        assert one.low <= one.value <= one.high, one
+        assert one.low < one.high
+        assert one.step > 0.0
+
+
+def test_a_slider_changes_the_value_and_what_follows_it(bench, settings):
+    session = OwnSession(bench, running=False)
+    settings["parameters.l"].apply(session, 900.0)
+    assert bench.values()["parameters.l"] == pytest.approx(0.9)
+    assert bench.values()["parameters.twice"] == pytest.approx(1.8)
+    settings["elbow"].apply(session, 5.0)
+    assert bench.values()["elbow"] == 5.0
+
+
+def test_the_yaml_is_what_the_file_needs(bench, settings):
+    text = as_yaml(list(settings.values()), {"parameters.l": 900.0, "joints.pin.damping": 25.0, "gravity[2]": -1.62})
+    changed = yaml.safe_load(text)
+    assert changed["parameters"] == {"l": "900 mm"}
+    assert changed["joints"] == {"pin": {"damping": "25 mN*m*s/rad"}}
+    assert changed["gravity"][2] == -1.62
+    assert len(changed["gravity"]) == 3
+    again = with_values(bench.simulation.mechanism, {"gravity": changed["gravity"], "l": changed["parameters"]["l"]})
+    assert again.gravity[2] == -1.62
+
+
+def test_without_changes_the_yaml_says_so(settings):
+    assert as_yaml(list(settings.values()), {}) == "# as in the file\n"

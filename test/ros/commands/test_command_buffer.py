@@ -1,0 +1,112 @@
+"""Efforts on their way to the simulation: accepted or rejected whole, expiring."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbd_sim.base.errors import CommandError
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
+from mbd_sim.simulation.model.commands import EffortMap
+
+
+@pytest.fixture
+def buffer() -> CommandBuffer:
+    return CommandBuffer(EffortMap(["hip", "knee", "ankle"], np.array([np.inf, 5.0, np.inf])), timeout=0.5)
+
+
+def test_nothing_is_due_before_a_command(buffer):
+    assert buffer.due(0.0) == []
+
+
+def test_a_command_is_due_once_as_given_and_counted_if_it_is_beyond_limits(buffer):
+    buffer.by_order([1.0, -7.0, 3.0])
+    (due,) = buffer.due(0.0)
+    assert (due.efforts.tolist(), due.expired) == ([1.0, -7.0, 3.0], ())  # the simulation clamps
+    assert (buffer.due(0.001), buffer.limited) == ([], 1)
+    buffer.by_order([1.0, -5.0, 3.0])
+    assert buffer.limited == 1
+
+
+def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.by_name(["ankle"], [9.0])
+    buffer.by_name(["hip"], [-1.0])
+    assert buffer.due(0.0)[0].efforts.tolist() == [-1.0, 2.0, 9.0]
+    assert buffer.accepted == 3
+
+
+@pytest.mark.parametrize(
+    ("names", "efforts", "words"),
+    [
+        (None, [1.0], "3 efforts expected, but 1 given. Give one for each of: hip, knee, ankle."),
+        (None, [1.0, math.nan, 2.0], "the effort of knee is not finite. Give finite numbers."),
+        (["hip", "nee"], [1.0, 2.0], "there is no joint 'nee'. Did you mean 'knee'?"),
+        (["hip"], [math.inf], "the effort of hip is not finite. Give finite numbers."),
+        (["hip"], [], "'name' and 'effort' differ in length: 1 and 0."),
+        (["hip", "hip"], [1.0, 2.0], "'hip' is named twice"),
+    ],
+)
+def test_a_bad_command_is_rejected_whole_and_counted(buffer, names, efforts, words):
+    buffer.by_order([1.0, 2.0, 3.0])
+    with pytest.raises(CommandError) as caught:
+        buffer.by_order(efforts) if names is None else buffer.by_name(names, efforts)
+    assert words in str(caught.value)
+    assert (buffer.accepted, buffer.rejected) == (1, 1)
+    assert buffer.due(0.0)[0].efforts.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_efforts_expire_once_after_the_timeout_and_the_next_command_recovers(buffer):
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.due(10.0)
+    assert buffer.due(10.499) == []
+    (expired,) = buffer.due(10.5)
+    assert (expired.efforts, expired.expired) == (None, ("hip", "knee", "ankle"))
+    assert buffer.due(20.0) == []
+    buffer.by_name(["knee"], [1.0])
+    assert buffer.due(20.0)[0].efforts.tolist() == [0.0, 1.0, 0.0]
+    assert (buffer.accepted, buffer.expired) == (2, 1)
+
+
+def test_efforts_that_are_zero_already_do_not_expire(buffer):
+    buffer.by_order([0.0, 2.0, 0.0])
+    buffer.due(0.0)
+    (expired,) = buffer.due(0.5)
+    assert (expired.expired, buffer.lapsed) == (("knee",), ("knee",))
+    buffer.by_order([0.0, 0.0, 0.0])
+    buffer.due(0.6)
+    assert buffer.due(9.0) == [] and (buffer.lapsed, buffer.expired) == ((), 1)
+
+
+def test_the_efforts_of_a_joint_expire_though_commands_for_another_one_go_on(buffer):
+    buffer.by_name(["hip"], [3.0])
+    buffer.by_name(["knee"], [2.0])
+    buffer.due(0.0)
+    for step in range(1, 5):
+        buffer.by_name(["knee"], [1.0 + step])
+        (command,) = buffer.due(0.1 * step)
+        assert command.efforts.tolist() == [3.0, 1.0 + step, 0.0]
+    buffer.by_name(["knee"], [4.0])
+    command, expired = buffer.due(0.5)
+    assert (command.efforts.tolist(), expired.expired) == ([3.0, 4.0, 0.0], ("hip",))
+    assert (buffer.lapsed, buffer.expired) == (("hip",), 1)
+    assert buffer.due(0.9) == []
+    assert buffer.due(1.0)[0].expired == ("knee",)
+    buffer.by_name(["hip"], [1.0])
+    assert buffer.due(1.1)[0].efforts.tolist() == [1.0, 0.0, 0.0]
+    assert buffer.lapsed == ("knee",)
+
+
+def test_a_timeout_of_zero_never_expires(buffer):
+    buffer.timeout = 0.0
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.due(0.0)
+    assert buffer.due(1e9) == []
+
+
+def test_clear_forgets_the_efforts(buffer):
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.clear()
+    assert buffer.due(0.0) == []
+    buffer.by_name(["hip"], [1.0])
+    assert buffer.due(0.0)[0].efforts.tolist() == [1.0, 0.0, 0.0]
