@@ -11,14 +11,15 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.actuators.cylinders import CylinderOutput, cylinder_output
+from mbd_sim.dynamics.actuators.motors import MotorOutput, dc_motor, effort_motor
 from mbd_sim.dynamics.actuators.servos import ServoSignals, servo_output, with_reference
 from mbd_sim.dynamics.forces.elements import ElementForces
 from mbd_sim.dynamics.forces.joints import JointForces
-from mbd_sim.dynamics.kinematics.motors import MotorOutput, dc_motor, effort_motor, speed_rows, within
+from mbd_sim.dynamics.kinematics.links import speed_rows
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
 from mbd_sim.dynamics.layouts.actuators import ActuatorSlots
-from mbd_sim.dynamics.math.spatial import constant, is_finite, is_symbolic
+from mbd_sim.dynamics.math.spatial import constant, is_finite, is_symbolic, within
 from mbd_sim.mechanism.elements.actuators import (
     PRESSURES,
     Actuator,

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from mbd_sim.dynamics.kinematics.motors import limited
-from mbd_sim.dynamics.math.spatial import is_absent, is_finite
+from mbd_sim.dynamics.math.spatial import is_absent, is_finite, limited
 from mbd_sim.mechanism.elements.actuators import Servo
 
 

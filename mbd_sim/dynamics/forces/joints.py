@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.kinematics.state_variables import PowerSplit, StateVariables, function_of_coordinates
+from mbd_sim.dynamics.kinematics.state_variables import StateVariables, function_of_coordinates
+from mbd_sim.dynamics.kinematics.wrenches import PowerSplit
 from mbd_sim.dynamics.math.laws import elastic, friction, power_law
 from mbd_sim.dynamics.math.spatial import is_absent
 from mbd_sim.mechanism.elements.parts import Joint, Limits

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,8 +11,9 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.kinematics.joint_motions import JointAxes
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
-from mbd_sim.dynamics.math.spatial import inertia_matrix
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
+from mbd_sim.dynamics.math.spatial import inertia_matrix, is_absent
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -120,3 +122,24 @@ def _cleaned(array: Array) -> Array:
     size, whole = np.abs(array), np.round(array)
     array = np.where(np.abs(array - whole) <= ROUND_OFF * size, whole, array)
     return np.where(size <= ROUND_OFF * np.max(size), 0.0, array)
+
+
+def speed_rows(links: Sequence[Link]) -> dict[str, int]:
+    """The index in u of each coordinate."""
+    return {name: link.u.start + offset for link in links for offset, name in enumerate(link.joint.coordinate_names)}
+
+
+def rotor_inertias(actuators: Sequence[Actuator], links: Sequence[Link], nv: int) -> ca.SX | None:
+    """The inertias (nv,) of rotors as their coordinates feel them, N² J in kg·m² or kg; None without any.
+
+    A rotor that turns N times as fast as its coordinate adds N² J to the diagonal of the mass matrix: its kinetic
+    energy is ½ J (N q')². Its mass is that of the part that carries it, whose rotation changes this energy only by
+    terms of the order of 1/N, which are left out (Featherstone, sec. 9.6).
+    """
+    rows, added, present = speed_rows(links), ca.SX(nv, 1), False
+    for actuator in actuators:
+        motor = actuator.motor
+        if isinstance(actuator.port, CoordinatePort) and not is_absent(motor.rotor_inertia):
+            added[rows[actuator.port.coordinate]] += motor.gear**2 * motor.rotor_inertia
+            present = True
+    return added if present else None

@@ -38,7 +38,8 @@ class Session(ABC):
 
     def __init__(self, bench: Bench, *, running: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.bench, self.history, self.samples = bench, History(), Samples()
-        self.running, self.speed, self.show_reactions = running, 1.0, False
+        self.running, self.speed = running, 1.0
+        self.watched: dict[str, Callable[[Bench], Any]] = {}  # what frames contain besides, by name
         self.reading: Callable[[Bench], float] | None = None
         self.message, self.generation, self.turns = "", 1, 0
         self.edition = 0  # counts changes of live values
@@ -217,10 +218,10 @@ class Session(ABC):
         if hold is not None:
             position, force = hold.acting(simulation)
             pull = position, hold.target, force
-        reactions = simulation.reactions() if self.show_reactions else {}
         return Frame(
             generation=self.generation,
             number=self.turns,
+            mechanism=simulation.live_mechanism,
             time=simulation.time,
             running=self.running,
             rate=self._rate if self.running else 0.0,
@@ -232,7 +233,7 @@ class Session(ABC):
             energies=np.array(tuple(simulation.energies)),
             positions=model.coordinates(simulation.state),
             speeds=simulation.u.copy(),
-            reactions={name: one.force.copy() for name, one in reactions.items()},
+            watched={name: read(self.bench) for name, read in self.watched.items()},
             pull=pull,
             span=self.history.span,
             message=self.message or self.bench.message,
