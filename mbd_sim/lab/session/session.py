@@ -221,6 +221,7 @@ class Session(ABC):
         return Frame(
             generation=self.generation,
             number=self.turns,
+            mechanism=simulation.live_mechanism,
             time=simulation.time,
             running=self.running,
             rate=self._rate if self.running else 0.0,
