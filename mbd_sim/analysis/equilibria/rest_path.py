@@ -15,7 +15,7 @@ import numpy as np
 from mbd_sim.analysis.equilibria.rest_balance import Rest, RestBalance, RestSlopes
 from mbd_sim.base.geometry.pose import Array
 
-FLAT = 1e-10  # singular values up to this fraction of the largest, or this, count as zero
+SINGULAR = 1e-10  # singular values up to this fraction of the largest, or this, count as zero
 BALANCED, CORRECTED = 1e-9, 1e-7  # what may remain of the balance at an equilibrium, and along the path
 SHORT = 1e-8  # Newton's last step to an equilibrium
 STATIONARY = 1e-7  # the least part of the load in a tangent
@@ -174,7 +174,7 @@ def _corrected(balance: RestBalance, place: _Place, step: Array) -> _Place | Non
 def _newton_step(matrix: Array, remaining: Array) -> tuple[Array, Array]:
     """The least step that balances linearized forces, and an orthonormal basis (k, n) of those that change nothing."""
     left, values, axes = np.linalg.svd(matrix)
-    count = int(np.sum(values > FLAT * max(1.0, float(np.max(values, initial=0.0)))))
+    count = int(np.sum(values > SINGULAR * max(1.0, float(np.max(values, initial=0.0)))))
     step = -axes[:count].T @ (left[:, :count].T @ remaining / values[:count])
     return np.asarray(step), axes[count:]
 
