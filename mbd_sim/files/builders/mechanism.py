@@ -24,8 +24,7 @@ from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import POSITION, VELOCITY
-from mbd_sim.files.text.units import factor
-from mbd_sim.files.text.values import is_number, split_unit
+from mbd_sim.files.text.units import factor, is_number, split_unit
 from mbd_sim.mechanism.contents import coordinates_acted_on, force_expressions
 from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.mechanism.elements.parts import GROUND, Joint

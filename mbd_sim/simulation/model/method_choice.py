@@ -1,4 +1,7 @@
-"""The integration method of a model: the one that was asked for, or one that is stable at the mechanism's rates."""
+"""The integration method of a model: the one that was asked for, or one that is stable at the mechanism's rates.
+
+The fastest motion near a state is the eigenvalue of the equations that is largest in size.
+"""
 
 from __future__ import annotations
 
