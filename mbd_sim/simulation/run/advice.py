@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
-import casadi as ca
 import numpy as np
 
-from mbd_sim.base.errors import DivergedError, Problem, listed
-from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.dynamics.math.expressions import function_of
-from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
-from mbd_sim.mechanism.elements.constraints import Surface, expressions_of
+from mbd_sim.base.errors import DivergedError, listed
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
     AppliedForce,
