@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from mbd_sim.lab.page.camera import aim
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import parse_mechanism
+from mbd_sim.lab.scene.camera import aim
 from mbd_sim.pictures.shapes.extent import extent_of
 from test.docs.site_browser import browser
 from test.lab.page.test_page import FLAGS, SIZE
