@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, MechanismError, Problem
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
 from mbd_sim.mechanism.elements.forces import Damper, Spring
 from mbd_sim.mechanism.mass_properties import state_numbers
@@ -18,7 +19,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TIME
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
 
-COINCIDENT = 1e-12  # m
+COINCIDENT = 1e-12  # of the natural length
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +41,9 @@ def require_defined_forces(mechanism: Mechanism, start: StartOfForces) -> None:
     :raises MechanismError: the elements are named.
     """
     problems = list(_undefined_expressions(mechanism, start))
+    least = COINCIDENT * natural_units(mechanism, mechanism.step).length
     for element, length in zip(mechanism.two_point_elements, start.lengths, strict=True):
-        if not element.needs_line or length > COINCIDENT:
+        if not element.needs_line or length > least:
             continue
         match element:
             case Spring():
