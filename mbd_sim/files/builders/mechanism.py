@@ -24,9 +24,8 @@ from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import POSITION, VELOCITY
-from mbd_sim.files.text.units import factor
-from mbd_sim.files.text.values import is_number, split_unit
-from mbd_sim.mechanism.contents import force_expressions
+from mbd_sim.files.text.units import factor, is_number, split_unit
+from mbd_sim.mechanism.contents import coordinates_acted_on, force_expressions
 from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.exact_geometry.snapping import inexact, with_exact_loops
@@ -165,10 +164,11 @@ def _named_joints(elements: MechanismElements) -> set[str]:
     sprung = {bushing.name for bushing in elements.joint_bushings if elements.joints[bushing.name].type == "free"}
     if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
         return sprung
+    names = {
+        state.coordinate for one in force_expressions(elements.joints.values(), ()) for state in one.expression.state
+    }
     of_all_kinds: chain[ForceElement] = chain.from_iterable(vars(forces).values())
-    found = force_expressions(elements.joints.values(), of_all_kinds)
-    names = {state.coordinate for one in found for state in one.expression.state}
-    names |= {effort.coordinate for effort in forces.efforts}
+    names |= set[str]().union(*map(coordinates_acted_on, of_all_kinds))
     return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)} | sprung
 
 

@@ -1,4 +1,7 @@
-"""The integration method of a model: the one that was asked for, or one that is stable at the mechanism's rates."""
+"""The integration method of a model: the one that was asked for, or one that is stable at the mechanism's rates.
+
+The fastest motion near a state is the eigenvalue of the equations that is largest in size.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from mbd_sim.simulation.model.spectrum import FastestMode, fastest_mode, fastest
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 TRIVIAL = 2  # instructions of the rates, which cost less than the history of a method that uses earlier steps
-SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
+EXPLICIT_SHARE = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
 LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
 CANCELLATION = 1e-4  # relative error of the difference of two rates
 # The fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration.
@@ -149,7 +152,7 @@ def _implicit(equations: Equations, inputs: Array, step: float, fastest: float) 
     """
     others = max(fastest_without_joints(equations, 0.0, state, inputs).rate for state in _starts(equations))
     others = max([others, *(mode.rate for mode in _drive_modes(equations, inputs))])
-    return STIFF_JOINTS if step * others <= SLOW or others <= CANCELLATION * fastest else STIFF
+    return STIFF_JOINTS if step * others <= EXPLICIT_SHARE or others <= CANCELLATION * fastest else STIFF
 
 
 def _is_slow(equations: Equations, inputs: Array, rate: float) -> bool:
