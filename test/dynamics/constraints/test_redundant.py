@@ -212,6 +212,28 @@ def test_a_gap_between_welded_parts_never_acts(bound):
     assert [*simulation.q, *simulation.u] == pytest.approx(expected, rel=1e-11)
 
 
+OTHER_PART = """  d: {mass: 1, center: [0.1, 0, 0], inertia: [0.02, 0.03, 0.04]}
+joints:
+  other: {type: revolute, between: [ground, d], axis: [0, 0, 1], drive: sin(t)}
+"""
+
+
+@pytest.mark.parametrize("bound", ["at_most", "at_least"])
+@pytest.mark.parametrize("kind", ["a drive elsewhere", "a live value", "a length of time"])
+def test_a_gap_that_no_coordinate_changes_never_acts(kind, bound):
+    """It divided by the round-off in its row: the state became infinite in the first step."""
+    change = {"at_most": "- 0.1*sin(3*t)", "at_least": "+ 0.1*sin(3*t)"}[bound] if kind == "a length of time" else ""
+    text = STRUT.replace("1.0565768360853087}", f"1.0565768360853087 {change}, bound: {bound}, restitution: 0.5}}")
+    text = text.replace("joints:\n", OTHER_PART) if kind == "a drive elsewhere" else text
+    simulation = BaseSimulation(parse_mechanism(text), live=["parts.b.mass"] if kind == "a live value" else [])
+    assert simulation.passing_advice is None
+    simulation.run(until=0.5)
+    expected = [-0.3530869495028562, 2.9360132572415556, -8.668652628433184, 6.621133500079806]
+    assert [*simulation.q[:2], *simulation.u[:2]] == pytest.approx(expected, rel=1e-11)
+    advice = simulation.passing_advice or ""
+    assert ("drives move bodies into each other at 'constraints.c'" in advice) == (kind == "a length of time")
+
+
 @pytest.mark.parametrize("drive", ["sin(2*t)", "2*t", "1 - cos(3*t)", {"command": "position", "bandwidth": 50}])
 def test_a_driven_shaft_may_have_two_bearings(drive):
     """The drift of its rows is round-off as well, and contradicts no drive."""
