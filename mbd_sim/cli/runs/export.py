@@ -7,18 +7,19 @@ from pathlib import Path
 
 from mbd_sim.base.errors import counted
 from mbd_sim.cli.shared.command import Command
-from mbd_sim.cli.shared.common import add_quiet
-from mbd_sim.cli.shared.plot_options import (
+from mbd_sim.cli.shared.common import (
     add_coordinates,
     add_plot_style,
+    add_quiet,
     add_show,
     chosen_style,
     plotted_coordinates,
     shown_plots,
 )
 from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
-from mbd_sim.recordings.views import export, plots
+from mbd_sim.recordings.views import plots
 from mbd_sim.recordings.views.panels import panels, require_names
+from mbd_sim.recordings.views.table import export, require_table
 
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +30,10 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
 
 def _export(options: argparse.Namespace) -> int:
     """Write the table."""
-    export.require_table(options.out)
+    require_table(options.out)
     with recorded_run(options.recording, options) as path:
         table = read_run_table(path, options.quiet, options.recording)
-    columns = export.export(options.out, table)
+    columns = export(options.out, table)
     print(f"wrote {options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
     return 0
 

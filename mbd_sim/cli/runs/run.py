@@ -16,7 +16,7 @@ from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes, energy_size
 from mbd_sim.pictures.rerun.viewer import Viewer
-from mbd_sim.recordings.messages.journal import publication_schedule
+from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.model import UNKNOWN_ENERGY
 from mbd_sim.simulation.run.simulation import BaseSimulation
 

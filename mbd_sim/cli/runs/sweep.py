@@ -36,7 +36,8 @@ from mbd_sim.many.sweep.runs import (
     sweep,
     write,
 )
-from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot, require_suffix
+from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot
+from mbd_sim.recordings.views.table import require_suffix
 
 SAMPLES = 1000  # of each run, from which its extremes are taken, unless --every is given
 MAX_PROBLEMS = 5  # printed

@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.kinematics.joint_motions import JointAxes
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.spatial import inertia_matrix, is_absent
 from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.parts import GROUND, Joint

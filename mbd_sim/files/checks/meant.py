@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 from mbd_sim.base.errors import Problem
 from mbd_sim.files.checks.json_schema import known_keys, known_types
 from mbd_sim.files.checks.problems import CUTOFF, TYPE_SYNONYMS, in_file, problems_of
-from mbd_sim.files.schema.base import validator_of
+from mbd_sim.files.schema.fields import validator_of
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import Parameters
 from mbd_sim.files.text.spelling import synonym

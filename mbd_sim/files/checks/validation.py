@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.base.geometry.pose import Pose, identity_pose
-from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order
+from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order, problems_of_ranges
 from mbd_sim.files.checks.meant import ENTRIES, as_meant, problems_of_any_type
 from mbd_sim.files.checks.problems import problems_of
-from mbd_sim.files.schema.base import validator_of
+from mbd_sim.files.schema.fields import validator_of
 from mbd_sim.files.schema.file import GroundSpec, IntegrationSpec, MechanismFile
 from mbd_sim.files.schema.laws import TableSpec
 from mbd_sim.files.text.library import SUFFIXES
@@ -69,6 +69,9 @@ def _hidden_problems(source: Source, errors: list[ErrorDetails]) -> list[Problem
     for details in errors:
         if details["type"] == "union_tag_invalid":
             problems += problems_of_any_type(source, details, parameters)
+    field = get_args(MechanismFile.model_fields["ranges"].annotation)[1]
+    ranges = _accepted(source.data.get("ranges"), field, parameters)
+    problems += problems_of_ranges(ranges, parameters.values, source)
     return problems + _reference_problems(source, dataclasses.replace(parameters, lenient=True))
 
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from mbd_sim.lab.page.change_tab import ChangeTab
 from mbd_sim.lab.page.help_tab import HelpTab
 from mbd_sim.lab.page.keep_tab import KeepTab
+from mbd_sim.lab.page.kinematics_tab import KinematicsTab
 from mbd_sim.lab.page.plots_tab import PlotsTab
 from mbd_sim.lab.page.run_bar import RunBar
 from mbd_sim.lab.page.show_tab import ShowTab
@@ -117,12 +118,14 @@ class Page:
             self._change = ChangeTab(gui, session, self._preparer, settings, self._touched)
         with tabs.add_tab("Plots"):
             self._plots = PlotsTab(gui, session, dark=self._dark)
+        with tabs.add_tab("Kinematics"):
+            self._kinematics = KinematicsTab(gui, session, self._scene, size)
         with tabs.add_tab("Show"):
             ShowTab(gui, session, self._scene, css, dark=self._dark, darken=self._darken)
         with tabs.add_tab("Keep"):
             self._keep = KeepTab(gui, session, dark=self._dark)
         with tabs.add_tab("Help"):
-            self._help = HelpTab(gui, self._check)
+            self._help = HelpTab(gui, self._check, of_node=session.of_node)
 
     def _darken(self, dark: bool) -> None:
         self._dark, self._generation = dark, 0  # the page is built again
@@ -156,7 +159,7 @@ class Page:
 
     def _tell(self, frame: Frame) -> None:
         """Update texts, plots and sliders."""
-        for shown in (self._run_bar, self._change, self._plots, self._keep, self._help):
+        for shown in (self._run_bar, self._change, self._plots, self._kinematics, self._keep, self._help):
             shown.show(frame)
         if (text := self._status(frame)) != self._note:
             self._told.content = self._note = text

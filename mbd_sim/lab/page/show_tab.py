@@ -7,6 +7,7 @@ from typing import Any
 
 from mbd_sim.lab.page.style import style
 from mbd_sim.lab.scene.scene import Scene
+from mbd_sim.lab.scene.traces import TIPS, traceable
 from mbd_sim.lab.scene.vectors import VIEWS, View
 from mbd_sim.lab.session.session import Session
 
@@ -19,6 +20,9 @@ class ShowTab:
     ) -> None:
         self._session, shown = session, scene.shown
         traces = gui.add_checkbox("Traces", initial_value=shown.traces)
+        names = traceable(session.bench.simulation.mechanism)
+        traced = gui.add_dropdown("Trace of", names, initial_value=TIPS, hint="tips, or one point: its coupler curve")
+        traced.on_update(lambda _: scene.traces.choose(traced.value))
         contacts = gui.add_checkbox("Contact forces", initial_value=shown.contacts)
 
         def choose(_: Any) -> None:
@@ -28,7 +32,7 @@ class ShowTab:
         contacts.on_update(choose)
         for view in VIEWS:
             self._add_view(gui, view)
-        gui.add_button("Clear the traces", color="gray").on_click(lambda _: scene.clear_traces())
+        gui.add_button("Clear the traces", color="gray").on_click(lambda _: scene.traces.forget())
         on_dark = gui.add_checkbox("Dark", initial_value=dark)
         on_dark.on_update(lambda _: darken(on_dark.value))
         large = gui.add_checkbox("Large text", initial_value=False)

@@ -2,7 +2,8 @@
 
 | module | contents |
 |---|---|
-| `scene` | parts that move by the pose of their frame, lines between points, traces |
+| `scene` | all of it, as a frame has it |
+| `bodies`, `traces` | forms that move with parts and follow changed lengths; paths of points |
 | `vectors`, `arrows` | forces, couples and velocities of a bench, and how they are drawn |
 | `ground` | the grid, and the planes that bodies touch |
 | `camera` | from where the scene is seen |

@@ -1,34 +1,27 @@
-"""The scene of a page: parts that move by the pose of their frame, lines between points, arrows and traces."""
+"""The scene of a page: bodies, lines between points, arrows and traces, as a frame has them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
-from mbd_sim.base.geometry.rotation import quaternions, to_quaternion
-from mbd_sim.files.text.mesh_files import mesh_path
 from mbd_sim.lab.scene.arrows import NOWHERE, Arrows
+from mbd_sim.lab.scene.bodies import Bodies, Dragged
 from mbd_sim.lab.scene.ground import add_ground
+from mbd_sim.lab.scene.traces import Traces
 from mbd_sim.lab.scene.vectors import VIEWS, Vectors
 from mbd_sim.lab.session.frames import Frame
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette, solids
 from mbd_sim.pictures.shapes.extent import Extent
-from mbd_sim.pictures.shapes.joints import default_traces, pulls, weight
-from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
-from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere
+from mbd_sim.pictures.shapes.joints import pulls, weight
+from mbd_sim.pictures.shapes.primitives import Connector, connectors
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH
 from mbd_sim.simulation.model.model import Model
-
-THIN = 0.25  # of the width of a line, for lines as thin as they can be seen
-TRACE_POINTS = 600
-
-Dragged = Callable[[int, str, str, Array, Array], None]  # page, phase, part, point in its frame, pointer in ground's
 
 
 @dataclass
@@ -61,126 +54,71 @@ class Scene:
         :param scene: the `scene` of viser's server.
         :param dragged: called in a thread of viser while a part is dragged.
         """
-        self._scene, self._model, self._size, self._dragged = scene, model, extent.size, dragged
-        self._names = (*model.part_names, GROUND)
-        self._index = {name: index for index, name in enumerate(self._names)}
-        self._poses = np.vstack([model.pose_array(0.0, model.start), pack_poses(np.zeros(3), np.eye(3))])
-        self.shown = Shown()
-        self._frames = [scene.add_frame(f"/parts/{name}", show_axes=False) for name in self._names]
-        self._last_time = np.inf
+        self._scene, self._model, self._extent = scene, model, extent
+        self._mechanism, self._last_time, self.shown = model.mechanism, np.inf, Shown()
+        self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
         add_ground(scene, model.mechanism, extent, dark=dark)
-        self._source = model.mechanism.source.file
-        for number, one in enumerate([*primitives(model.mechanism, extent, self._can_draw), *wires(model, extent)]):
-            if not one.hole:
-                self._add(f"/parts/{one.part}/{number}", one)
-        start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
-        self._lines = [self._connected(one) for one in connectors(model.mechanism, extent, start)]
+        self._bodies = Bodies(scene, model, extent, dragged)
+        self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
+        self._lines = [self._connected(one) for one in connectors(model.mechanism, extent, self._start)]
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._add_arrows(dark)
-        self._string = scene.add_line_segments(
-            "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * self._size
-        )
-        self._add_traces(model.mechanism)
+        self.traces = Traces(scene, model.mechanism, extent.size)
+        self._path = scene.add_line_segments("/path", NOWHERE, palette.CURVE, thickness=0.6 * LINE_WIDTH * extent.size)
 
     def show(self, frame: Frame) -> None:
         """Move everything to a frame."""
-        ground = pack_poses(np.zeros(3), np.eye(3))
-        poses = self._poses = np.vstack([frame.poses, ground])
-        positions, rotations = unpack_poses(poses)
-        for handle, position, xyzw in zip(self._frames, positions, quaternions(rotations), strict=True):
-            handle.position = position
-            handle.wxyz = np.roll(xyzw, 1)
+        if frame.mechanism is not self._mechanism:
+            self._reshape(frame.mechanism)
+        self._poses = np.vstack([frame.poses, pack_poses(np.zeros(3), np.eye(3))])
+        self._bodies.move(self._poses)
         for line in self._lines:
             line.handle.points = line.points([self._at(end) for end in line.ends]).astype(np.float32)
         self._show_arrows(frame)
         if frame.time < self._last_time or not self.shown.traces:
-            self._forget_traces()
-        if frame.time != self._last_time and self.shown.traces:
-            self._extend_traces()
+            self.traces.forget()
+        if self.shown.traces:
+            self.traces.extend(self._at)
         self._last_time = frame.time
 
-    def clear_traces(self) -> None:
-        """Forget the traces, as after a change of a length."""
-        self._forget_traces()
+    def draw_path(self, points: Array) -> None:
+        """Draw a line through points (n, 3) that do not move."""
+        self._path.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) else NOWHERE
+
+    def _reshape(self, mechanism: Mechanism) -> None:
+        """Draw a mechanism with other values, such as lengths."""
+        self._mechanism = mechanism
+        self._bodies.reshape(mechanism)
+        found = connectors(mechanism, self._extent, self._start)
+        for line, one in zip(self._lines, found, strict=True):
+            line.ends = one.points
+        self.traces.forget()
+        self.traces.follow(mechanism)
 
     def _at(self, end: Attachment) -> Array:
         position, rotation = unpack_poses(self._poses[self._index[end.part]])
         return np.asarray(position + rotation @ end.point)
 
-    def _add(self, path: str, primitive: Primitive) -> None:
-        pose = primitive.pose
-        place = {"position": pose.position, "wxyz": to_quaternion(pose.rotation), "color": primitive.color}
-        add = self._scene
-        match primitive.form:
-            case Rod(length, radius):
-                handles = [add.add_cylinder(path, radius=radius, height=length, **place)]
-                for end in (-0.5, 0.5):
-                    center = pose.position + end * length * pose.rotation[:, 2]
-                    ball = {"position": center, "color": primitive.color}
-                    handles.append(add.add_icosphere(f"{path}/{end}", radius=radius, **_local(ball, pose)))
-            case Cylinder(length, radius):
-                handles = [add.add_cylinder(path, radius=radius, height=length, radial_segments=48, **place)]
-            case Ring(radius, tube):
-                import trimesh
-
-                mesh = trimesh.creation.torus(radius, tube, major_sections=64, minor_sections=12)
-                handles = [add.add_mesh_simple(path, mesh.vertices, mesh.faces, **place)]
-            case Box(size):
-                handles = [add.add_box(path, dimensions=size, **place)]
-            case Sphere(radius):
-                handles = [add.add_icosphere(path, radius=radius, **place)]
-            case Lines(strips, radius):
-                segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in strips])
-                color, width = place.pop("color"), 2.0 * radius or THIN * LINE_WIDTH * self._size
-                add.add_line_segments(path, segments.astype(np.float32), color, thickness=width, **place)
-                return
-            case Mesh() as mesh:
-                file = mesh_path(mesh.file, self._source)
-                assert file is not None
-                corners = triangles(file) * np.array(mesh.scale)
-                faces = np.arange(3 * len(corners)).reshape(-1, 3)
-                handles = [add.add_mesh_simple(path, corners.reshape(-1, 3), faces, side="double", **place)]
-            case _ as unknown:
-                assert_never(unknown)
-        if self._dragged is not None and primitive.part != GROUND:
-            for handle in handles:
-                handle.on_drag("left")(self._drag_of(primitive.part))
-
-    def _drag_of(self, part: str) -> Callable[[Any], None]:
-        """Passes on the drags of a part, with the grabbed point in its frame."""
-        held: dict[int, Array] = {}
-
-        def on_drag(event: Any) -> None:
-            if event.phase == "start":
-                position, rotation = unpack_poses(self._poses[self._index[part]])
-                held[event.client_id] = rotation.T @ (np.array(event.start_position) - position)
-            point = held.get(event.client_id)
-            if point is not None and self._dragged is not None:
-                self._dragged(event.client_id, event.phase, part, point, np.array(event.end_position))
-
-        return on_drag
-
-    def _can_draw(self, mesh: Mesh) -> bool:
-        path = mesh_path(mesh.file, self._source)
-        return path is not None and not reason_not_to_draw(path)
-
     def _connected(self, one: Connector) -> _Between:
         """The lines of a spring, a cylinder, a rod or a rope."""
         width, pairs = 2.0 * one.radius, None
         if one.form == "coil":
-            width = LINE_WIDTH * self._size
+            width = LINE_WIDTH * self._extent.size
             pairs = np.repeat(solids.coil(one.radius)[::3], 2, axis=0)[1:-1]
         elif one.form == "cylinder":
-            width, pairs = LINE_WIDTH * self._size, solids.dashpot(one.radius)
+            width, pairs = LINE_WIDTH * self._extent.size, solids.dashpot(one.radius)
         handle = self._scene.add_line_segments(f"/{one.kind}/{one.name}", NOWHERE, one.color, thickness=width)
         return _Between(handle, one.points, pairs)
 
     def _add_arrows(self, dark: bool) -> None:
         """Contact forces, the force of a hand, and what the views read."""
-        mechanism, size = self._model.mechanism, self._size
+        mechanism, size = self._mechanism, self._extent.size
         force = weight(mechanism, size), 1.0
         self._contacts = Arrows(self._scene, "contacts", palette.CONTACT if dark else (196, 138, 0), size, force)
         self._pull = Arrows(self._scene, "pull", palette.APPLIED, size, force)
+        self._string = self._scene.add_line_segments(
+            "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * size
+        )
         self._views = {
             view.key: Arrows(self._scene, view.key, view.colors[dark], size, view.full(mechanism, size))
             for view in VIEWS
@@ -195,37 +133,3 @@ class Scene:
         string = NOWHERE if frame.pull is None else np.array([frame.pull[:2]], dtype=np.float32)
         if len(string) or len(self._string.points):
             self._string.points = string
-
-    def _add_traces(self, mechanism: Mechanism) -> None:
-        colors = palette.part_colors(mechanism)
-        self._traces: Mapping[str, tuple[Attachment, list[Array], Any]] = {
-            name: (
-                at,
-                [],
-                self._scene.add_line_segments(
-                    f"/traces/{name}", NOWHERE, colors[name], thickness=0.6 * LINE_WIDTH * self._size
-                ),
-            )
-            for name, at in default_traces(mechanism).items()
-        }
-
-    def _extend_traces(self) -> None:
-        for at, points, handle in self._traces.values():
-            here = self._at(at)
-            if points and np.linalg.norm(here - points[-1]) < 2e-3 * self._size:
-                continue
-            points.append(here)
-            del points[:-TRACE_POINTS]
-            if len(points) > 1:
-                handle.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
-
-    def _forget_traces(self) -> None:
-        for _, points, handle in self._traces.values():
-            if points:
-                points.clear()
-                handle.points = NOWHERE
-
-
-def _local(place: dict[str, Any], pose: Any) -> dict[str, Any]:
-    """The placing of a child of a node at `pose`, given in the frame of that node's parent."""
-    return {**place, "position": pose.rotation.T @ (place["position"] - pose.position)}

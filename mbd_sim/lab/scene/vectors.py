@@ -49,7 +49,7 @@ def reactions(bench: Bench) -> Vectors:
     """The force and the moment that each joint transmits to its child, at its point there."""
     simulation, found = bench.simulation, Vectors()
     for name, reaction in simulation.reactions().items():
-        joint = simulation.mechanism.all_joints[name]
+        joint = simulation.live_mechanism.all_joints[name]
         frame = simulation.frame(joint.child)
         point = frame.position + frame.rotation @ joint.child_pose.position
         found.add(False, point, reaction.force.copy())
@@ -60,7 +60,7 @@ def reactions(bench: Bench) -> Vectors:
 def efforts(bench: Bench) -> Vectors:
     """The efforts that are commanded, and those of actuators, as they act on the child or along a line."""
     simulation, found = bench.simulation, Vectors()
-    mechanism = simulation.mechanism
+    mechanism = simulation.live_mechanism
     sums = dict(zip(simulation.coordinate_names, simulation.efforts.tolist(), strict=True))
     states = simulation.actuators() if mechanism.actuators else {}
     drives = {name: (joint, coordinate) for name, joint, coordinate in driven_coordinates(mechanism)}
@@ -83,8 +83,9 @@ def efforts(bench: Bench) -> Vectors:
 def velocities(bench: Bench) -> Vectors:
     """The velocities of the mass centers, and of the tips that leave traces."""
     simulation, found = bench.simulation, Vectors()
-    tips = default_traces(simulation.mechanism)
-    for name, part in simulation.mechanism.parts.items():
+    mechanism = simulation.live_mechanism
+    tips = default_traces(mechanism)
+    for name, part in mechanism.parts.items():
         frame = simulation.frame(name)
         points = [part.center] if part.mass else []
         if name in tips and not (points and np.allclose(points[0], tips[name].point)):

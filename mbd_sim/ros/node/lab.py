@@ -60,6 +60,7 @@ class LabPage:
             "release": self._release,
             "abandon": lambda part: "" if node.wrenches.timeout else self._release(part),
             "place": self._place,
+            "state": lambda positions, speeds: self._set_state(StateValues(positions, speeds)),
             "record": lambda on: node.run_services.record(on)[1],
         }
         simulation, parameters = node.simulation, node.parameters
@@ -169,14 +170,18 @@ class LabPage:
         return ""
 
     def _place(self, positions: Mapping[str, float], speeds: Mapping[str, float]) -> str:
-        thread = self._node.stepping_thread
+        """Set the state of a mechanism that is dragged: not if it runs meanwhile."""
 
         def given() -> StateValues:
-            if not thread.paused:
+            if not self._node.stepping_thread.paused:
                 raise CommandError("the run goes on", "Pause it before moving the mechanism.")
             return StateValues(positions, speeds)
 
-        if problem := thread.set_state(given, told=False):
+        return self._set_state(given)
+
+    def _set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+        if problem := self._node.stepping_thread.set_state(given, told=False):
             self._node.subscribed.states_rejected += 1
             raise CommandError(problem)
+        self._node.subscribed.states_accepted += 1
         return ""

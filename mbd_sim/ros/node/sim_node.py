@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from mbd_sim.base.errors import CommandError, counted, listed
 from mbd_sim.recordings.messages.definitions import topic_names
-from mbd_sim.recordings.messages.journal import rate_remark
+from mbd_sim.recordings.messages.events import rate_remark
 from mbd_sim.recordings.messages.states import Due
 from mbd_sim.recordings.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros.commands.wrenches import WrenchBuffer

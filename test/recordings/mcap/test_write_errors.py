@@ -9,7 +9,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from mbd_sim.recordings.mcap.check import FileCheck, check_file
-from mbd_sim.recordings.mcap.durable_file import DurableFile
+from mbd_sim.recordings.mcap.writer import DurableFile
 from mbd_sim.recordings.run.paths import RecordingError, new_recording_paths
 from mbd_sim.recordings.run.recovery import recover
 from test.recordings.recordings import count_and_last, messages, recorder_in

@@ -10,7 +10,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.recordings.messages.journal import Journal
+from mbd_sim.recordings.messages.events import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
