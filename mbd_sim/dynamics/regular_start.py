@@ -87,7 +87,7 @@ def start_mass_matrix(traced: TracedMechanism, q: Array) -> Array:
     return np.column_stack([evaluated(function, 0.0, q, each, traced.parameters.base).ravel() for each in directions])
 
 
-ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
+PIVOT_ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
 INVOLVED = 0.1  # the smallest share of a coordinate in a motion without inertia, relative to the largest share
 
 
@@ -117,7 +117,7 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
         if moves and not refused[index]:
             p_WL = p_WB - R_WB @ link.X_LB.rotation.T @ link.X_LB.position
             scale = np.where(_is_moment(link.joint), carried[index].moment_about(p_WL), carried[index].mass)
-            refused[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
+            refused[index] = bool(np.any(~(pivots[link.u] > PIVOT_ROUND_OFF * scale)))
             if refused[index]:
                 problems.append(_no_inertia(mechanism, link))
         if link.parent >= 0:
@@ -138,7 +138,7 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
     """
     sizes = np.sqrt(np.diag(mass_matrix))
     scaled = mass_matrix / np.outer(sizes, sizes)
-    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > ROUND_OFF:
+    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > PIVOT_ROUND_OFF:
         return
     shares = np.abs(np.linalg.eigh(scaled).eigenvectors[:, 0])
     joints = [index for index, link in enumerate(links) if np.any(shares[link.u] > INVOLVED * np.max(shares))]
@@ -159,7 +159,7 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
 
 def _is_particle(part: Part) -> bool:
     """Whether the inertia of a part about its center is round-off of that of its mass at 1 m."""
-    return float(np.trace(part.inertia)) <= ROUND_OFF * part.mass
+    return float(np.trace(part.inertia)) <= PIVOT_ROUND_OFF * part.mass
 
 
 def _is_moment(joint: Joint) -> list[bool]:

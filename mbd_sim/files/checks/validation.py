@@ -69,8 +69,8 @@ def _hidden_problems(source: Source, errors: list[ErrorDetails]) -> list[Problem
     for details in errors:
         if details["type"] == "union_tag_invalid":
             problems += problems_of_any_type(source, details, parameters)
-    field = get_args(MechanismFile.model_fields["ranges"].annotation)[1]
-    ranges = _accepted(source.data.get("ranges"), field, parameters)
+    _, of_each = get_args(MechanismFile.model_fields["ranges"].annotation)
+    ranges = _accepted(source.data.get("ranges"), of_each, parameters)
     problems += problems_of_ranges(ranges, parameters.values, source)
     return problems + _reference_problems(source, dataclasses.replace(parameters, lenient=True))
 

@@ -35,6 +35,7 @@ PERIOD = 0.01  # s between two looks for requests
 CLOSE_TIMEOUT = 2.0  # s
 PROGRAM = "import sys; from mbd_sim.lab.node_page import main; sys.exit(main())"
 ZERO = (0.0, 0.0, 0.0)
+FARTHEST, STIFFEST = 1e6, 1e9  # m, and N/m for each m: beyond, forces would not be finite
 
 
 class LabPage:
@@ -162,6 +163,8 @@ class LabPage:
         return ""
 
     def _pull(self, part: str, point: list[float], target: list[float], stiffness: float, damping: float) -> str:
+        if not np.all(np.abs([*point, *target, stiffness / STIFFEST, damping / STIFFEST]) < FARTHEST):
+            raise CommandError("a pull is too strong", "Pull less far.")
         self._node.wrenches.pull(Hold(part, np.array(point), np.array(target), stiffness, damping))
         return ""
 
