@@ -40,11 +40,11 @@ def motion(mechanism, units):
     return np.array(rows), simulation.model.method_name, simulation.step_advice is None, simulation.remarks != ()
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", SMOOTH[::2])
 def test_a_shipped_mechanism_moves_alike_in_other_units(name):
     """They differed by up to 5e-8, in the method that was chosen, and in the advice on the step."""
     expected, *choices = motion(scaled(name, Units()), Units())
-    units = (LARGE, SMALL)[SMOOTH.index(name) % 2]
+    units = (LARGE, SMALL)[SMOOTH.index(name) // 2 % 2]
     found, *others = motion(scaled(name, units), units)
     assert others == choices
     assert np.max(np.abs(found - expected), initial=0.0) <= 4e-13 * np.max(np.abs(expected), initial=0.0)
