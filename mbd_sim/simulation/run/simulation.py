@@ -168,7 +168,8 @@ class BaseSimulation(PresentState):
         n = step_count(n)
         for part in self._sensors.divided(self._reports.parts_of(n)):
             if not self._memory.advance(part):
-                from mbd_sim.simulation.run.advice import divergence, undefined_expression
+                from mbd_sim.simulation.run.advice import divergence
+                from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
@@ -287,7 +288,7 @@ class BaseSimulation(PresentState):
         :raises TypeError: other arguments are given with a snapshot.
         """
         if isinstance(state, RunPoint):
-            if any(value is not None for value in (steps, inputs, start_energy, live, samples)):
+            if any(value is not None for value in (steps, inputs, start_energy, live, samples, history)):
                 raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
             require_same_layout(state.layout, self._run_layout)
             self._continue_from(state, state.samples)
