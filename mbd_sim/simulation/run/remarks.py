@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,17 @@ from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.math.expressions import function_of, time_functions
 from mbd_sim.files.checks.bare_angles import bare_angle_remarks
 from mbd_sim.mechanism.contents import expressions_of_forces
-from mbd_sim.mechanism.elements.constraints import Coupling, Distance, expressions_of
+from mbd_sim.mechanism.elements.constraints import (
+    Cable,
+    Clutch,
+    Coupling,
+    Distance,
+    Flat,
+    KnifeEdge,
+    Rolling,
+    Surface,
+    expressions_of,
+)
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression
@@ -119,10 +130,17 @@ def _prescribed(mechanism: Mechanism) -> Iterator[tuple[str, TimeExpression, str
             for motion, expression, kind in zip(joint.motion_names, joint.drive, joint.kind.coordinates, strict=False):
                 yield f"the drive of '{motion if len(joint.drive) > 1 else name}'", expression, kind.unit
     for constraint in mechanism.constraints:
-        if isinstance(constraint, Distance | Coupling):
-            for expression in expressions_of(constraint):
-                unit = "m" if isinstance(constraint, Distance) else "units"
-                yield f"the constraint '{constraint.name}'", expression, unit
+        match constraint:
+            case Distance() | Cable():
+                unit = "m"
+            case Coupling() | Surface():
+                unit = "units"
+            case Clutch() | Flat() | Rolling() | KnifeEdge():
+                continue
+            case _:
+                assert_never(constraint)
+        for expression in expressions_of(constraint):
+            yield f"the constraint '{constraint.name}'", expression, unit
 
 
 def jumps(expression: TimeExpression, step: float, end: float) -> list[Jump]:
