@@ -24,11 +24,10 @@ from mbd_sim.dynamics.contact.shapes import touch
 from mbd_sim.dynamics.forces.bushings import bushing_potential
 from mbd_sim.dynamics.forces.elements import damper_force, force_vector, spring_force
 from mbd_sim.dynamics.forces.joints import joint_dissipation, joint_forces
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols, flat_pose
 from mbd_sim.dynamics.kinematics.joint_motions import quaternion_rotation
 from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, with_symbols
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose, joint_motion, part_poses
+from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose, flat_pose, joint_motion, part_poses
 from mbd_sim.dynamics.kinematics.state_variables import StateVariables
 from mbd_sim.dynamics.layouts.inputs import coordinate_layout
 from mbd_sim.dynamics.math.expressions import function_of

@@ -15,8 +15,7 @@ from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, rheonomic
 from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units
 from mbd_sim.dynamics.math.rank import row_is_zero

@@ -9,9 +9,9 @@ import pytest
 
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.constraints.rows import branch_checks, joint_frames, loop_equations
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols
 from mbd_sim.dynamics.kinematics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.kinematics.links import build_links
+from mbd_sim.dynamics.kinematics.poses import BodySymbols
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.sdf.writer import to_sdf
