@@ -1,6 +1,7 @@
 """A cache on disk of compiled kernels and of mechanism files, so that each is compiled or read once on a machine.
 
-An entry is found by the hash of everything that it was made from, its key. Files are written atomically, by renaming,
+An entry is found by the hash of everything that it was made from, its key. What is `cached` as Python objects also
+depends on the versions of this package and of what it is built with. Files are written atomically, by renaming,
 and have a checksum: several processes may write the same entry at once, and a damaged file counts as missing. The
 environment variable `MBD_SIM_CACHE` names another folder, or disables the cache if it is empty, 0 or off.
 
@@ -14,13 +15,19 @@ import contextlib
 import functools
 import grp
 import hashlib
+import importlib.util
 import os
+import pickle
 import pwd
 import stat
+import sys
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 LARGEST = 200e6  # bytes of all entries together; beyond, the least recently used are removed
 # Of `LARGEST`. To look at thousands of entries takes as long as to compile a small mechanism. So it is done once for so
@@ -155,3 +162,73 @@ def _prune(directory: Path) -> None:
         with contextlib.suppress(OSError):
             Path(path).unlink()
             total -= size
+
+
+T = TypeVar("T")
+
+
+def _always(result: object) -> bool:
+    return True
+
+
+def cached(
+    compute: Callable[[], T],
+    *contents: str,
+    keep: Callable[[T], bool] = _always,
+    fits: Callable[[T], bool] = _always,
+) -> T:
+    """The result of a computation, or an equal one from the cache.
+
+    :param contents: everything that the result depends on, but the versions.
+    :param keep: whether a result may be stored.
+    :param fits: whether a stored result is still what would be computed.
+    """
+    if folder() is None:
+        return compute()
+    name = key(*contents, versions())
+    stored = load(name)
+    if stored is not None:
+        found: T = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
+        if fits(found):
+            return found
+    result = compute()
+    if not keep(result):
+        return result
+    content = pickle.dumps(result)
+    store(name, content)
+    copy: T = pickle.loads(content)  # noqa: S301  (just written)
+    return copy  # whose digest is that of what is loaded later: see `records_digest`
+
+
+@functools.cache
+def versions() -> str:
+    """Python, NumPy, whose arrays the records contain, and the state of every module of this package."""
+    modules: list[str] = []
+    folders = [str(Path(__file__).parent.parent)]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if entry.name.endswith(".py"):
+                    state = entry.stat()
+                    modules.append(f"{entry.path} {state.st_mtime_ns} {state.st_size}")
+                elif "." not in entry.name and entry.is_dir():
+                    folders.append(entry.path)
+    return "\n".join([sys.version, np.__version__, *sorted(modules)])
+
+
+def records_digest(records: object) -> str:
+    """A digest of all records of a mechanism, by which results that depend on it are found.
+
+    Equal mechanisms may have different digests, but different ones never have equal digests.
+    """
+    return hashlib.sha256(pickle.dumps(records)).hexdigest()
+
+
+@functools.cache
+def casadi_version() -> str:
+    """The files of CasADi, by which one version differs from another, without importing it."""
+    found = importlib.util.find_spec("casadi")
+    if found is None or found.origin is None:
+        return ""
+    files = sorted(Path(found.origin).parent.glob("*casadi.*"))
+    return " ".join(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in files)

@@ -32,7 +32,7 @@ from mbd_sim.dynamics.recursion.articulated_body import Accelerations, Factorize
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
 
-ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
+GAP_ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +247,7 @@ class OneSidedDynamics:
         state, n, gaps = traced.state, contacts.layout.rows, contacts.layout.gaps
         holonomic = ca.SX(ca.DM([0.0 if gap.clutch else 1.0 for gap in contacts.gaps]))
         depths = holonomic * contacts.equations.position[:gaps, :]
-        least = ROUND_OFF * self._size / contacts.units.length * ca.DM(contacts.lengths[:gaps])
+        least = GAP_ROUND_OFF * self._size / contacts.units.length * ca.DM(contacts.lengths[:gaps])
         depths = depths * (ca.fabs(depths) > least)  # so that what rests does not move at all
         position = ca.vertcat(-depths, ca.SX(n - gaps, 1))
         right = ca.horzcat(position, -contacts.equations.velocity)

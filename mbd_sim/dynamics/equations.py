@@ -48,8 +48,8 @@ from mbd_sim.dynamics.kinematics.links import like_branches
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.dynamics.layouts.inputs import AUDIT_STATES, CoordinateLayout, InputLayout
 from mbd_sim.dynamics.layouts.state_scales import state_scales
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, CoordinateLayout, InputLayout
 from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix

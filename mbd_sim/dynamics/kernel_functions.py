@@ -1,7 +1,7 @@
-"""The expressions of the equations of motion as the functions that kernels are compiled from.
+"""The expressions of the equations of motion as functions: those that kernels are compiled from, and joint loads.
 
-One of them projects a state onto unit quaternions and onto the constraints. Those of loads on joints are traced when
-they are first read.
+One of them projects a state onto unit quaternions and onto the constraints. The loads of joints are traced when they
+are first read.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.accelerations import AppliedForces, ConstrainedMotion, coupling_forces, drive_table
 from mbd_sim.dynamics.constraints.start import Assembly
-from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
-from mbd_sim.dynamics.kinematics.state_variables import gravitational_potential
+from mbd_sim.dynamics.kinematics.links import Link
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose, normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.math.spatial import merged_function
+from mbd_sim.dynamics.math.spatial import constant, inlined, merged_function
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs, wrenches_of_multipliers
+from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.contact.compliant import CushionFunctions
@@ -108,6 +109,21 @@ def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | 
     from mbd_sim.dynamics.contact.compliant import cushion_functions
 
     return cushion_functions(inputs, forces.elements.cushions)
+
+
+def gravitational_potential(mechanism: Mechanism, links: Sequence[Link], poses: Sequence[SymbolicPose]) -> ca.SX:
+    """-Σ m g·r over the centers of mass in J, which is zero with all of them at ground's origin."""
+    potential, gravity, bodies = ca.SX(1, 1), constant(mechanism.gravity), mechanism.bodies
+    for link, X_WB in zip(links, poses, strict=True):
+        part = bodies[link.joint.outboard]
+        potential -= _work(ca.SX(part.mass), gravity, X_WB.position, X_WB.rotation, constant(part.center))
+    return potential
+
+
+@inlined
+def _work(mass: ca.SX, gravity: ca.SX, position: ca.SX, rotation: ca.SX, center: ca.SX) -> ca.SX:
+    """The work of gravity on a part in J, from ground's origin to the part's center of mass."""
+    return mass * ca.dot(gravity, position + rotation @ center)
 
 
 def reactions_at(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:

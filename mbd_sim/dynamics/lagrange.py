@@ -29,7 +29,7 @@ from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, with_symbols
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose, flat_pose, joint_motion, part_poses
 from mbd_sim.dynamics.kinematics.state_variables import StateVariables
-from mbd_sim.dynamics.layouts.inputs import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant, is_absent, skew
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
@@ -85,7 +85,7 @@ def spatial_inertia(moments: MassMoments, X_LB: Pose) -> ca.SX:
     return ca.sparsify(ca.vertcat(ca.horzcat(own + across, s), ca.horzcat(-s, mass * ca.SX.eye(3))))
 
 
-RANK = 1e-11  # singular values below this fraction of the largest count as zero
+LOOP_RANK = 1e-11  # singular values below this fraction of the largest count as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class LagrangeEquations:
         bias = np.divide(bias, size, where=size > 0.0, out=np.zeros_like(bias))
         matrix = np.block([[mass / (scale @ scale.T), rows.T], [rows, np.zeros((len(rows), len(rows)))]])
         right = np.vstack([(forces - inertial) / scale, -bias])
-        solution = np.linalg.lstsq(matrix, right, rcond=RANK)[0] if len(rows) else np.linalg.solve(matrix, right)
+        solution = np.linalg.lstsq(matrix, right, rcond=LOOP_RANK)[0] if len(rows) else np.linalg.solve(matrix, right)
         return np.asarray((solution[: len(mass)] / scale).ravel(), dtype=np.float64)
 
 

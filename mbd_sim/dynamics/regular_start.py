@@ -1,7 +1,4 @@
-"""The start of a mechanism as a state, at which its equations must be regular.
-
-Every force must have a direction and a finite value there, and the mass matrix must be positive definite.
-"""
+"""The start of a mechanism as a state, at which its equations must be regular."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from mbd_sim.dynamics.constraints.errors import undefined_constraints
 from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.inputs import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
 from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
@@ -34,7 +31,63 @@ if TYPE_CHECKING:
     from mbd_sim.dynamics.actuators.functions import ActuatorFunctions
 
 
-ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
+def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
+    return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
+
+
+def start_with_actuators(
+    traced: TracedMechanism, start: AssembledStart, forces: AppliedForces
+) -> tuple[Array, ActuatorFunctions | None]:
+    """The start state, with the states of the actuators, and their functions."""
+    y = _start_state(traced, start)
+    if forces.actuators is None:
+        return y, None
+    from mbd_sim.dynamics.actuators.functions import actuator_functions, require_within_strokes
+
+    functions = actuator_functions(traced, forces.actuators)
+    functions.hold(traced.numeric.actuators, y)
+    require_within_strokes(traced.numeric, functions, y)
+    return y, functions
+
+
+def require_regular_start(
+    traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
+) -> None:
+    """Refuse a start at which a constraint or a force is undefined, or the mass matrix singular.
+
+    :raises MechanismError: it names what is undefined, or the parts that can move without inertia.
+    """
+    elements = [ca.densify(forces.elements.lengths), ca.densify(forces.elements.rates)]
+    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, traced.flat_poses]
+    symbols = [traced.state.t, traced.y, traced.parameters.symbols]
+    at_start = ca.Function("at_start", symbols, outputs)
+    values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
+    bias, lengths, rates, pivots, poses = (np.array(value).ravel() for value in values)
+    if not np.all(finite := np.isfinite(bias)):
+        raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
+    start = StartOfForces(assembly.start.q, assembly.start.u, lengths, rates)
+    require_defined_forces(traced.numeric, start)
+    links = traced.numeric_links
+    require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
+    if traced.layout.nv:
+        require_independent(traced.numeric, links, start_mass_matrix(traced, assembly.start.q))
+
+
+def start_mass_matrix(traced: TracedMechanism, q: Array) -> Array:
+    """The mass matrix (nv, nv) at t = 0, a column for each speed: M e = ∂/∂u (∂T/∂u) e.
+
+    For a hundred joints that takes a tenth of the time of an expression of all its entries.
+    """
+    u, direction = traced.state.u, ca.SX.sym("e", traced.layout.nv)
+    column = ca.jtimes(traced.momenta, u, direction)
+    column = ca.substitute(column, u, ca.SX.zeros(u.shape[0], 1))  # which are left in terms that cancel
+    symbols = [traced.state.t, traced.state.q, direction, traced.parameters.symbols]
+    function = ca.Function("column", symbols, [ca.densify(column)])
+    directions = np.eye(traced.layout.nv)
+    return np.column_stack([evaluated(function, 0.0, q, each, traced.parameters.base).ravel() for each in directions])
+
+
+PIVOT_ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
 INVOLVED = 0.1  # the smallest share of a coordinate in a motion without inertia, relative to the largest share
 
 
@@ -64,7 +117,7 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
         if moves and not refused[index]:
             p_WL = p_WB - R_WB @ link.X_LB.rotation.T @ link.X_LB.position
             scale = np.where(_is_moment(link.joint), carried[index].moment_about(p_WL), carried[index].mass)
-            refused[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
+            refused[index] = bool(np.any(~(pivots[link.u] > PIVOT_ROUND_OFF * scale)))
             if refused[index]:
                 problems.append(_no_inertia(mechanism, link))
         if link.parent >= 0:
@@ -85,7 +138,7 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
     """
     sizes = np.sqrt(np.diag(mass_matrix))
     scaled = mass_matrix / np.outer(sizes, sizes)
-    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > ROUND_OFF:
+    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > PIVOT_ROUND_OFF:
         return
     shares = np.abs(np.linalg.eigh(scaled).eigenvectors[:, 0])
     joints = [index for index, link in enumerate(links) if np.any(shares[link.u] > INVOLVED * np.max(shares))]
@@ -106,7 +159,7 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
 
 def _is_particle(part: Part) -> bool:
     """Whether the inertia of a part about its center is round-off of that of its mass at 1 m."""
-    return float(np.trace(part.inertia)) <= ROUND_OFF * part.mass
+    return float(np.trace(part.inertia)) <= PIVOT_ROUND_OFF * part.mass
 
 
 def _is_moment(joint: Joint) -> list[bool]:
@@ -226,59 +279,3 @@ def _elongation(mechanism: Mechanism, force: ForceExpression, start: StartOfForc
         layout, joint = coordinate_layout(mechanism), force.stretched
         x, rate = start.q[layout.q[joint.name].start] - joint.rest[0], start.u[layout.u[joint.name].start]
     return {ELONGATION: float(x), ELONGATION_RATE: float(rate)}
-
-
-def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
-    return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
-
-
-def start_with_actuators(
-    traced: TracedMechanism, start: AssembledStart, forces: AppliedForces
-) -> tuple[Array, ActuatorFunctions | None]:
-    """The start state, with the states of the actuators, and their functions."""
-    y = _start_state(traced, start)
-    if forces.actuators is None:
-        return y, None
-    from mbd_sim.dynamics.actuators.functions import actuator_functions, require_within_strokes
-
-    functions = actuator_functions(traced, forces.actuators)
-    functions.hold(traced.numeric.actuators, y)
-    require_within_strokes(traced.numeric, functions, y)
-    return y, functions
-
-
-def require_regular_start(
-    traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
-) -> None:
-    """Refuse a start at which a constraint or a force is undefined, or the mass matrix singular.
-
-    :raises MechanismError: it names what is undefined, or the parts that can move without inertia.
-    """
-    elements = [ca.densify(forces.elements.lengths), ca.densify(forces.elements.rates)]
-    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, traced.flat_poses]
-    symbols = [traced.state.t, traced.y, traced.parameters.symbols]
-    at_start = ca.Function("at_start", symbols, outputs)
-    values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
-    bias, lengths, rates, pivots, poses = (np.array(value).ravel() for value in values)
-    if not np.all(finite := np.isfinite(bias)):
-        raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
-    start = StartOfForces(assembly.start.q, assembly.start.u, lengths, rates)
-    require_defined_forces(traced.numeric, start)
-    links = traced.numeric_links
-    require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
-    if traced.layout.nv:
-        require_independent(traced.numeric, links, start_mass_matrix(traced, assembly.start.q))
-
-
-def start_mass_matrix(traced: TracedMechanism, q: Array) -> Array:
-    """The mass matrix (nv, nv) at t = 0, a column for each speed: M e = ∂/∂u (∂T/∂u) e.
-
-    For a hundred joints that takes a tenth of the time of an expression of all its entries.
-    """
-    u, direction = traced.state.u, ca.SX.sym("e", traced.layout.nv)
-    column = ca.jtimes(traced.momenta, u, direction)
-    column = ca.substitute(column, u, ca.SX.zeros(u.shape[0], 1))  # which are left in terms that cancel
-    symbols = [traced.state.t, traced.state.q, direction, traced.parameters.symbols]
-    function = ca.Function("column", symbols, [ca.densify(column)])
-    directions = np.eye(traced.layout.nv)
-    return np.column_stack([evaluated(function, 0.0, q, each, traced.parameters.base).ravel() for each in directions])

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from mbd_sim import MechanismError, Simulation, load_mechanism, parse_mechanism
-from mbd_sim.files import load as mechanism_cache
+from mbd_sim.base import disk_cache
 from test.generators.mechanisms import KINDS
 from test.record_contents import contents
 
@@ -67,15 +67,15 @@ def test_text_file_name_and_versions_distinguish(folder, monkeypatch):
     assert parse_mechanism(PENDULUM.replace("0.5", "0.6")).parameters == {"l": 0.6}
     assert parse_mechanism(PENDULUM, "mine.yaml").source.file == "mine.yaml"
     assert entries(folder) == 3
-    monkeypatch.setattr(mechanism_cache, "versions", lambda: "another NumPy")
+    monkeypatch.setattr(disk_cache, "versions", lambda: "another NumPy")
     parse_mechanism(PENDULUM)
     assert entries(folder) == 4
 
 
 def test_a_changed_module_is_another_version(monkeypatch, tmp_path):
     (tmp_path / "module.py").write_text("first = 1")
-    monkeypatch.setattr(mechanism_cache, "__file__", str(tmp_path / "mechanism_cache.py"))
-    versions = mechanism_cache.versions.__wrapped__
+    monkeypatch.setattr(disk_cache, "__file__", str(tmp_path / "disk_cache.py"))
+    versions = disk_cache.versions.__wrapped__
     first = versions()
     assert versions() == first
     (tmp_path / "module.py").write_text("second = 2")
@@ -102,7 +102,7 @@ def test_a_urdf_that_was_read_before_is_not_read_again(folder, tmp_path, monkeyp
 def test_a_mechanism_from_the_cache_has_the_digest_of_the_one_that_was_read(folder):
     """By which its model is found in the second start."""
     text = URDF.format(mass=1)
-    digests = {mechanism_cache.records_digest(parse_mechanism(text)) for _ in range(3)}
+    digests = {disk_cache.records_digest(parse_mechanism(text)) for _ in range(3)}
     assert len(digests) == 1
 
 

@@ -27,14 +27,6 @@ def test_count(name):
     assert set(found.start.ranks) == {found.start.rank}
 
 
-@pytest.mark.parametrize(("name", "freedoms"), [("eyeglasses", 8), ("scissors", 7), ("arm", 7)])
-def test_counts_of_open_chains_by_bodies(name, freedoms):
-    """6 for each body, less the equations of each joint."""
-    taken = {"free": 0, "revolute": 5, "spherical": 3}
-    mechanism = load_mechanism(name)
-    assert 6 * len(mechanism.parts) - sum(taken[joint.type] for joint in mechanism.joints.values()) == freedoms
-
-
 def test_redundant_equation_of_the_tricycle():
     """The rear wheels forbid the same sideways slip in any direction of the front wheel."""
     found = derive(load_mechanism("tricycle"))
@@ -42,26 +34,10 @@ def test_redundant_equation_of_the_tricycle():
     assert len(dropped) == 1 and dropped[0].split(":")[0] in ("left", "right") and "slip" in dropped[0]
 
 
-def test_contacts_of_the_tricycle():
-    """Three equations of position leave seven coordinates."""
-    found = derive(load_mechanism("tricycle"))
-    assert found.layout.nv - int(np.sum(found.constraints.holonomic)) == 7
-
-
 def heading(q):
     """The heading of the tricycle's frame in rad."""
     w, x, y, z = q[3:7]
     return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def test_rear_wheels_determine_the_heading_of_the_tricycle():
-    """One combination of the equations of slip can be integrated: r (right - left) = track · heading."""
-    p, sim = load_mechanism("tricycle").parameters, Simulation.from_file("tricycle")
-    for _ in range(10):
-        sim.step(800)
-        turned = p["rear"] / p["track"] * (sim.q[10] - sim.q[9])
-        assert np.remainder(turned - heading(sim.q) + 1.0, 2.0 * np.pi) - 1.0 == pytest.approx(0.0, abs=1e-11)
-    assert turned > 2.0
 
 
 def test_tricycle_rolls_about_the_point_where_its_axles_meet():

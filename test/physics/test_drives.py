@@ -55,21 +55,6 @@ def test_a_bead_in_a_rotating_frame_departs_exponentially_and_loads_the_drive_by
     assert abs(simulation.energies.residual) < 1e-12
 
 
-def test_efforts_and_driven_joints_have_separate_names():
-    simulation = Simulation.from_text(ARM)
-    assert simulation.coordinate_names == ("rail",)
-    assert simulation.model.driven_names == ("turn",)
-
-
-def test_reset_restarts_the_drives():
-    simulation = Simulation.from_text(ARM)
-    simulation.run(until=1.0)
-    first = simulation.state
-    simulation.reset()
-    simulation.run(until=1.0)
-    assert simulation.state.tobytes() == first.tobytes()
-
-
 @pytest.mark.parametrize("drive", ["sqrt(t)", "t^1.5", "abs(t)^0.5"])
 def test_a_drive_that_starts_with_an_infinite_velocity_or_acceleration_is_refused(drive):
     with pytest.raises(MechanismError, match=r"shaft.drive: the drive has no finite velocity or acceleration at t = 0"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -56,17 +55,6 @@ def test_tension_of_the_simple_pendulum():
         assert found[3:] == near([0.0, -effort[0], 0.0])
 
 
-def test_pin_of_the_rod_pendulum():
-    """Huston & Liu, sec. 8.9: Ox and Oy support the rod's weight and accelerate its center of mass."""
-    m, length = 1.0, 1.0
-    for q, u, _, _ in free_states("rod_pendulum"):
-        (theta,), (rate,) = q, u
-        c, s, second = np.cos(theta), np.sin(theta), -1.5 * G * np.sin(theta)
-        across, along = 0.5 * m * length * second, 0.5 * m * length * rate**2
-        found = wrenches("rod_pendulum", q, u, np.zeros(1))["pin"]
-        assert found == near([across * c - along * s, 0.0, m * G + across * s + along * c, 0.0, 0.0, 0.0])
-
-
 def test_contact_forces_in_the_spun_tube():
     """Huston & Liu, sec. 8.5: N_r = -m g cos θ - m r θ'² - m r Ω² sin²θ outward, and N1 = 2 m r Ω θ' cos θ along the rotation.
 
@@ -103,49 +91,3 @@ def test_rod_of_the_constrained_pendulum():
         gradient = derived.constraints.gradient(0.0, q)[0]
         force = float(derived.multipliers(0.0, y, np.zeros(2))) * gradient
         assert force == near(-tension * np.array([np.cos(theta), np.sin(theta)]))
-
-
-def needed_wrenches(derived, mechanism, y, efforts):
-    """Force and moment about the center of mass (6,) that each part needs besides its weight (Newton–Euler)."""
-    state = ca.SX.sym("y", len(y))
-    rates = derived.rates.call([0.0, state, efforts])[0]
-    poses = derived.poses(0.0, state)
-    first = ca.jtimes(poses, state, rates)
-    second = ca.jtimes(first, state, rates)
-    values = ca.Function("motion", [state], [poses, first, second])(y)
-    pose, first, second = (np.array(value).reshape(-1, 4, 3) for value in values)
-    found = {}
-    for index, name in enumerate(derived.part_names):
-        part, turn = mechanism.parts[name], pose[index, 1:].T
-        spin = first[index, 1:].T @ turn.T
-        turning = second[index, 1:].T @ turn.T - spin @ spin
-        omega, alpha = ([m[2, 1], m[0, 2], m[1, 0]] for m in (spin, turning))
-        tensor = turn @ part.inertia @ turn.T
-        of_center = second[index, 0] + second[index, 1:].T @ part.center
-        force = part.mass * (of_center - mechanism.gravity)
-        found[name] = np.concatenate([force, tensor @ alpha + np.cross(omega, tensor @ omega)])
-    return pose, found
-
-
-@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr", "a04_bricard", "a02_four_bars"])
-def test_joint_reactions_satisfy_newton_and_euler_for_every_part(name):
-    """The reactions of all joints of a part, including cut ones, satisfy the Newton–Euler equations."""
-    derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(92)
-    for _ in range(5):
-        q, u, efforts = consistent_state(derived, rng, reach=0.3)
-        poses, needed = needed_wrenches(derived, mechanism, np.concatenate([q, u, np.zeros(3)]), efforts)
-        frames = {part: (pose[0], pose[1:].T) for part, pose in zip(derived.part_names, poses, strict=True)}
-        frames["ground"] = np.zeros(3), np.eye(3)
-        forces = wrenches(name, q, u, efforts)
-        totals = {part: np.zeros(6) for part in mechanism.parts}
-        for joint in mechanism.all_joints.values():
-            origin, turn = frames[joint.child]
-            point, force = origin + turn @ joint.child_pose.position, forces[joint.name]
-            for part, sign in ((joint.child, 1.0), (joint.parent, -1.0)):
-                if part != "ground":
-                    arm = point - frames[part][0] - frames[part][1] @ mechanism.parts[part].center
-                    totals[part][:3] += sign * force[:3]
-                    totals[part][3:] += sign * (force[3:] + np.cross(arm, force[:3]))
-        largest = max(np.max(np.abs(force)) for force in forces.values())
-        for part, total in totals.items():
-            assert total == pytest.approx(needed[part], rel=0.0, abs=1e-11 * max(largest, 1.0))

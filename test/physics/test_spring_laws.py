@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.special import ellipj, ellipk
+from scipy.special import ellipj
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
@@ -73,17 +73,6 @@ def test_a_smooth_table_conserves_the_energy():
         other.run(until=20.0)
     # The second derivative jumps at the rows, so the error decreases with the third power of the step or faster.
     assert abs(fine.energies.residual) < abs(coarse.energies.residual) / 60.0
-
-
-def test_the_period_of_duffing_shortens_with_its_amplitude():
-    """T = 4 K(m) / ω by the complete elliptic integral."""
-    for amplitude in (0.05, 0.5):
-        squared = 10 + 400 * amplitude**2
-        period = 4 * ellipk(200 * amplitude**2 / squared) / np.sqrt(squared)
-        sim = Simulation.from_file("duffing", step=period / 2000)
-        sim.reset(q=[amplitude])
-        sim.step(2000)
-        assert sim.q[0] == pytest.approx(amplitude, rel=1e-13) and abs(sim.u[0]) < 1e-11
 
 
 def test_snap_through_moves_in_the_two_potential_wells_of_its_bars():

@@ -150,7 +150,7 @@ def _lab(options: argparse.Namespace) -> int:
         raise CommandError(f"there is no port {options.port}", "Give one from 1024 to 65535, or 0.")
     mechanism = changed_mechanism(options)
     if options.html is not None:
-        from mbd_sim.lab.page.keep import write_html
+        from mbd_sim.lab.scene.keep import write_html
 
         write_html(mechanism, options.html, options.time, dark=options.theme == "dark")
         print(f"wrote {options.html}")

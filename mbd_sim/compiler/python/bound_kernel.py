@@ -97,8 +97,8 @@ class OneSidedKernel:
     def __init__(self, code: MachineCode) -> None:
         advance_to_event = ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("advance_to_event"))
         self.advance_to_event: Callable[..., int] = advance_to_event
-        part_step = ctypes.CFUNCTYPE(None, _ADDRESS, _ADDRESS, _DOUBLE, _DOUBLE)(code.address("part_step"))
-        self.part_step: Callable[..., None] = part_step
+        part_step = ctypes.CFUNCTYPE(_INT, _ADDRESS, _ADDRESS, _DOUBLE, _DOUBLE)(code.address("part_step"))
+        self.part_step: Callable[..., int] = part_step
         self.readings: Callable[..., None] = function_of_addresses(code.address("read_contacts"), 4)
 
 

@@ -29,8 +29,7 @@ from typing import assert_never
 
 import casadi as ca
 
-from mbd_sim.dynamics.kinematics.motors import between
-from mbd_sim.dynamics.math.spatial import is_absent, is_symbolic
+from mbd_sim.dynamics.math.spatial import between, is_absent, is_symbolic
 from mbd_sim.mechanism.elements.actuators import FluidCylinder, Gas, Oil
 
 REFERENCE_PRESSURE = 1e5  # Pa, to which sonic conductances refer

@@ -173,7 +173,7 @@ class OneSidedEquations:
 
         :param solved: the forces (rows,) of the active rows, and zeros.
         """
-        forces = solved + self.given_forces
+        forces = ca.SX(solved)
         for element in self.frictions:
             if element.joint is not None:
                 continue

@@ -17,8 +17,8 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.forces.bushings import apply_bushing
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose
-from mbd_sim.dynamics.kinematics.state_variables import PowerSplit, StateVariables
-from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches, ExternalWrench
+from mbd_sim.dynamics.kinematics.state_variables import StateVariables
+from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches, ExternalWrench, PowerSplit
 from mbd_sim.dynamics.math.laws import elastic, power_law
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements.forces import AppliedForce, Damper, Spring, TwoPointElement

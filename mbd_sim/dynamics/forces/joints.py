@@ -14,8 +14,9 @@ import casadi as ca
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.kinematics.state_variables import PowerSplit, StateVariables, function_of_coordinates
+from mbd_sim.dynamics.kinematics.state_variables import StateVariables, function_of_coordinates
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.kinematics.wrenches import PowerSplit
 from mbd_sim.dynamics.math.laws import distant_potential, elastic, friction, power_law
 from mbd_sim.dynamics.math.spatial import is_absent
 from mbd_sim.mechanism.elements.parts import Joint, Limits

@@ -15,12 +15,13 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.kinematics.joint_motions import JointAxes
-from mbd_sim.dynamics.layouts.inputs import coordinate_layout
-from mbd_sim.dynamics.math.spatial import inertia_matrix
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
+from mbd_sim.dynamics.math.spatial import inertia_matrix, is_absent
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 
-ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
+COMPONENT_ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +112,7 @@ def _aligned(joint: Joint) -> tuple[Pose, JointAxes]:
     third = np.cross(axis, joint.second)
     if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
         return identity_pose(), JointAxes(axis, joint.second, third, joint.lead)
-    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < ROUND_OFF * 10
+    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < COMPONENT_ROUND_OFF * 10
     rotation = np.column_stack([joint.second, third, axis]) if perpendicular else aligning_z(axis)
     second, third = (_cleaned(rotation.T @ vector) for vector in (joint.second, third))
     return Pose(np.zeros(3), rotation), JointAxes(np.array([0.0, 0.0, 1.0]), second, third, joint.lead)
@@ -123,8 +124,29 @@ def _cleaned(array: Array) -> Array:
     A planar chain then costs the same in a plane of any orientation.
     """
     size, whole = np.abs(array), np.round(array)
-    array = np.where(np.abs(array - whole) <= ROUND_OFF * size, whole, array)
-    return np.where(size <= ROUND_OFF * np.max(size), 0.0, array)
+    array = np.where(np.abs(array - whole) <= COMPONENT_ROUND_OFF * size, whole, array)
+    return np.where(size <= COMPONENT_ROUND_OFF * np.max(size), 0.0, array)
+
+
+def speed_rows(links: Sequence[Link]) -> dict[str, int]:
+    """The index in u of each coordinate."""
+    return {name: link.u.start + offset for link in links for offset, name in enumerate(link.joint.coordinate_names)}
+
+
+def rotor_inertias(actuators: Sequence[Actuator], links: Sequence[Link], nv: int) -> ca.SX | None:
+    """The inertias (nv,) of rotors as their coordinates feel them, N² J in kg·m² or kg; None without any.
+
+    A rotor that turns N times as fast as its coordinate adds N² J to the diagonal of the mass matrix: its kinetic
+    energy is ½ J (N q')². Its mass is that of the part that carries it, whose rotation changes this energy only by
+    terms of the order of 1/N, which are left out (Featherstone, sec. 9.6).
+    """
+    rows, added, present = speed_rows(links), ca.SX(nv, 1), False
+    for actuator in actuators:
+        motor = actuator.motor
+        if isinstance(actuator.port, CoordinatePort) and not is_absent(motor.rotor_inertia):
+            added[rows[actuator.port.coordinate]] += motor.gear**2 * motor.rotor_inertia
+            present = True
+    return added if present else None
 
 
 STATE, INPUTS = 1, 2  # the arguments of the rates

@@ -1,6 +1,6 @@
-"""Poses and velocities of the links, by recursion from ground outward, and symbols for those of each part.
+"""Poses and velocities of the links, by recursion from ground outward, and symbols for those of parts.
 
-Constraints are written on the symbols of parts and then hold for any motion.
+Constraints are written on the symbols, and then hold for any motion.
 """
 
 from __future__ import annotations

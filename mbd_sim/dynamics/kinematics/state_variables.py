@@ -1,8 +1,4 @@
-"""The state as forces and energies use it: joint coordinates and speeds by name, powers, and energies.
-
-The names are those that the expressions of forces use. The powers say how such forces count in the energy audit. The
-energies are the kinetic energy, the potential of gravity, and those that are integrated for the audit.
-"""
+"""Joint coordinates and speeds by name, and the values of expressions of them, as forces and couplings use them."""
 
 from __future__ import annotations
 
@@ -13,10 +9,7 @@ import casadi as ca
 
 from mbd_sim.dynamics.kinematics.drives import driven_motion
 from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.math.expressions import function_of
-from mbd_sim.dynamics.math.spatial import constant, inlined
-from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
 
@@ -82,52 +75,3 @@ class StateVariables:
     def vector(self, expressions: Sequence[TimeExpression]) -> ca.SX:
         """The values (n,) of expressions."""
         return ca.vertcat(*map(self.value, expressions))
-
-
-class PowerSplit:
-    """Adds up powers in W as `applied` and as `dissipated`.
-
-    A force that depends on nothing but the time comes from outside: all of its work is applied, with its sign. A force
-    that depends on the motion is part of the mechanism. At each instant its power is applied where it is positive, and
-    dissipated where it is negative. The difference of the two is the power itself, so that the audit closes as exactly
-    as without the split.
-    """
-
-    def __init__(self) -> None:
-        self.applied, self.dissipated = ca.SX(1, 1), ca.SX(1, 1)
-
-    def add(self, expressions: Sequence[TimeExpression], power: ca.SX) -> None:
-        """Add the power of one force, which these expressions give."""
-        if any(expression.variables - {TIME} for expression in expressions):
-            self.applied += ca.fmax(power, 0.0)
-            self.dissipated += ca.fmax(-power, 0.0)
-        else:
-            self.applied += power
-
-
-def kinetic_energy(links: Sequence[Link], motions: Sequence[LinkMotion]) -> ca.SX:
-    """T in J, in ground's frame."""
-    energy = ca.SX(1, 1)
-    for link, motion in zip(links, motions, strict=True):
-        energy += _kinetic_energy(constant(link.inertia), motion.V_WL)
-    return energy
-
-
-@inlined
-def _kinetic_energy(inertia: ca.SX, velocity: ca.SX) -> ca.SX:
-    return 0.5 * ca.dot(velocity, inertia @ velocity)
-
-
-def gravitational_potential(mechanism: Mechanism, links: Sequence[Link], poses: Sequence[SymbolicPose]) -> ca.SX:
-    """-Σ m g·r over the centers of mass in J, which is zero with all of them at ground's origin."""
-    potential, gravity, bodies = ca.SX(1, 1), constant(mechanism.gravity), mechanism.bodies
-    for link, X_WB in zip(links, poses, strict=True):
-        part = bodies[link.joint.outboard]
-        potential -= _work(ca.SX(part.mass), gravity, X_WB.position, X_WB.rotation, constant(part.center))
-    return potential
-
-
-@inlined
-def _work(mass: ca.SX, gravity: ca.SX, position: ca.SX, rotation: ca.SX, center: ca.SX) -> ca.SX:
-    """The work of gravity on a part in J, from ground's origin to the part's center of mass."""
-    return mass * ca.dot(gravity, position + rotation @ center)

@@ -17,7 +17,7 @@ from mbd_sim.dynamics.kinematics.drives import (
     require_resolved,
     with_room,
 )
-from mbd_sim.dynamics.kinematics.links import Link, build_links
+from mbd_sim.dynamics.kinematics.links import Link, build_links, rotor_inertias
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, no_parameters, with_symbols
 from mbd_sim.dynamics.kinematics.poses import (
     LinkMotion,
@@ -27,9 +27,9 @@ from mbd_sim.dynamics.kinematics.poses import (
     link_motions,
     part_poses,
 )
-from mbd_sim.dynamics.kinematics.state_variables import kinetic_energy
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout, actuator_layout
-from mbd_sim.dynamics.layouts.inputs import CoordinateLayout, InputLayout, audit_states, coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout, InputLayout, audit_states, coordinate_layout
+from mbd_sim.dynamics.math.spatial import constant, inlined
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -144,7 +144,7 @@ def trace(
     y = ca.SX.sym("y", nq + nv + actuators.size + len(audit_states(mechanism)))
     q, u, states, audit = ca.vertsplit(y, [0, nq, nq + nv, nq + nv + actuators.size, y.shape[0]])
     motions = link_motions(links, t, q, u)
-    kinetic, rotors = kinetic_energy(links, motions), _rotor_inertias(symbolic, links, nv)
+    kinetic, rotors = kinetic_energy(links, motions), rotor_inertias(symbolic.actuators, links, nv)
     if rotors is not None:
         kinetic += 0.5 * ca.dot(rotors, u**2)
     inputs = ca.vertcat(efforts, commands, parameters.symbols)
@@ -180,10 +180,14 @@ def _rates_of_drives(links: Sequence[Link], q: ca.SX, inputs: ca.SX, commands: M
     return rates
 
 
-def _rotor_inertias(mechanism: Mechanism, links: Sequence[Link], nv: int) -> ca.SX | None:
-    """See `rotor_inertias`."""
-    if not mechanism.actuators:
-        return None
-    from mbd_sim.dynamics.kinematics.motors import rotor_inertias
+def kinetic_energy(links: Sequence[Link], motions: Sequence[LinkMotion]) -> ca.SX:
+    """T in J, in ground's frame."""
+    energy = ca.SX(1, 1)
+    for link, motion in zip(links, motions, strict=True):
+        energy += _kinetic_energy(constant(link.inertia), motion.V_WL)
+    return energy
 
-    return rotor_inertias(mechanism.actuators, links, nv)
+
+@inlined
+def _kinetic_energy(inertia: ca.SX, velocity: ca.SX) -> ca.SX:
+    return 0.5 * ca.dot(velocity, inertia @ velocity)

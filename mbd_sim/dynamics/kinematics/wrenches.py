@@ -1,6 +1,7 @@
 """The wrenches on each link: the sum of the forces and couples on its parts, and those given as inputs.
 
-The wrenches that a caller applies to parts are symbols among the inputs.
+The wrenches that a caller applies to parts are symbols among the inputs. The powers of forces are added up here too, as
+the energy audit counts them.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ import numpy as np
 
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose, rotation_of_link
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic, skew
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
+from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,3 +105,24 @@ class ExternalWrench:
 def external_wrenches(layout: InputLayout, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
     """The symbols of the wrench on each loaded part."""
     return {part: ExternalWrench(*ca.vertsplit(inputs[span], 3)) for part, span in layout.wrenches.items()}
+
+
+class PowerSplit:
+    """Adds up powers in W as `applied` and as `dissipated`.
+
+    A force that depends on nothing but the time comes from outside: all of its work is applied, with its sign. A force
+    that depends on the motion is part of the mechanism. At each instant its power is applied where it is positive, and
+    dissipated where it is negative. The difference of the two is the power itself, so that the audit closes as exactly
+    as without the split.
+    """
+
+    def __init__(self) -> None:
+        self.applied, self.dissipated = ca.SX(1, 1), ca.SX(1, 1)
+
+    def add(self, expressions: Sequence[TimeExpression], power: ca.SX) -> None:
+        """Add the power of one force, which these expressions give."""
+        if any(expression.variables - {TIME} for expression in expressions):
+            self.applied += ca.fmax(power, 0.0)
+            self.dissipated += ca.fmax(-power, 0.0)
+        else:
+            self.applied += power

@@ -215,3 +215,20 @@ def separated(expression: ca.SX, given: ca.SX, right: ca.SX) -> tuple[ca.SX, ca.
     reduced = ca.substitute(reduced, ca.vertcat(ca.SX(0, 1), *bare), ca.vertcat(ca.SX(0, 1), *renamed))
     memory, contents = (ca.vertcat(ca.SX(0, 1), *entries) for entries in ([*symbols, *renamed], [*values, *bare]))
     return memory, ca.densify(contents), reduced
+
+
+def limited(value: ca.SX, limit: float | ca.SX) -> ca.SX:
+    """A value within ± a limit, which may be infinite."""
+    return between(value, -limit, limit) if is_finite(limit) else value
+
+
+def between(value: ca.SX, lower: float | ca.SX, upper: float | ca.SX) -> ca.SX:
+    """A value within bounds."""
+    return ca.fmin(ca.fmax(value, lower), upper)
+
+
+def within(value: ca.SX, bounds: tuple[float, float]) -> ca.SX:
+    """A value within bounds, each of which may be infinite."""
+    lower, upper = bounds
+    value = ca.fmax(value, lower) if is_finite(lower) else value
+    return ca.fmin(value, upper) if is_finite(upper) else value

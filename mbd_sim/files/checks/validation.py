@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.base.geometry.pose import Pose, identity_pose
-from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order
+from mbd_sim.files.builders.mechanism import Refused, build_elements, in_order, problems_of_ranges
 from mbd_sim.files.checks.json_schema import known_keys, known_types
 from mbd_sim.files.checks.problems import CUTOFF, TYPE_SYNONYMS, in_file, problems_of
 from mbd_sim.files.schema.fields import validator_of
@@ -154,6 +154,9 @@ def _hidden_problems(source: Source, errors: list[ErrorDetails]) -> list[Problem
     for details in errors:
         if details["type"] == "union_tag_invalid":
             problems += problems_of_any_type(source, details, parameters)
+    _, of_each = get_args(MechanismFile.model_fields["ranges"].annotation)
+    ranges = _accepted(source.data.get("ranges"), of_each, parameters)
+    problems += problems_of_ranges(ranges, parameters.values, source)
     return problems + _reference_problems(source, dataclasses.replace(parameters, lenient=True))
 
 

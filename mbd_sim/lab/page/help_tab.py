@@ -24,12 +24,23 @@ editor: the page follows, and parts of the same names stay where they are.
 one file that opens anywhere, without a network.
 """
 
+HELP_OF_NODE = """
+**This is the run of a node.** What the page does goes the way of messages and services: buttons are `~/pause`,
+`~/step` and `~/reset`, the speed is `real_time_factor`, sliders are parameters and commands. Sliders follow what others
+command. Efforts and pulls last as long as a page is open, or until others command the same; then `command_timeout` ends
+them. Time is not wound back, as other nodes follow it, and the page does not follow the file.
+
+**Keep:** *Record* is `~/record`: the node names the file, and it contains all that the page does.
+"""
+
 
 class HelpTab:
     """The help, and the report of `check`, which is found in a thread of its own."""
 
-    def __init__(self, gui: Any, check: Callable[[], str] | None) -> None:
-        gui.add_markdown(HELP)
+    def __init__(self, gui: Any, check: Callable[[], str] | None, *, of_node: bool) -> None:
+        gui.add_markdown(
+            HELP_OF_NODE + HELP.partition("**Change:**")[0].replace(" · left arrow goes back", "") if of_node else HELP
+        )
         self._report = ""
         if check is not None:
             with gui.add_folder("What `mbd_sim check` says", expand_by_default=False):

@@ -10,17 +10,19 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
-from mbd_sim.lab.page.camera import aim
 from mbd_sim.lab.page.change_tab import ChangeTab
 from mbd_sim.lab.page.help_tab import HelpTab
 from mbd_sim.lab.page.keep_tab import KeepTab
+from mbd_sim.lab.page.kinematics_tab import KinematicsTab
 from mbd_sim.lab.page.plots_tab import PlotsTab
 from mbd_sim.lab.page.run_bar import RunBar
-from mbd_sim.lab.page.safety import Gate, guarded
-from mbd_sim.lab.page.scene import Scene
 from mbd_sim.lab.page.show_tab import ShowTab
 from mbd_sim.lab.page.style import style
 from mbd_sim.lab.page.touched import Touched
+from mbd_sim.lab.scene.camera import aim
+from mbd_sim.lab.scene.scene import Scene
+from mbd_sim.lab.server.safety import Gate
+from mbd_sim.lab.server.server import started, stop
 from mbd_sim.lab.session.background import Preparer
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.own_session import OwnSession
@@ -32,6 +34,7 @@ Theme = Literal["light", "dark"]
 
 PICTURES = 60.0  # a second
 NUMBERS = 6.0  # updates of texts, plots and sliders a second
+PANEL = 360.0  # px of width
 
 
 class Page:
@@ -44,14 +47,9 @@ class Page:
 
         :param check: finds what `mbd_sim check` says about the mechanism; called in a thread of its own.
         """
-        import viser
-        from viser import _messages
-
         self.session, self._check, self._dark = session, check, theme == "dark"
         self._gate = Gate(host)
-        with guarded(self._gate):
-            self.server = viser.ViserServer(host=host, port=port, label="mbd_sim lab", verbose=False)
-        self.server._websock_server.unregister_handler(_messages.ShareUrlRequest)  # it would open a tunnel
+        self.server = started(self._gate, host, port, "mbd_sim lab")
         self._preparer = Preparer(session) if isinstance(session, OwnSession) else None
         self._touched, self._stopped = Touched(), threading.Event()
         self._problem = self._note = ""
@@ -75,7 +73,7 @@ class Page:
         self._thread.join()
         if self._preparer is not None:
             self._preparer.stop()
-        self.server.stop()
+        stop(self.server)
 
     def refuse(self, problem: str) -> None:
         """Show what is wrong with the file; the mechanism goes on."""
@@ -103,6 +101,7 @@ class Page:
         self._scene = Scene(server.scene, simulation.model, extent, self._dragged, dark=self._dark)
         self._build_panel(server.gui, extent.size)
         server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(PANEL)
 
     def _aim(self, camera: Any) -> None:
         aim(camera, self._extent, camera.aspect, camera.image_width)
@@ -110,7 +109,7 @@ class Page:
     def _build_panel(self, gui: Any, size: float) -> None:
         session, mechanism = self.session, self.session.bench.simulation.mechanism
         settings = settings_of(session.bench, size)
-        self._style = gui.add_html(style(large=False))
+        css = gui.add_html(style(large=False))
         gui.add_markdown(f"**{mechanism.name}** · {mechanism.description or ''}")
         self._run_bar = RunBar(gui, session, self._touched)
         self._told = gui.add_markdown("")
@@ -119,12 +118,14 @@ class Page:
             self._change = ChangeTab(gui, session, self._preparer, settings, self._touched)
         with tabs.add_tab("Plots"):
             self._plots = PlotsTab(gui, session, dark=self._dark)
+        with tabs.add_tab("Kinematics"):
+            self._kinematics = KinematicsTab(gui, session, self._scene, size)
         with tabs.add_tab("Show"):
-            ShowTab(gui, session, self._scene, self._dark, self._darken)
+            ShowTab(gui, session, self._scene, css, dark=self._dark, darken=self._darken)
         with tabs.add_tab("Keep"):
             self._keep = KeepTab(gui, session, dark=self._dark)
         with tabs.add_tab("Help"):
-            self._help = HelpTab(gui, self._check)
+            self._help = HelpTab(gui, self._check, of_node=session.of_node)
 
     def _darken(self, dark: bool) -> None:
         self._dark, self._generation = dark, 0  # the page is built again
@@ -158,7 +159,7 @@ class Page:
 
     def _tell(self, frame: Frame) -> None:
         """Update texts, plots and sliders."""
-        for shown in (self._run_bar, self._change, self._plots, self._keep, self._help):
+        for shown in (self._run_bar, self._change, self._plots, self._kinematics, self._keep, self._help):
             shown.show(frame)
         if (text := self._status(frame)) != self._note:
             self._told.content = self._note = text

@@ -13,6 +13,7 @@ from mbd_sim.lab.session.session import Session
 
 SPEEDS = {"1/100": 0.01, "1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "fastest": math.inf}
 STEP_BACK = 1.0 / 30.0  # s
+NOT_BACK = "The time of a node is not wound back, as other nodes follow its clock. *Reset* returns to the start."
 ACTIONS: dict[str, Callable[[Session], None]] = {
     "Play": methodcaller("play"),
     "Pause": methodcaller("pause"),
@@ -34,24 +35,41 @@ class RunBar:
         self._session, self._touched = session, touched
         buttons = gui.add_button_group("Run", tuple(ACTIONS))
         buttons.on_click(lambda event: session.ask("run", ACTIONS[event.target.value]))
-        speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", hint="Simulated seconds per second")
-        speed.on_update(lambda _: session.ask("speed", lambda session: session.set_speed(SPEEDS[speed.value])))
-        self.time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=0.001, initial_value=0.0, hint="Wind back")
-        self.time.on_update(self._wound)
-        for key, (label, action) in KEYS.items():
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", hint="Simulated seconds per second")
+        self._speed.on_update(self._set_speed)
+        keys = dict(KEYS)
+        self.time: Any = None
+        if session.of_node:
+            del keys["arrowleft"]
+            gui.add_markdown(NOT_BACK)
+        else:
+            self.time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=0.001, initial_value=0.0, hint="Wind back")
+            self.time.on_update(self._wound)
+        for key, (label, action) in keys.items():
             command = gui.add_command(label, hotkey=key)
             command.on_trigger(lambda _, label=label, action=action: session.ask(f"key {label}", action))
 
     def show(self, frame: Frame) -> None:
-        """Move the time line to a frame."""
+        """Move the time line to a frame, and show a speed that others have chosen."""
+        speeds = [name for name, speed in SPEEDS.items() if speed == frame.speed]
+        if speeds and self._touched.free("speed"):
+            self._speed.value = speeds[0]
+        if self.time is None:
+            return
         low, high = frame.span
         high = max(high, low + 1e-3)
         if self._touched.free("time") and frame.number:
             self.time.min, self.time.max = round(low, 3), round(high, 3)
             self.time.value = round(min(max(frame.time, low), high), 3)
 
-    def _wound(self, event: Any) -> None:
+    def _set_speed(self, event: Any) -> None:
         if event.client is not None:
+            self._touched.touch("speed")
+            speed = SPEEDS[self._speed.value]
+            self._session.ask("speed", lambda session: session.set_speed(speed))
+
+    def _wound(self, event: Any) -> None:
+        if event.client is not None and self.time is not None:
             self._touched.touch("time")
             where = self.time.value
             self._session.ask("wind", lambda session: session.wind_to(where))

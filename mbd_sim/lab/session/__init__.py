@@ -8,5 +8,6 @@
 | `positions` | a mechanism that is moved through its positions by a joint |
 | `sliders` | the numbers that can change, in the units of the file |
 | `continuation` | a run goes on in another simulation |
+| `node_session`, `link` | the session on the run of a node, and its way to the node |
 | `background` | a saved file is read again, and new values are validated, while the session goes on |
 """

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.hold import Hold, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -73,8 +71,7 @@ class Bench:
         simulation, last = self.simulation, self.simulation.steps + steps
         while simulation.steps < last:
             if self.hold is not None and simulation.steps % self.period == 0:
-                force = self.hold.force(*self.moving(self.hold))
-                simulation.set_wrench(self.hold.part, force, at=self.hold.point)
+                self.hold.apply(simulation)
             simulation.step(min(self.period - simulation.steps % self.period, last - simulation.steps))
 
     def take_hold(self, part: str, point: Array, target: Array) -> None:
@@ -124,9 +121,3 @@ class Bench:
             **dict(zip(simulation.coordinate_names, simulation.efforts.tolist(), strict=True)),
             **dict(zip(simulation.command_map.names, commands, strict=True)),
         }
-
-    def moving(self, hold: Hold) -> tuple[Array, Array]:
-        """The position and velocity (3,) of the held point."""
-        frame = self.simulation.frame(hold.part)
-        arm = frame.rotation @ hold.point
-        return frame.position + arm, frame.velocity + np.cross(frame.angular_velocity, arm)

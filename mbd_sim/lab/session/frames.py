@@ -7,10 +7,12 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.state import RunPoint
 
 MOST_SAMPLES = 3600
@@ -22,23 +24,26 @@ MOST_POINTS = 5400  # three minutes at 30 points a second
 class Frame:
     """What pages show: all of one moment.
 
-    `poses` (parts, 12) are as in `Model.pose_array`, `contacts` (n, 6) as in `Model.contact_places`; `reactions` are
-    the forces (3,) in N on the second part of each joint, where they are requested. `pull` are the held point, the
-    pointer (3,) and the force (3,), if something is held. `values` are those of the sliders by key, in SI units.
-    `generation` counts the mechanisms.
+        `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
+    `Model.pose_array`, `contacts` (n, 6) as in `Model.contact_places`; `watched` is what the session was asked to
+    watch, by name. `pull` are the held point, the pointer (3,) and the force (3,), if something is held. `rate` is how
+    many seconds are simulated in one, `speed` how many were asked for. `values` are those of the sliders by key, in SI
+    units.
     """
 
     generation: int
     number: int
+    mechanism: Mechanism
     time: float
     running: bool
     rate: float
+    speed: float
     poses: Array
     contacts: Array
     energies: Array
     positions: Array
     speeds: Array
-    reactions: Mapping[str, Array]
+    watched: Mapping[str, Any]
     pull: tuple[Array, Array, Array] | None
     span: tuple[float, float]
     message: str

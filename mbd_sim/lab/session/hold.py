@@ -31,9 +31,16 @@ class Hold:
     stiffness: float
     damping: float
 
-    def force(self, position: Array, velocity: Array) -> Array:
-        """The force (3,) in N on the part whose point has this position and velocity (3,), in ground's axes."""
-        return np.asarray(self.stiffness * (self.target - position) - self.damping * velocity)
+    def acting(self, simulation: BaseSimulation) -> tuple[Array, Array]:
+        """The position (3,) of the held point, and the force (3,) in N on it, in ground's frame."""
+        frame = simulation.frame(self.part)
+        arm = frame.rotation @ self.point
+        position, velocity = frame.position + arm, frame.velocity + np.cross(frame.angular_velocity, arm)
+        return position, self.stiffness * (self.target - position) - self.damping * velocity
+
+    def apply(self, simulation: BaseSimulation) -> None:
+        """Exert the force of the present state from the next step on."""
+        simulation.set_wrench(self.part, self.acting(simulation)[1], at=self.point)
 
 
 def spring_for(simulation: BaseSimulation, part: str, point: Array, target: Array) -> Hold:

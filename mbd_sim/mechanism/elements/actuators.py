@@ -178,7 +178,7 @@ class DcMotor(_StartsAtRest):
     The drive keeps |i| within `current_limit` as long as |u| stays within `voltage_limit`. With an inductance, its
     current follows that commanded at the rate `bandwidth` in rad/s. `coulomb` in N·m and `viscous` in N·m·s are the
     friction of the rotor; coulomb friction is smooth below the speed `regularization` in rad/s, as the loss of a gear
-    with an `efficiency` below 1 is: see `mbd_sim.dynamics.kinematics.motors`.
+    with an `efficiency` below 1 is: see `mbd_sim.dynamics.actuators.motors`.
     """
 
     torque_constant: float

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.mechanism.elements.actuators import Base, Velocity
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.joint_commands import CommandRanges, JointCommandRouter
 from mbd_sim.ros.commands.trajectory_player import JointCurve, Setpoint, Trajectory, TrajectoryPlayer
-from mbd_sim.simulation.model.commands import CommandMap, EffortMap
+from mbd_sim.simulation.model.commands import Command, CommandMap, EffortMap
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
@@ -46,7 +46,7 @@ class ActuatorBuffer:
         self.ranges = ranges
         self._new |= not np.all(np.isnan(self._requested))
 
-    def merged(self, commands: Mapping[str, Mapping[Channel, float]]) -> Array:
+    def merged(self, commands: Mapping[str, Command]) -> Array:
         """The newest commands (n,) with further ones, for `take`.
 
         :raises CommandError: one does not fit, or is not finite.
@@ -80,6 +80,18 @@ class ActuatorBuffer:
         self._requested, self._new = requested, True
         self._exceeded = self.ranges is not None and self.ranges.exceeded(requested)
         self.limited += self._exceeded
+
+    def renew(self, commands: Mapping[str, float]) -> None:
+        """Restart the watchdog of each actuator one of whose commands by channel is still the newest."""
+        for channel, value in zip(self.map.names, self._requested.tolist(), strict=True):
+            actuator = channel.rpartition(".")[0]
+            if commands.get(channel) == value and not self.player.plays(actuator):
+                self._commanded[actuator] = None
+
+    def newest(self, current: Array) -> Array:
+        """The commands (n,) that are due next; channels never commanded keep the `current` ones."""
+        commands = np.where(np.isnan(self._requested), current, self._requested)
+        return commands if self.ranges is None else self.ranges.clamped(commands)
 
     def due(self, time: float, current: Array) -> Array | None:
         """All commands (n,) to apply at a time in s of the run, if there are new ones.
@@ -242,6 +254,37 @@ class CommandBuffer:
                 self.rejected += 1
                 raise
             self.accepted += 1
+
+    def actuators_by_name(self, commands: Mapping[str, Command]) -> None:
+        """Take commands of some actuators and drives, as `Simulation.set_commands`; the others keep theirs.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        with self._lock:
+            try:
+                self._actuators.take(self._actuators.merged(commands), commands)
+            except CommandError:
+                self.rejected += 1
+                raise
+            self.accepted += 1
+
+    def renew(self, efforts: Mapping[str, float], commands: Mapping[str, float]) -> None:
+        """Restart the watchdogs of efforts and of commands by channel that are still the newest, as if repeated."""
+        with self._lock:
+            pairs = zip(self.map.names, self._requested.tolist(), strict=True)
+            kept = np.array([efforts.get(name) == effort for name, effort in pairs], dtype=bool)
+            self._commanded |= kept
+            self._new |= bool(np.any(kept))
+            self._actuators.renew(commands)
+
+    def overlay(self, inputs: Array, layout: InputLayout) -> Array:
+        """The inputs of a run with the commands that take effect at its next step."""
+        inputs = inputs.copy()
+        with self._lock:
+            if self._new:
+                inputs[layout.efforts] = self.map.clamped(self._requested)
+            inputs[layout.commands] = self._actuators.newest(inputs[layout.commands])
+        return inputs
 
     def move(self, base: Base, linear: Sequence[float], angular: Sequence[float]) -> None:
         """Take a velocity of a base, (3,) in m/s and (3,) in rad/s; after `timeout` without another one, it stops.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -49,6 +51,24 @@ class Wrench:
         simulation.set_wrench(self.part, force, couple, at=self.point, axes=axes)
 
 
+class Pull(Protocol):
+    """A wrench on a part that follows the motion, as that of a spring; `apply` sets that of the present state.
+
+    `point` (3,) is where it acts, in the frame of the part, and `target` (3,) where it pulls to, in ground's.
+    """
+
+    @property
+    def part(self) -> str: ...  # noqa: D102
+    @property
+    def point(self) -> Array: ...  # noqa: D102
+    @property
+    def target(self) -> Array: ...  # noqa: D102
+    def apply(self, simulation: BaseSimulation) -> None: ...  # noqa: D102
+
+
+PULL_PERIOD = 2e-3  # s of simulated time between two wrenches of a pull
+
+
 @dataclass(frozen=True)
 class ExpiredWrench:
     """A part on which the wrench ends at the next step."""
@@ -72,7 +92,9 @@ class WrenchBuffer:
         self.timeout = timeout
         self.accepted = self.rejected = self.expired = 0
         self._map, self._parts, self._prefix = wrench_map, tuple(parts), frame_prefix
-        self._new: dict[str, Wrench] = {}
+        self._new: dict[str, Wrench | Pull] = {}
+        self._pulls: dict[str, Pull] = {}  # by part
+        self._pulled = -math.inf  # s, the time of their last wrenches
         self._lock = threading.Lock()
         self._since: dict[str, float] = {}
         self._acting: dict[str, bool] = {}  # whether the newest wrench on a part is other than zero
@@ -101,27 +123,54 @@ class WrenchBuffer:
             self._new[part] = wrench
             self.accepted += 1
 
-    def due(self, time: float) -> Iterator[Wrench | ExpiredWrench]:
+    def pull(self, pull: Pull) -> None:
+        """Take a pull, which expires as a wrench does unless it is repeated.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        try:
+            self._map.numbers(pull.part, pull.target, (0.0, 0.0, 0.0), pull.point, "ground")
+        except CommandError:
+            self.rejected += 1
+            raise
+        with self._lock:
+            self._new[pull.part] = pull
+            self.accepted += 1
+
+    def steps_to_pull(self, step_size: float, at_most: int) -> int:
+        """The steps to the next wrench of a pull, or fewer."""
+        return min(at_most, max(1, round(PULL_PERIOD / step_size))) if self._pulls else at_most
+
+    def due(self, time: float) -> Iterator[Wrench | Pull | ExpiredWrench]:
         """What to apply from simulated `time` (s, monotonic) on."""
         with self._lock:
             newest, self._new = self._new, {}
         for part, wrench in newest.items():
             self._since[part] = time
-            self._acting[part] = bool(np.any(wrench.force) or np.any(wrench.couple))
-            yield wrench
+            if isinstance(wrench, Wrench):
+                self._pulls.pop(part, None)
+                self._acting[part] = bool(np.any(wrench.force) or np.any(wrench.couple))
+                yield wrench
+            else:
+                self._pulls[part], self._acting[part] = wrench, True
         if self._since and self.timeout > 0.0:
             for part in [part for part, since in self._since.items() if time - since >= self.timeout]:
                 del self._since[part]
+                self._pulls.pop(part, None)
                 if not self._acting[part]:
                     continue
                 self.expired += 1
                 yield ExpiredWrench(part)
+        if self._pulls and time - self._pulled >= PULL_PERIOD * (1.0 - 1e-9):
+            self._pulled = time
+            yield from self._pulls.values()
 
     def clear(self) -> None:
         """Discard all wrenches, as after a reset."""
         with self._lock:
             self._new = {}
         self._since.clear()
+        self._pulls.clear()
 
 
 def wrench_targets(mechanism: Mechanism, names: Sequence[str]) -> WrenchTargets:

@@ -144,6 +144,12 @@ class NodeParameters:
                 given |= changes
         return given if any(new != live[key] for key, new in given.items()) else {}
 
+    def change_live(self, changes: Mapping[str, float]) -> str:
+        """Change live values as the service does, and let the parameters show them; returns the problem, or ""."""
+        problem = self._set_live(changes)
+        self._follow_live(())
+        return problem
+
     def check(self, problem: Callable[[Mapping[str, Any]], str]) -> None:
         """Refuse changes from now on that leave all parameters with a problem; it returns "" if there is none."""
         self._check = problem

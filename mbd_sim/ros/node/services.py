@@ -75,14 +75,19 @@ class RunServices:
         response.message = problem or f"t = {1e-9 * self._stepping_thread.clock.ns:.9g} s"
         return response
 
-    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if request.data:
-            response.success, response.message = self._recordings.start()
+    def record(self, on: bool) -> tuple[bool, str]:
+        """Start or stop a recording; returns success, and its path or the reason."""
+        if on:
+            done, answer = self._recordings.start()
             self._on_recording()
         else:
-            response.success, response.message = self._recordings.stop()
-        if response.success:
-            self._log.info(f"recording to {response.message}" if request.data else self._recordings.summary())
+            done, answer = self._recordings.stop()
+        if done:
+            self._log.info(f"recording to {answer}" if on else self._recordings.summary())
+        return done, answer
+
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.success, response.message = self.record(request.data)
         return response
 
     def _on_split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -90,7 +95,7 @@ class RunServices:
         return response
 
 
-UNIT = 1e-3  # by how much the norm of a given quaternion may differ from 1
+UNIT_NORM = 1e-3  # by how much the norm of a given quaternion may differ from 1
 FLAGS = ("set_pose", "set_twist")  # of a request; simulation_interfaces 1 has none, and sets both
 
 
@@ -206,7 +211,7 @@ def _pose(message: Any) -> Pose | None:
     position, q = _array(message.position), message.orientation
     quaternion = np.array([q.w, q.x, q.y, q.z])
     norm = float(np.linalg.norm(quaternion))
-    if not (np.all(np.isfinite(position)) and np.isfinite(norm) and abs(norm - 1.0) <= UNIT):
+    if not (np.all(np.isfinite(position)) and np.isfinite(norm) and abs(norm - 1.0) <= UNIT_NORM):
         return None
     return Pose(position, from_quaternion(quaternion / norm))
 

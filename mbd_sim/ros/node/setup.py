@@ -19,6 +19,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from mbd_sim.base.errors import InputError, listed, nearest
+from mbd_sim.base.packages import MissingPackageError
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.yaml_text import mechanism_text
@@ -62,6 +63,8 @@ from mbd_sim.simulation.run.simulation import BaseSimulation
 
 if TYPE_CHECKING:
     from mbd_sim.pictures.rerun.viewer import Viewer
+    from mbd_sim.ros.node.lab import LabPage
+    from mbd_sim.ros.node.sim_node import SimNode
 
 
 LEAST_STEP = 1e-9  # s
@@ -229,6 +232,19 @@ def rerun_viewer(parameters: NodeParameters, simulation: BaseSimulation, log: An
         return None
     log.info(f"showing in Rerun: {viewer.address}")
     return viewer
+
+
+def lab_page(node: SimNode) -> LabPage | None:
+    """The page of the node; None if it is not requested, or if viser is not installed, which is logged."""
+    if not node.parameters["lab"]:
+        return None
+    from mbd_sim.ros.node.lab import LabPage
+
+    try:
+        return LabPage(node)
+    except MissingPackageError as error:
+        node.get_logger().error(f"{error} The run has no page.")
+        return None
 
 
 def initial_rates(parameters: NodeParameters, *, leads: bool) -> Rates:

@@ -30,6 +30,7 @@ from mbd_sim.ros.node.setup import (
     command_buffer,
     followed_clock,
     initial_rates,
+    lab_page,
     node_recordings,
     requested_topics,
     rerun_viewer,
@@ -166,13 +167,14 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.commands,
             self.wrenches,
             wrench_targets,
-            self._step_on_command,
+            self.step_on_command,
             self.stepping_thread.set_state,
             self.stepping_thread.warn,
             self.stepping_thread.clock,
             parameters["stamped_cmd_vel"],
         )
         self.diagnostics = Diagnostics(self, self.stepping_thread, subscriptions, self.publishing_thread)
+        self.lab = lab_page(self)
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._serve(end)
@@ -225,6 +227,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         for companion in self.companions:
             companion.stop()
         self.publishing_thread.join()
+        if self.lab is not None:
+            self.lab.close()
         self.diagnostics.collection.close()
         energies = self.publishing_thread.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
@@ -296,7 +300,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.subscribed.fit_reliability()
         self.diagnostics.publish()
 
-    def _step_on_command(self) -> None:
+    def step_on_command(self) -> None:
         """Lockstep: a command triggers its steps itself, so that command and steps cannot overtake each other."""
         if self.stepping_thread.paused and self.parameters["step_on_command"]:
             self.stepping_thread.step(self.parameters["step_count"])

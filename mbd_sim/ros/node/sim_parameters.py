@@ -102,6 +102,9 @@ PARAMETERS = (
         "parts and points (part.point) whose paths are drawn, separated by commas; empty: chain ends",
     ),
     ParameterSpec("rerun_trace_time", 1.0, "length of the drawn paths in simulated s", 0.01, 1e6),
+    ParameterSpec("lab", False, "open the page of `mbd_sim lab` on this run; it needs the extra lab"),
+    ParameterSpec("lab_port", 8080, "port of this page; 0: a free one", 0, 65535),
+    ParameterSpec("lab_host", "127.0.0.1", "where this page listens; 0.0.0.0: also for other machines, with a token"),
     ParameterSpec(
         "marker_rate", 30.0, "markers per simulated second, while subscribed; 0: none", 0.0, 1000.0, live=True
     ),

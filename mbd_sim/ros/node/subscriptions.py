@@ -29,6 +29,7 @@ from mbd_sim.simulation.run.changes import StateValues
 SET_STATE, ACTUATORS, TRAJECTORY = "~/set_state", "~/actuator_commands", "joint_trajectory"
 JOINT_COMMANDS = "joint_commands"
 CMD_VEL = "cmd_vel"
+LAB = "the lab's page"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
     (JOINT_COMMANDS, "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),

@@ -120,6 +120,12 @@ class NodeRecordings:
         if self.recorder is not None:
             self.recorder.close(CLOSE_TIMEOUT)
 
+    @property
+    def location(self) -> str:
+        """Where the present recording is; "" without one."""
+        recorder = self._active()
+        return str(recorder.location) if recorder is not None else ""
+
     def summary(self) -> str:
         """Sentences on the last recording, or ""."""
         recorder = self.recorder

@@ -68,6 +68,7 @@ class SteppingOutput:
         self._last_viewed = -1  # the tick of the last sample for the viewer
         self._emitted_at = 0.0  # s of the steady clock
         self._silent, self._held_moments = silent, 0
+        self.shown, self.shows = self.journal.snapshot(), False  # the state for pages; whether they want a newer one
         self._contacts = ContactReports()
 
     @property
@@ -105,8 +106,13 @@ class SteppingOutput:
             self._last_viewed = self._clock.ticks
         snapshot = self.journal.snapshot(due, repeated, time.perf_counter() if in_real_time else math.inf)
         if Due.STATE in due:
-            self.newest = snapshot
+            self.newest = self.shown = snapshot
         self.queue.put(snapshot)
+
+    def show(self) -> None:
+        """Keep the present state for pages, if they want a newer one."""
+        if self.shows:
+            self.shown, self.shows = self.journal.snapshot(), False
 
     def parts_of(self, steps: int) -> Iterator[int]:
         """All steps at once; afterwards the clock has gone on. See `RunListener`."""

@@ -61,6 +61,11 @@ class SteppedRun:
         self._check_accuracy()
         self.output.counters.stepping += time.perf_counter() - began
 
+    def steps_to_command(self, at_most: int) -> int:
+        """The steps to the next sample of a trajectory or wrench of a pull, or fewer."""
+        steps = self.commands.steps_to_sample(self.clock.ticks, at_most)
+        return self.wrenches.steps_to_pull(self.simulation.step_size, steps)
+
     def _apply_commands(self, now: float) -> None:
         """Apply what is due at a time in s of the run, by which commands expire."""
         simulation = self.simulation
@@ -101,14 +106,19 @@ class SteppedRun:
         self.wrenches.clear()
         return ""
 
-    def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
-        """Set positions and speeds by name, given as such or by a function; returns the problem, or ""."""
+    def set_state(self, given: StateValues | Callable[[], StateValues], *, told: bool = True) -> str:
+        """Set positions and speeds by name, given as such or by a function; returns the problem, or "".
+
+        :param told: whether a note says what was set, besides the event of the new state.
+        """
         try:
             given = given() if callable(given) else given
             self.simulation.set_state(*given)
         except CommandError as error:
             return str(error)
         self._forget_problems()
+        if not told:
+            return ""
         self.output.report(EventKind.NOTE, f"state set: {given}")
         positions, _ = given
         for name, value in positions.items():

@@ -155,12 +155,13 @@ class SteppingThread:
             change = self.run.live_change(prepared)
             return self.between_steps(lambda: self._set_live(change))
 
-    def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+    def set_state(self, given: StateValues | Callable[[], StateValues], *, told: bool = True) -> str:
         """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success.
 
         :param given: the values, or a function of the present state, which is called between two steps.
+        :param told: see `SteppedRun.set_state`.
         """
-        return self.between_steps(lambda: self._set_state(given))
+        return self.between_steps(lambda: self._set_state(given, told))
 
     def warn(self, text: str) -> None:
         """Report a warning as an event between two steps; returns at once."""
@@ -169,6 +170,11 @@ class SteppingThread:
             self._output.report(EventKind.WARNING, text)
 
         self._requests.submit(report)
+
+    def shown(self) -> Snapshot:
+        """The newest state that is known, to be shown on a page; a newer one follows with the next step."""
+        self._output.shows = True
+        return self._output.shown
 
     def request_moment(self) -> None:
         """Have a state for a recording put into the output between two steps; returns at once."""
@@ -301,7 +307,8 @@ class SteppingThread:
         steps = FAST_BATCH
         if pace := self._pace:
             steps = min(steps, max(1, round(WAKE_UP_PERIOD * pace / self.simulation.step_size)))
-        return self._output.steps_until_due(self.rates, at_most=self.run.commands.steps_to_sample(self.ticks, steps))
+        steps = self.run.steps_to_command(steps)
+        return self._output.steps_until_due(self.rates, at_most=steps)
 
     def _advance(self, steps: int) -> str:
         """Apply commands, take the steps, hand out a snapshot if due; returns the problem, or ""."""
@@ -314,6 +321,7 @@ class SteppingThread:
         self.followers.take(self.clock.ns)
         if due := self._output.due(self.rates):
             self._output.emit(due, in_real_time=self._pace > 0.0)
+        self._output.show()
         return ""
 
     def _set_paused(self, paused: bool) -> None:
@@ -340,9 +348,9 @@ class SteppingThread:
             self._set_paused(False)
         return ""
 
-    def _set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+    def _set_state(self, given: StateValues | Callable[[], StateValues], told: bool) -> str:
         began = time.perf_counter()
-        if not (problem := self.run.set_state(given)):
+        if not (problem := self.run.set_state(given, told=told)):
             self._show_change(Due.NEW, began)
         return problem
 
@@ -351,6 +359,7 @@ class SteppingThread:
         problem = change()
         if self.simulation.state.tobytes() != before:  # the mechanism has been assembled anew
             self._show_change(Due.ALL, began)
+        self._output.show()
         return problem
 
     def _show_change(self, due: Due, began: float) -> None:

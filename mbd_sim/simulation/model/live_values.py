@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base.disk_cache import cached, records_digest
 from mbd_sim.base.errors import CommandError, InputError, MechanismError, Problem, nearest, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import location_of, matching, number_at, value_of, values_of, with_values
-from mbd_sim.files.load import cached, records_digest
 from mbd_sim.files.text.units import parse_value
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location, value_at

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
+from mbd_sim.base.disk_cache import cached
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.dynamics.layouts.inputs import AUDIT_STATES, LOSS_STATES
-from mbd_sim.files.load import cached
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, LOSS_STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import LiveParameters
 from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, require_method, store_prepared
-from mbd_sim.simulation.model.state_records import Energies, Losses, MotionReaders, Reaction, Violation
+from mbd_sim.simulation.model.state_records import Energies, Losses, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
@@ -33,9 +33,8 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact.readings import ContactReadings
     from mbd_sim.simulation.contact.terms import OneSidedModel
     from mbd_sim.simulation.model.actuator_states import AnyActuatorState
-    from mbd_sim.simulation.model.builder import LoadPathReader
-    from mbd_sim.simulation.model.functions import RequestedFunctions
-    from mbd_sim.simulation.model.state_records import MotionReaders, PartMotion
+    from mbd_sim.simulation.model.functions import LoadPathReader, MotionReaders, RequestedFunctions
+    from mbd_sim.simulation.model.state_records import PartMotion
 
 COMPILED = 5_000  # instructions of the multipliers up to which they are compiled, as with `LoadPathReader`
 UNKNOWN_ENERGY = (
@@ -163,6 +162,8 @@ class Model:
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:
+        from mbd_sim.simulation.model.functions import MotionReaders
+
         return MotionReaders(self.equations)
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
@@ -308,7 +309,7 @@ class Model:
     @cached_property
     def load_paths(self) -> LoadPathReader:
         """What load sharing reads of the equations."""
-        from mbd_sim.simulation.model.builder import LoadPathReader
+        from mbd_sim.simulation.model.functions import LoadPathReader
 
         return LoadPathReader(self.equations)
 

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mbd_sim.base import disk_cache
+from mbd_sim.base.disk_cache import casadi_version, records_digest, versions
 from mbd_sim.base.errors import MechanismError, Problem, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.code.machine_code import compiler_identity, load_code
 from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
-from mbd_sim.dynamics.layouts.inputs import CoordinateLayout, InputLayout
-from mbd_sim.files.load import casadi_version, records_digest, versions
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout, InputLayout
 from mbd_sim.mechanism.mechanism import Mechanism
 
 AUTO = "auto"  # instead of the name of a method: chosen by the rates of the mechanism

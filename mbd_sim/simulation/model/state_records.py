@@ -1,22 +1,13 @@
-"""What can be computed from a state, as plain records, such as energies, reactions and the motion of parts.
-
-The motion of parts includes the velocities and accelerations of points and frames that are fixed in them; the compiled
-functions that give it are here as well.
-"""
+"""What can be computed from a state, as plain records, such as energies, reactions and the motion of parts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.short_repr import short_repr
-
-if TYPE_CHECKING:
-    from mbd_sim.compiler.python.bound_call import Call, Clock
-    from mbd_sim.dynamics.equations import Equations
 
 
 class Energies(NamedTuple):
@@ -149,33 +140,3 @@ class PartMotion(NamedTuple):
             self.acceleration + np.cross(self.angular_acceleration, arm) + np.cross(self.angular_velocity, turning),
             self.angular_acceleration,
         )
-
-
-class MotionReaders:
-    """Accelerations of the coordinates and motions of the parts, under inputs that contain the contact forces."""
-
-    def __init__(self, equations: Equations) -> None:
-        """Compile the functions; this takes as long as for the kernel of the mechanism."""
-        from mbd_sim.compiler.python.bound_call import CompiledReaders
-
-        functions = {name: getattr(equations.measurements, name) for name in ("accelerations", "part_motions")}
-        self._readers, self._part_names = CompiledReaders(functions), equations.part_names
-
-    def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
-        """The accelerations of the coordinates, then of the driven ones."""
-        return self._readers.read("accelerations", time, y, inputs)
-
-    def bound_accelerations(self, clock: Clock, y: Array, inputs: Array, count: int) -> Call:
-        """The first ones of arrays that stay where they are, as a callable: see `CompiledFunction.bound`."""
-        return self._readers.bound_to("accelerations", clock, (y, inputs), slice(count))
-
-    def rows(self, time: float, y: Array, inputs: Array) -> Array:
-        """(parts, 4, 3): velocity, angular velocity and their rates."""
-        return self._readers.read("part_motions", time, y, inputs).reshape(-1, 4, 3)
-
-    def parts(self, time: float, y: Array, inputs: Array, poses: Mapping[str, Pose]) -> dict[str, PartMotion]:
-        """The motion of each part, with its pose."""
-        return {
-            name: PartMotion(poses[name], *(vector.copy() for vector in row))
-            for name, row in zip(self._part_names, self.rows(time, y, inputs), strict=True)
-        }

@@ -1,16 +1,25 @@
-"""Advice for a step that is too large: for the accuracy of a mechanism's motion, or for the method's stability."""
+"""Why a run diverges: its step is too large for the accuracy or the method, or an expression has no finite value."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from mbd_sim.base.errors import DivergedError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.simulation.model.method_choice import fastest_mode
+from mbd_sim.mechanism.elements.forces import (
+    AppliedEffort,
+    AppliedForce,
+    AppliedPotential,
+    Bushing,
+    Damper,
+    ForceElement,
+    Spring,
+)
 from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
@@ -93,12 +102,23 @@ def advice_on_energy(model: Model, energies: Energies, start_energy: float, step
 def _may_become_stiff(model: Model) -> bool:
     """Whether there are springs, dampers, friction or stops, or live values, which may be theirs."""
     mechanism = model.mechanism
-    elements = (mechanism.two_point_elements, mechanism.bushings, mechanism.efforts, mechanism.potentials)
-    return any(elements) or bool(model.input_layout.value_count) or any(
+    by_elements = any(map(_may_be_stiff, mechanism.force_elements))
+    return by_elements or bool(model.input_layout.value_count) or any(
         np.any(joint.stiffness) or np.any(joint.damping) or joint.spring or joint.damper or joint.friction
         or any(limits is not None and limits.stiffness for limits in joint.limits)
         for joint in mechanism.all_joints.values()
     )  # fmt: skip
+
+
+def _may_be_stiff(element: ForceElement) -> bool:
+    """Whether the force of an element depends on the motion."""
+    match element:
+        case Spring() | Damper() | Bushing() | AppliedEffort() | AppliedPotential():
+            return True
+        case AppliedForce(vector=vector):
+            return any(expression.state for expression in vector)
+        case _:
+            assert_never(element)
 
 
 def divergence(

@@ -94,6 +94,11 @@ class PresentState(ReadOnlyAttributes):
         """
         return self._memory.accelerations()
 
+    @property
+    def live_mechanism(self) -> Mechanism:
+        """The mechanism with the present live values."""
+        return self._live.mechanism
+
     def motion(self, frame: str) -> PartMotion:
         """The motion of a part, or of one of its points: pose, velocities and accelerations in ground's axes.
 

@@ -288,7 +288,7 @@ class BaseSimulation(PresentState):
         :raises TypeError: other arguments are given with a snapshot.
         """
         if isinstance(state, RunPoint):
-            if any(value is not None for value in (steps, inputs, start_energy, live, samples)):
+            if any(value is not None for value in (steps, inputs, start_energy, live, samples, history)):
                 raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
             require_same_layout(state.layout, self._run_layout)
             self._continue_from(state, state.samples)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mbd_sim.files.load import cached, casadi_version, records_digest
+from mbd_sim.base.disk_cache import cached, casadi_version, records_digest
 from mbd_sim.mechanism.mechanism import Mechanism
 
 

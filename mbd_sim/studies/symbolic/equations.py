@@ -14,7 +14,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.dynamics.layouts.inputs import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.mechanism.contents import has_one_sided, require_no_commanded_drives
 from mbd_sim.mechanism.elements.contacts import Cam
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism

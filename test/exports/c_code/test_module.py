@@ -187,17 +187,9 @@ def test_speeds_in_a_singular_configuration_are_those_of_a_branch_as_in_the_simu
         assert code.y[simulation.model.u_range] == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    "second",
-    [
-        {"END": -1, "LENGTH": 0.4, "ANGLE": "180 deg", "LEAN": 0, "SECOND": "2"},
-        {"END": 1, "LENGTH": 0.2, "ANGLE": 1, "LEAN": -0.7, "SECOND": "30000*w"},
-    ],
-    ids=["at 180 degrees", "far faster"],
-)
-def test_another_loop_does_not_change_the_branch(second):
-    """Rows of the size of round-off, and fast loops that are regular."""
-    text = two_linkages(**second, SPEED="w") + "parameters: {w: 0.001}\n"
+def test_another_loop_does_not_change_the_branch():
+    """A loop that is regular and far faster."""
+    text = two_linkages(END=1, LENGTH=0.2, ANGLE=1, LEAN=-0.7, SECOND="30000*w", SPEED="w") + "parameters: {w: 0.001}\n"
     code = CompiledModule(parse_mechanism(text), parameters=("w",))
     for speed in (0.01, 0.002):
         code.p[:] = speed

@@ -22,7 +22,7 @@ from test.recordings.recordings import count_and_last, messages, metadata, reada
 from test.recordings.runs import record_run
 from test.waiting import PATIENCE
 
-KILLS = 40
+KILLS = 20
 
 
 @pytest.fixture(scope="module")

@@ -202,15 +202,6 @@ def test_an_impact_in_a_loop_goes_through_all_of_it():
     assert abs(sim.energies.residual) < 1e-12
 
 
-def test_steps_together_and_one_by_one_are_the_same_bits():
-    together, single = (Simulation.from_file("rocking") for _ in range(2))
-    together.step(1300)
-    for _ in range(1300):
-        single.step()
-    assert together.state.tobytes() == single.state.tobytes()
-    assert together.inputs.tobytes() == single.inputs.tobytes()
-
-
 @pytest.mark.parametrize("name", ["stops", "newtons_cradle"])
 def test_an_interrupt_leaves_state_and_time_together(name):
     """Wherever it arrives in a call: then the call has not begun."""
@@ -230,16 +221,6 @@ def test_an_interrupt_leaves_state_and_time_together(name):
         signal.signal(signal.SIGALRM, before)
     other.step(sim.steps)
     assert sim.state.tobytes() == other.state.tobytes() and sim.inputs.tobytes() == other.inputs.tobytes()
-
-
-def test_a_snapshot_carries_the_contacts():
-    sim, other = (Simulation.from_file("belt") for _ in range(2))
-    sim.run(until=0.75)  # the block slips
-    snapshot = sim.snapshot()
-    sim.run(until=2.0)
-    other.restore(snapshot)
-    other.run(until=2.0)
-    assert sim.state.tobytes() == other.state.tobytes()
 
 
 def test_a_state_alone_finds_its_contacts_again():

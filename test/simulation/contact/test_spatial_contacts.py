@@ -88,15 +88,6 @@ def test_a_disc_that_falls_flat_does_not_diverge():
     assert _residual(simulation) < 1e-9
 
 
-def test_steps_one_by_one_give_the_same_bits():
-    text = contact_mechanism(1, "box", 0.5, 0.8)
-    together, single = Simulation.from_text(text), Simulation.from_text(text)
-    together.run(until=1.0)
-    while single.time < 1.0 - 1e-9:
-        single.step()
-    assert np.array_equal(together.q, single.q) and np.array_equal(together.u, single.u)
-
-
 def test_an_impact_engages_a_one_way_clutch():
     """The play strikes, and the clutch must not let the second shaft fall behind the third without an impulse."""
     simulation = Simulation.from_text(contact_mechanism(22, "rotors"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mbd_sim
-from mbd_sim import CommandError, DivergedError, MechanismError, Simulation
+from mbd_sim import CommandError, DivergedError, Simulation
 from test.generators.mechanisms import FLOATING, PROJECTILE, audited
 
 LIMITED = """
@@ -96,16 +96,6 @@ def test_steps_that_are_no_positive_time_are_refused(step):
 def test_step_and_method_can_be_replaced():
     sim = Simulation.from_file("rod_pendulum", method="rk4", step=5e-3)
     assert (sim.model.method.name, sim.step_size) == ("rk4", 5e-3)
-
-
-def test_an_unknown_method_names_the_nearest():
-    with pytest.raises(MechanismError, match=r"no method 'rk5'.*Did you mean 'rk4'"):
-        Simulation.from_file("rod_pendulum", method="rk5")
-
-
-def test_an_unknown_mechanism_names_the_nearest():
-    with pytest.raises(MechanismError, match="double_rod"):
-        Simulation.from_file("double_rood")
 
 
 def test_views_are_read_only_and_live(sim):
@@ -274,15 +264,6 @@ def test_two_simulations_do_not_share_a_state():
     assert second.steps == 0 and second.q.tolist() == [1.2, 0.0] and second.efforts.tolist() == [0.0, 0.0]
 
 
-def test_poses(sim):
-    sim.reset(q=[math.pi / 2, 0.0])
-    poses = sim.poses()
-    assert list(poses) == ["upper", "lower"]
-    assert poses["lower"].position == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
-    # the rods hang along -z of their frames, which now point along +x
-    assert poses["upper"].rotation @ [0, 0, -1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
-
-
 def test_coordinates_of_a_free_joint_are_a_position_and_a_rotation_vector():
     sim = Simulation.from_file("tumbling")
     half = 0.5 * 2.5
@@ -365,15 +346,6 @@ def test_a_drive_that_its_loop_cannot_follow_stops_where_it_happens():
         sim.run(until=5.0)
     assert sim.time == pytest.approx(np.pi / 3, abs=0.02)
     assert np.all(np.isfinite(sim.state))
-
-
-def test_drives_by_name():
-    sim = Simulation.from_file("moving_support_pendulum")
-    sim.run(until=0.3)
-    (drive,) = sim.drives().values()
-    assert drive.position == pytest.approx(0.1 * np.sin(5 * 0.3), rel=1e-14)
-    assert drive.velocity == pytest.approx(0.5 * np.cos(5 * 0.3), rel=1e-14)
-    assert drive.force == pytest.approx(sim.reactions()["shaker"].force[0], rel=1e-12)
 
 
 def test_running_until_an_earlier_time_is_refused_with_a_remedy():

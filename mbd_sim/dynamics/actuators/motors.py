@@ -1,11 +1,7 @@
-"""Motors: their effort, current and losses from their command and the speed of their port, and their rotors.
+"""Motors: their effort, current and losses from their command and the speed of their port.
 
 A gear with the efficiency η < 1 passes on η of a torque that drives, and takes 1/η of one that brakes. Near rest this
 loss, like the friction of the rotor, falls to zero with tanh(ω/ω₀), so that the torque does not jump.
-
-A rotor that turns N times as fast as its coordinate adds N² J to the diagonal of the mass matrix: its kinetic energy is
-½ J (N q')². Its mass is that of the part that carries it, whose rotation changes this energy only by terms of the order
-of 1/N, which are left out (Featherstone, sec. 9.6).
 """
 
 from __future__ import annotations
@@ -17,9 +13,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.math.spatial import is_absent, is_finite, is_symbolic
-from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
+from mbd_sim.dynamics.math.spatial import between, is_absent, is_finite, is_symbolic, limited, within
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor
@@ -39,23 +33,6 @@ class MotorOutput:
     current_rate: ca.SX | None
     copper_loss: ca.SX
     friction_loss: ca.SX
-
-
-def limited(value: ca.SX, limit: float | ca.SX) -> ca.SX:
-    """A value within ± a limit, which may be infinite."""
-    return between(value, -limit, limit) if is_finite(limit) else value
-
-
-def between(value: ca.SX, lower: float | ca.SX, upper: float | ca.SX) -> ca.SX:
-    """A value within bounds."""
-    return ca.fmin(ca.fmax(value, lower), upper)
-
-
-def within(value: ca.SX, bounds: tuple[float, float]) -> ca.SX:
-    """A value within bounds, each of which may be infinite."""
-    lower, upper = bounds
-    value = ca.fmax(value, lower) if is_finite(lower) else value
-    return ca.fmin(value, upper) if is_finite(upper) else value
 
 
 def _affine(coefficients: tuple[float, float, float], position: ca.SX, speed: ca.SX) -> ca.SX:
@@ -139,19 +116,3 @@ def _geared(motor: DcMotor, torque: ca.SX, omega: ca.SX) -> tuple[ca.SX, ca.SX]:
         share = ca.if_else(net * omega > 0.0, 1.0 - motor.efficiency, 1.0 / motor.efficiency - 1.0)
         loss += share * ca.fabs(net) * direction
     return torque - loss, loss * omega
-
-
-def speed_rows(links: Sequence[Link]) -> dict[str, int]:
-    """The index in u of each coordinate."""
-    return {name: link.u.start + offset for link in links for offset, name in enumerate(link.joint.coordinate_names)}
-
-
-def rotor_inertias(actuators: Sequence[Actuator], links: Sequence[Link], nv: int) -> ca.SX | None:
-    """The inertias (nv,) of rotors as their coordinates feel them, N² J in kg·m² or kg; None without any."""
-    rows, added, present = speed_rows(links), ca.SX(nv, 1), False
-    for actuator in actuators:
-        motor = actuator.motor
-        if isinstance(actuator.port, CoordinatePort) and not is_absent(motor.rotor_inertia):
-            added[rows[actuator.port.coordinate]] += motor.gear**2 * motor.rotor_inertia
-            present = True
-    return added if present else None

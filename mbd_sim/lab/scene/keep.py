@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.lab.page.camera import aim
-from mbd_sim.lab.page.safety import Gate, guarded
-from mbd_sim.lab.page.scene import Scene
+from mbd_sim.files.checks.override import with_values
+from mbd_sim.lab.scene.camera import aim
+from mbd_sim.lab.scene.scene import Scene
+from mbd_sim.lab.server.safety import Gate
+from mbd_sim.lab.server.server import started, stop
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -17,7 +19,7 @@ from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.simulation.run.state import RunPoint
 
-PLOT = '<div style="position:fixed;left:12px;bottom:12px;width:min(34vw,420px);z-index:9">{}</div>'
+PLOT = '<div style="position:fixed;left:12px;bottom:52px;width:min(34vw,420px);z-index:9">{}</div>'
 
 
 PICTURES = 30.0  # per second of the motion
@@ -39,41 +41,43 @@ def write_html(mechanism: Mechanism, path: Path, duration: float, *, dark: bool)
 
 def motion_html(model: Model, points: list[tuple[float, RunPoint]], *, dark: bool) -> str:
     """The motion through points of a run, with their times in s, and the plots of coordinates and energies."""
-    import viser
-
-    with guarded(Gate("127.0.0.1")):
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    server = started(Gate("127.0.0.1"), "127.0.0.1", 0)
     try:
         extent = extent_of(model)
         scene = Scene(server.scene, model, extent, None, dark=dark)
         aim(server.initial_camera, extent)
         serializer = server.get_scene_serializer()
-        before = points[0][0] if points else 0.0
+        before, mechanism, live = points[0][0] if points else 0.0, model.mechanism, dict[str, float]()
         for time, point in points:
             serializer.insert_sleep(max(time - before, 0.0))
+            if dict(point.live) != live:
+                live = dict(point.live)
+                mechanism = with_values(model.mechanism, live)
             before = time
-            scene.show(_frame(model, time, point))
-        html = serializer.as_html(dark_mode=dark)
+            scene.show(_frame(model, mechanism, time, point))
+        html: str = serializer.as_html(dark_mode=dark)
     finally:
-        server.stop()
+        stop(server)
     end = html.rindex("</body>")
     return html[:end] + PLOT.format(_plots(model, points, dark)) + html[end:]
 
 
-def _frame(model: Model, time: float, point: RunPoint) -> Frame:
+def _frame(model: Model, mechanism: Mechanism, time: float, point: RunPoint) -> Frame:
     now = time, point.state, point.inputs
     return Frame(
         generation=1,
         number=0,
+        mechanism=mechanism,
         time=time,
         running=False,
         rate=0.0,
+        speed=1.0,
         poses=model.pose_array(*now).copy(),
         contacts=np.array(model.contact_readings.places(*now)) if model.contact_readings.placed else np.empty((0, 6)),
         energies=np.zeros(7),
         positions=np.empty(0),
         speeds=np.empty(0),
-        reactions={},
+        watched={},
         pull=None,
         span=(0.0, 0.0),
         message="",

@@ -1,6 +1,6 @@
-"""Where each number is: the coordinates and speeds of a joint in q and u, and the inputs of the equations of motion.
+"""Places in the vectors of the equations: joints in q and u, the energies of the audit in y, and all inputs.
 
-The inputs are efforts, wrenches on parts, commands, parameters, and contact modes.
+The inputs are efforts, wrenches on parts, commands, parameters, and the modes of one-sided elements.
 """
 
 from __future__ import annotations

@@ -1,0 +1,135 @@
+"""The scene of a page: bodies, lines between points, arrows and traces, as a frame has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
+from mbd_sim.lab.scene.arrows import NOWHERE, Arrows
+from mbd_sim.lab.scene.bodies import Bodies, Dragged
+from mbd_sim.lab.scene.ground import add_ground
+from mbd_sim.lab.scene.traces import Traces
+from mbd_sim.lab.scene.vectors import VIEWS, Vectors
+from mbd_sim.lab.session.frames import Frame
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.shapes import palette, solids
+from mbd_sim.pictures.shapes.extent import Extent
+from mbd_sim.pictures.shapes.joints import pulls, weight
+from mbd_sim.pictures.shapes.primitives import Connector, connectors
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH
+from mbd_sim.simulation.model.model import Model
+
+
+@dataclass
+class Shown:
+    """What the user has chosen to see; the other vectors are those that the session was asked to watch."""
+
+    traces: bool = True
+    contacts: bool = True
+
+
+class _Between:
+    """A line of a shape along z from 0 to 1 that leads from one point to another."""
+
+    def __init__(self, handle: Any, ends: tuple[Attachment, ...], pairs: Array | None) -> None:
+        self.handle, self.ends, self._pairs = handle, ends, pairs
+
+    def points(self, ends: list[Array]) -> Array:
+        """The segments (n, 2, 3) for the ends (3,) in ground's frame."""
+        if self._pairs is None:
+            return np.stack([ends[:-1], ends[1:]], axis=1)
+        return solids.between(self._pairs, ends[0], ends[1]).reshape(-1, 2, 3)
+
+
+class Scene:
+    """A mechanism in the scene of a server of viser."""
+
+    def __init__(self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None, *, dark: bool) -> None:
+        """Build all nodes.
+
+        :param scene: the `scene` of viser's server.
+        :param dragged: called in a thread of viser while a part is dragged.
+        """
+        self._scene, self._model, self._extent = scene, model, extent
+        self._mechanism, self._last_time, self.shown = model.mechanism, np.inf, Shown()
+        self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
+        add_ground(scene, model.mechanism, extent, dark=dark)
+        self._bodies = Bodies(scene, model, extent, dragged)
+        self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
+        self._lines = [self._connected(one) for one in connectors(model.mechanism, extent, self._start)]
+        self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
+        self._add_arrows(dark)
+        self.traces = Traces(scene, model.mechanism, extent.size)
+        self._path = scene.add_line_segments("/path", NOWHERE, palette.CURVE, thickness=0.6 * LINE_WIDTH * extent.size)
+
+    def show(self, frame: Frame) -> None:
+        """Move everything to a frame."""
+        if frame.mechanism is not self._mechanism:
+            self._reshape(frame.mechanism)
+        self._poses = np.vstack([frame.poses, pack_poses(np.zeros(3), np.eye(3))])
+        self._bodies.move(self._poses)
+        for line in self._lines:
+            line.handle.points = line.points([self._at(end) for end in line.ends]).astype(np.float32)
+        self._show_arrows(frame)
+        if frame.time < self._last_time or not self.shown.traces:
+            self.traces.forget()
+        if self.shown.traces:
+            self.traces.extend(self._at)
+        self._last_time = frame.time
+
+    def draw_path(self, points: Array) -> None:
+        """Draw a line through points (n, 3) that do not move."""
+        self._path.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) else NOWHERE
+
+    def _reshape(self, mechanism: Mechanism) -> None:
+        """Draw a mechanism with other values, such as lengths."""
+        self._mechanism = mechanism
+        self._bodies.reshape(mechanism)
+        found = connectors(mechanism, self._extent, self._start)
+        for line, one in zip(self._lines, found, strict=True):
+            line.ends = one.points
+        self.traces.forget()
+        self.traces.follow(mechanism)
+
+    def _at(self, end: Attachment) -> Array:
+        position, rotation = unpack_poses(self._poses[self._index[end.part]])
+        return np.asarray(position + rotation @ end.point)
+
+    def _connected(self, one: Connector) -> _Between:
+        """The lines of a spring, a cylinder, a rod or a rope."""
+        width, pairs = 2.0 * one.radius, None
+        if one.form == "coil":
+            width = LINE_WIDTH * self._extent.size
+            pairs = np.repeat(solids.coil(one.radius)[::3], 2, axis=0)[1:-1]
+        elif one.form == "cylinder":
+            width, pairs = LINE_WIDTH * self._extent.size, solids.dashpot(one.radius)
+        handle = self._scene.add_line_segments(f"/{one.kind}/{one.name}", NOWHERE, one.color, thickness=width)
+        return _Between(handle, one.points, pairs)
+
+    def _add_arrows(self, dark: bool) -> None:
+        """Contact forces, the force of a hand, and what the views read."""
+        mechanism, size = self._mechanism, self._extent.size
+        force = weight(mechanism, size), 1.0
+        self._contacts = Arrows(self._scene, "contacts", palette.CONTACT if dark else (196, 138, 0), size, force)
+        self._pull = Arrows(self._scene, "pull", palette.APPLIED, size, force)
+        self._string = self._scene.add_line_segments(
+            "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * size
+        )
+        self._views = {
+            view.key: Arrows(self._scene, view.key, view.colors[dark], size, view.full(mechanism, size))
+            for view in VIEWS
+        }
+
+    def _show_arrows(self, frame: Frame) -> None:
+        contacts = frame.contacts if self.shown.contacts else np.empty((0, 6))
+        self._contacts.show(Vectors([(row[:3], row[3:]) for row in contacts]), self._pushes[: len(contacts)])
+        for key, arrows in self._views.items():
+            arrows.show(frame.watched.get(key) or Vectors())
+        self._pull.show(Vectors([] if frame.pull is None else [(frame.pull[0], frame.pull[2])]))
+        string = NOWHERE if frame.pull is None else np.array([frame.pull[:2]], dtype=np.float32)
+        if len(string) or len(self._string.points):
+            self._string.points = string

@@ -1,0 +1,33 @@
+"""A server of viser that lets nobody in whom the gate refuses, opens no tunnel, and prints nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mbd_sim.lab.server.safety import Gate, guarded
+
+
+def started(gate: Gate, host: str, port: int, label: str | None = None) -> Any:
+    """Start a server behind a gate; port 0 is a free one.
+
+    :raises MbdSimError: this version of viser cannot be guarded.
+    """
+    import viser
+    from viser import _messages
+
+    with guarded(gate):
+        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+    server._websock_server.unregister_handler(_messages.ShareUrlRequest)  # it would open a tunnel
+    return server
+
+
+def stop(server: Any) -> None:
+    """Stop a server without the line that viser prints."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        server.stop()
+    finally:
+        console.quiet = before

@@ -1,0 +1,237 @@
+"""The page of a running node, over DDS and in a real browser: every control goes the way of messages."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from mbd_sim import parse_mechanism
+from mbd_sim.lab.scene.camera import aim
+from mbd_sim.pictures.shapes.extent import extent_of
+from test.docs.site_browser import browser
+from test.lab.page.test_page import FLAGS, SIZE
+from test.system.growing_recordings import STEP_NS, stop_recording, verified
+from test.system.nodes import as_in_the_node, nanoseconds, running
+from test.waiting import wait_until
+
+pytest.importorskip("viser")
+playwright = pytest.importorskip("playwright.sync_api")
+
+BENCH = """
+mechanism: bench
+gravity: [0, 0, 0]
+parameters: {d: 0.05}
+parts:
+  arm: {shape: {type: rod, to: [0.5, 0, 0], radius: 4 cm, mass: 1 kg}, points: {tip: [0.5, 0, 0]}}
+  wheel: {mass: 0.5, inertia: [0.001, 0.002, 0.001]}
+joints:
+  pin: {type: revolute, between: [ground, arm], axis: [0, -1, 0], damping: d}
+  hub: {type: revolute, between: [arm.tip, wheel], axis: [0, -1, 0], damping: 0.05}
+actuators:
+  spin: {type: effort, joint: hub}
+"""
+
+
+class NodePage:
+    """A page of the node in the browser."""
+
+    def __init__(self, chromium, url, listener):
+        self.listener, self.page = listener, chromium.new_page(viewport=SIZE)
+        self.page.set_default_timeout(6e4)
+        self.page.goto(url)
+        self.page.wait_for_selector("canvas")
+        self.page.get_by_role("button", name="Play").wait_for()
+
+    def until(self, condition, what):
+        """Wait in this process, for messages as well as for the page."""
+        self.listener.until(condition, what)
+
+    def button(self, name):
+        self.page.get_by_role("button", name=name, exact=True).first.click()
+
+    def field(self, label):
+        row = self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..")
+        return row.locator("input:not([type=hidden])").last
+
+    def type(self, label, text):
+        field = self.field(label)
+        field.fill(text)
+        field.press("Enter")
+
+    def choose(self, label, option):
+        """Choose from a list."""
+        self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..").locator(
+            "input"
+        ).first.click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def drag(self, condition, what):
+        """Drag the middle of the arm upward until this has an effect, and hold it."""
+        mouse = self.page.mouse
+
+        def attempt():
+            across, down = self.pixel_of_the_arm()
+            mouse.up()
+            mouse.move(across - 2, down)
+            self.listener.spin(0.2)
+            mouse.move(across, down)
+            mouse.down()
+            for step in range(1, 5):
+                mouse.move(across, down - 20 * step)
+                self.listener.spin(0.05)
+
+        wait_until(condition, what, meanwhile=attempt, report=lambda: self.listener.process.text)
+
+    def pixel_of_the_arm(self):
+        """Where the middle of the arm is on the screen."""
+        box, camera = self.page.locator("canvas").first.bounding_box(), SimpleNamespace()
+        aim(camera, extent_of(as_in_the_node(parse_mechanism(BENCH)).model), box["width"] / box["height"], box["width"])
+        forward = np.array(camera.look_at) - camera.position
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        axes = [axis / np.linalg.norm(axis) for axis in (right, np.cross(forward, right), forward)]
+        angle = self.listener.states[-1].position[0]
+        x, y, z = np.array(axes) @ (0.25 * np.array([np.cos(angle), 0.0, np.sin(angle)]) - camera.position)
+        focal = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
+        return box["x"] + 0.5 * box["width"] + focal * x / z, box["y"] + 0.5 * box["height"] + focal * y / z
+
+    def shows(self, label, value):
+        """Wait until the number beside a slider is this one."""
+        self.until(lambda: float(self.field(label).input_value() or "nan") == value, f"{label} = {value} on the page")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if browser() is None:
+        pytest.skip("there is no browser: install chromium, or name one in MBD_SIM_TEST_BROWSER")
+    with playwright.sync_playwright() as program:
+        opened = program.chromium.launch(executable_path=browser(), args=list(FLAGS))
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def node(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lab_node")
+    (folder / "bench.yaml").write_text(BENCH, encoding="utf-8")
+    options = {"mechanism": "bench.yaml", "start_paused": True, "record": True, "lab": True, "lab_port": 0}
+    with running(folder, **options) as (process, listener):
+        listener.ready_to_command()
+        listener.until(lambda: "the lab is at" in process.text, "the address")
+        pulls = []
+        listener.node.create_subscription(
+            Float64MultiArray, "sim_node/applied_wrenches", lambda message: pulls.append(list(message.data)), 1000
+        )
+        listener.all_matched()
+
+        def back_to_the_start():
+            listener.reset()
+            listener.until(lambda: listener.states[-1].position[0] == 0.0, "the start, in which nothing moves")
+
+        def is_pulled():
+            """Whether the wrench changes while the mouse stands still, as that of a spring does."""
+            count = len(pulls)
+            listener.spin(0.5)
+            return len(pulls) > count + 20 and any(pulls[-1][:6])
+
+        yield SimpleNamespace(
+            folder=folder, process=process, listener=listener, pulls=pulls,
+            back_to_the_start=back_to_the_start, is_pulled=is_pulled,
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def opened(node, chromium):
+    address = re.search(r"the lab is at (http://\S+)", node.process.text)
+    return NodePage(chromium, address[1], node.listener)
+
+
+def test_play_pause_step_and_reset(node, opened):
+    listener = node.listener
+    opened.button("Play")
+    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 2e8, "the run")
+    opened.button("Pause")
+    paused = listener.until_paused()
+    opened.button("Step")
+    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) == paused + STEP_NS, "one step")
+    opened.button("Reset")
+    opened.until(lambda: "reset" in listener.events, "the reset")
+    assert "time of a node is not wound back" in opened.page.content()
+
+
+def test_speed_is_the_parameter_of_the_node(node, opened):
+    opened.choose("Speed", "1/4")
+    opened.until(lambda: node.listener.parameter("real_time_factor") == 0.25, "the parameter")
+    opened.choose("Speed", "1")
+    opened.until(lambda: node.listener.parameter("real_time_factor") == 1.0, "the parameter")
+
+
+def test_sliders_are_parameters_and_commands(node, opened):
+    opened.type("d", "0.08")
+    opened.until(lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
+    opened.page.get_by_text("Efforts", exact=True).click()
+    opened.type("pin (N*m)", "0.15")
+    opened.type("spin.effort", "0.5")
+    opened.shows("pin (N*m)", 0.15)
+    opened.button("Play")
+    opened.until(lambda: list(node.listener.states[-1].effort) == [0.15, 0.5], "the commands")
+
+
+def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
+    """It would expire after half a second if nobody repeated it."""
+    listener = node.listener
+    now = nanoseconds(listener.states[-1].header.stamp)
+    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > now + 1.5e9, "1.5 s of the run")
+    assert listener.states[-1].effort[0] == 0.15
+    assert not [event for event in listener.events if "expired" in event]
+
+
+def test_commands_of_others_arrive_on_all_pages(node, opened, chromium):
+    opened.button("Pause")
+    node.listener.until_paused()
+    second = NodePage(chromium, opened.page.url, node.listener)
+    second.page.get_by_text("Efforts", exact=True).click()
+    node.listener.by_name.publish(JointState(name=["pin"], effort=[-0.1]))
+    node.listener.set_parameter("parameters.d", 0.03)
+    for page in (opened, second):
+        page.shows("pin (N*m)", -0.1)
+        page.shows("d", 0.03)
+    second.type("d", "0.04")
+    opened.shows("d", 0.04)
+    second.page.close()
+
+
+def test_dragging_a_paused_mechanism_sets_its_state(node, opened):
+    node.back_to_the_start()
+    opened.drag(lambda: node.listener.states[-1].position[0] > 0.05, "another position")
+    opened.page.mouse.up()
+    assert list(node.listener.states[-1].velocity) == [0.0, 0.0]
+
+
+def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, opened):
+    node.back_to_the_start()
+    opened.button("Play")
+    opened.drag(lambda: node.pulls and any(node.pulls[-1][:6]), "a wrench")
+    opened.page.mouse.up()
+    opened.until(lambda: not any(node.pulls[-1][:6]), "its end")
+    node.back_to_the_start()
+    opened.drag(node.is_pulled, "a wrench that lasts")
+    opened.type("pin (N*m)", "0.1")
+    opened.until(lambda: node.listener.states[-1].effort[0] == 0.1, "an effort")
+    opened.until(node.is_pulled, "the wrench still")
+    opened.page.close()
+    opened.until(
+        lambda: "commands expired: effort of pin set to zero" in node.listener.events and not any(node.pulls[-1][:6]),
+        "the end of what nobody repeats",
+    )
+
+
+def test_the_recording_is_recomputed(node):
+    path = stop_recording(node.listener, node.folder)
+    assert verified(path).compared
+    assert node.process.end() == 0
+    assert "Traceback" not in node.process.text
