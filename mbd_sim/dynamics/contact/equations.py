@@ -17,11 +17,11 @@ from mbd_sim.dynamics.constraints.start import given_start, later_times, rheonom
 from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
 from mbd_sim.mechanism.values.source import dotted
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1

@@ -18,7 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.layouts.state_scales import natural_units
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
@@ -284,7 +284,7 @@ def reassembled(model: Model, time: float, y: Array, inputs: Array, new: Array) 
     :raises CommandError: parts would be inside each other or beyond a stop.
     """
     from mbd_sim.dynamics.constraints.assembly import close_nearby, nearest_speeds
-    from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
+    from mbd_sim.mechanism.natural_units import coordinate_sizes
 
     constraints, where = model.equations.constraints, model.input_layout.values
     sizes, first, last = np.array(coordinate_sizes(model.mechanism, model.mechanism.step)), inputs[where], new[where]
