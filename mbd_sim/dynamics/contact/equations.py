@@ -173,9 +173,9 @@ class OneSidedEquations:
     def forces(self, solved: ca.SX) -> ca.SX:
         """The multipliers λ (rows,) of all rows, with the friction of sliding.
 
-        :param solved: the forces (rows,) of the active rows, and zeros.
+        :param solved: the forces (rows,) of the active rows; others are not used.
         """
-        forces = ca.SX(solved)
+        forces = ca.SX(self.active * solved)
         for element in self.frictions:
             if element.joint is not None:
                 continue

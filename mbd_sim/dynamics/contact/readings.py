@@ -37,7 +37,7 @@ def one_sided_readings(
     :param solution: (rows,) of the active rows; of others what `mbd_sim.compiler.steps.active_rows.emit_solved`
         watches.
     """
-    forces, gaps = contacts.forces(contacts.active * solution), gap_values(contacts)
+    forces, gaps = contacts.forces(solution), gap_values(contacts)
     weights = [weight * contacts.units.length / length for length in contacts.lengths]
     guards = [
         _gap_guard(contacts, index, gaps[index], forces[index] / weights[index], solution[index] / weights[index])
