@@ -85,7 +85,7 @@ def spatial_inertia(moments: MassMoments, X_LB: Pose) -> ca.SX:
     return ca.sparsify(ca.vertcat(ca.horzcat(own + across, s), ca.horzcat(-s, mass * ca.SX.eye(3))))
 
 
-RANK = 1e-11  # singular values below this fraction of the largest count as zero
+LOOP_RANK = 1e-11  # singular values below this fraction of the largest count as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class LagrangeEquations:
         bias = np.divide(bias, size, where=size > 0.0, out=np.zeros_like(bias))
         matrix = np.block([[mass / (scale @ scale.T), rows.T], [rows, np.zeros((len(rows), len(rows)))]])
         right = np.vstack([(forces - inertial) / scale, -bias])
-        solution = np.linalg.lstsq(matrix, right, rcond=RANK)[0] if len(rows) else np.linalg.solve(matrix, right)
+        solution = np.linalg.lstsq(matrix, right, rcond=LOOP_RANK)[0] if len(rows) else np.linalg.solve(matrix, right)
         return np.asarray((solution[: len(mass)] / scale).ravel(), dtype=np.float64)
 
 

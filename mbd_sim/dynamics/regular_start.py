@@ -16,6 +16,7 @@ from mbd_sim.dynamics.constraints.errors import undefined_constraints
 from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
@@ -87,7 +88,7 @@ def start_mass_matrix(traced: TracedMechanism, q: Array) -> Array:
     return np.column_stack([evaluated(function, 0.0, q, each, traced.parameters.base).ravel() for each in directions])
 
 
-ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
+PIVOT_ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
 INVOLVED = 0.1  # the smallest share of a coordinate in a motion without inertia, relative to the largest share
 
 
@@ -117,7 +118,7 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
         if moves and not refused[index]:
             p_WL = p_WB - R_WB @ link.X_LB.rotation.T @ link.X_LB.position
             scale = np.where(_is_moment(link.joint), carried[index].moment_about(p_WL), carried[index].mass)
-            refused[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
+            refused[index] = bool(np.any(~(pivots[link.u] > PIVOT_ROUND_OFF * scale)))
             if refused[index]:
                 problems.append(_no_inertia(mechanism, link))
         if link.parent >= 0:
@@ -138,7 +139,7 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
     """
     sizes = np.sqrt(np.diag(mass_matrix))
     scaled = mass_matrix / np.outer(sizes, sizes)
-    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > ROUND_OFF:
+    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > PIVOT_ROUND_OFF:
         return
     shares = np.abs(np.linalg.eigh(scaled).eigenvectors[:, 0])
     joints = [index for index, link in enumerate(links) if np.any(shares[link.u] > INVOLVED * np.max(shares))]
@@ -159,7 +160,7 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
 
 def _is_particle(part: Part) -> bool:
     """Whether the inertia of a part about its center is round-off of that of its mass at 1 m."""
-    return float(np.trace(part.inertia)) <= ROUND_OFF * part.mass
+    return float(np.trace(part.inertia)) <= PIVOT_ROUND_OFF * part.mass
 
 
 def _is_moment(joint: Joint) -> list[bool]:
@@ -211,7 +212,7 @@ class _CarriedInertia:
         return self.trace + 2.0 * self.mass * float(arm @ arm)
 
 
-COINCIDENT = 1e-12  # m
+COINCIDENT = 1e-12  # of the natural length
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +234,9 @@ def require_defined_forces(mechanism: Mechanism, start: StartOfForces) -> None:
     :raises MechanismError: the elements are named.
     """
     problems = list(_undefined_expressions(mechanism, start))
+    least = COINCIDENT * natural_units(mechanism, mechanism.step).length
     for element, length in zip(mechanism.two_point_elements, start.lengths, strict=True):
-        if not element.needs_line or length > COINCIDENT:
+        if not element.needs_line or length > least:
             continue
         match element:
             case Spring():

@@ -17,7 +17,7 @@ from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 
-ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
+COMPONENT_ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def _aligned(joint: Joint) -> tuple[Pose, JointAxes]:
     third = np.cross(axis, joint.second)
     if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
         return identity_pose(), JointAxes(axis, joint.second, third, joint.lead)
-    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < ROUND_OFF * 10
+    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < COMPONENT_ROUND_OFF * 10
     rotation = np.column_stack([joint.second, third, axis]) if perpendicular else aligning_z(axis)
     second, third = (_cleaned(rotation.T @ vector) for vector in (joint.second, third))
     return Pose(np.zeros(3), rotation), JointAxes(np.array([0.0, 0.0, 1.0]), second, third, joint.lead)
@@ -120,8 +120,8 @@ def _cleaned(array: Array) -> Array:
     A planar chain then costs the same in a plane of any orientation.
     """
     size, whole = np.abs(array), np.round(array)
-    array = np.where(np.abs(array - whole) <= ROUND_OFF * size, whole, array)
-    return np.where(size <= ROUND_OFF * np.max(size), 0.0, array)
+    array = np.where(np.abs(array - whole) <= COMPONENT_ROUND_OFF * size, whole, array)
+    return np.where(size <= COMPONENT_ROUND_OFF * np.max(size), 0.0, array)
 
 
 def speed_rows(links: Sequence[Link]) -> dict[str, int]:

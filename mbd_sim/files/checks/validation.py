@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -69,9 +69,8 @@ def _hidden_problems(source: Source, errors: list[ErrorDetails]) -> list[Problem
     for details in errors:
         if details["type"] == "union_tag_invalid":
             problems += problems_of_any_type(source, details, parameters)
-    ranges = _accepted(
-        source.data.get("ranges"), MechanismFile.model_fields["ranges"].annotation.__args__[1], parameters
-    )
+    _, of_each = get_args(MechanismFile.model_fields["ranges"].annotation)
+    ranges = _accepted(source.data.get("ranges"), of_each, parameters)
     problems += problems_of_ranges(ranges, parameters.values, source)
     return problems + _reference_problems(source, dataclasses.replace(parameters, lenient=True))
 

@@ -91,8 +91,10 @@ class Candidates:
         :raises NoSolutionError: see `ModeFinder.find`.
         """
         for _ in range(ATTEMPTS):
-            forces, rates = self._nearly_resting(*self._forces_and_loads())
-            slipping = self._slipping(forces, rates)
+            forces, rates = self._forces_and_loads()
+            if slipping := self._slipping(forces, rates):
+                forces, rates = self._nearly_resting(forces, rates)
+                slipping = self._slipping(forces, rates)
             self._held, self._reserves = {}, {}
             if not slipping and (limited := self._at_limit(forces)):
                 forces = self._with_least_pressures(forces)
@@ -175,8 +177,6 @@ class Candidates:
 
         Whether it can bear that is decided by its reserve: elastic supports yield without bound as it is used up.
         """
-        if not self._slipping(forces, rates):
-            return forces, rates
         chosen = [gap for gap in self._closable if forces[gap] > 0.0]
         chosen += [row for index in self._sticking for row in self._model.frictions[index][0]]
         matrix = self._coupled[chosen][:, chosen]

@@ -261,7 +261,7 @@ def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
             group = [*friction.rows, *([] if friction.normal is None else [friction.normal])]
             if np.any(diagonal[group] != np.max(diagonal[group])):
                 diagonal[group], changed = np.max(diagonal[group]), True
-    weights = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    weights = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     free = weights * problem.free
     size = float(np.abs(free).max()) or 1.0
     matrix = problem.matrix * weights[:, None] * weights[None, :]
