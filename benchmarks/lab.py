@@ -26,6 +26,8 @@ import psutil
 from numpy.typing import NDArray
 from PIL import Image
 
+from mbd_sim import load_mechanism
+
 FLAGS = (
     "--no-sandbox",
     "--use-gl=angle",
@@ -133,9 +135,8 @@ def slider(browser: Any, count: int) -> None:
         field = watched.page.locator("div", has=watched.page.get_by_text("coupler (m)", exact=True)).last
         number = field.locator("xpath=..").locator("input:not([type=hidden])").last
         for turn in range(count):
-            number.fill("1.2" if turn % 2 == 0 else "1.4")
             before, began = watched.settle(), time.perf_counter()
-            number.press("Enter")
+            number.fill("1.2" if turn % 2 == 0 else "1.4")  # each change of a field counts
             times.append(watched.changed(before, began))
     print(f"slider to the moved picture     {quantiles(times)}", flush=True)
 
@@ -154,6 +155,40 @@ def saving(browser: Any, bodies: int, rounds: int) -> None:
                 times.append(watched.changed(before, began))
                 watched.page.wait_for_timeout(1500)
     print(f"saving to the picture, {bodies:2d} bodies {quantiles(times)}", flush=True)
+
+
+def in_the_program(count: int) -> None:
+    """The share of the program alone: until a changed length, or a saved file, is in the scene of the server."""
+    from mbd_sim.lab.lab import Lab
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "linkage.yaml"
+        text = load_mechanism("four_bar").source.text or ""
+        file.write_text(text, encoding="utf-8")
+        with Lab(load_mechanism(file), port=0, running=False) as lab:
+            times = []
+            for turn in range(count):
+                length, began = (1.2, 1.3, 1.4)[turn % 3], time.perf_counter()
+                lab.page._preparer.ask("parameters.coupler", length)
+                while lab.session.frame.values["parameters.coupler"] != length:
+                    time.sleep(5e-4)
+                times.append(time.perf_counter() - began)
+                time.sleep(0.02)
+    print(f"slider to the frame, no browser {quantiles(times)}", flush=True)
+    for bodies in (1, 10, 30):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "chain.yaml"
+            file.write_text(chain(bodies), encoding="utf-8")
+            with Lab(load_mechanism(file), port=0, running=False) as lab:
+                times = []
+                for turn in range(max(3, count // 10)):
+                    before, began = lab.session.frame.generation, time.perf_counter()
+                    file.write_text(chain(bodies, 0.1 + 1e-3 * (turn + 1)), encoding="utf-8")
+                    while lab.session.frame.generation == before:
+                        time.sleep(1e-3)
+                    times.append(time.perf_counter() - began)
+                    time.sleep(0.3)
+        print(f"saving to the frame, {bodies:2d} bodies  {quantiles(times)}", flush=True)
 
 
 def load(browser: Any, mechanism: str, seconds: float) -> None:
@@ -183,7 +218,9 @@ def opened(browser: Any, url: str) -> Iterator[Watched]:
     page.goto(url)
     page.get_by_role("button", name="Play").wait_for()
     page.wait_for_timeout(3000)
-    yield Watched(page)
+    watched = Watched(page)
+    watched.settle()
+    yield watched
     page.close()
 
 
@@ -202,6 +239,7 @@ def main() -> None:
     rounds, program = options.rounds, os.environ.get("MBD_SIM_TEST_BROWSER") or shutil.which("chromium")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=list(FLAGS))
+        in_the_program(10 * rounds)
         first_picture(browser, rounds)
         slider(browser, 4 * rounds)
         for bodies in (1, 10, 30):

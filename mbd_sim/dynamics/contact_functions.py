@@ -32,7 +32,7 @@ from mbd_sim.dynamics.recursion.articulated_body import Accelerations, Factorize
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
 
-ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
+GAP_ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +63,7 @@ class OneSidedFunctions:
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
+    - `driven(t, y, inputs)`: the positions of the gaps `contacts.driven`.
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
       inputs.
     """
@@ -77,6 +78,7 @@ class OneSidedFunctions:
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
+    driven: ca.Function
 
 
 class OneSidedDynamics:
@@ -213,6 +215,7 @@ class OneSidedDynamics:
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, contacts.places),
+            driven=_function("driven_gaps", inputs, ca.vertcat(ca.SX(0, 1), *contacts.driven.values())),
         )
 
     def _rates(self, solution: ca.SX) -> SolvedPair:
@@ -247,7 +250,7 @@ class OneSidedDynamics:
         state, n, gaps = traced.state, contacts.layout.rows, contacts.layout.gaps
         holonomic = ca.SX(ca.DM([0.0 if gap.clutch else 1.0 for gap in contacts.gaps]))
         depths = holonomic * contacts.equations.position[:gaps, :]
-        least = ROUND_OFF * self._size / contacts.units.length * ca.DM(contacts.lengths[:gaps])
+        least = GAP_ROUND_OFF * self._size / contacts.units.length * ca.DM(contacts.lengths[:gaps])
         depths = depths * (ca.fabs(depths) > least)  # so that what rests does not move at all
         position = ca.vertcat(-depths, ca.SX(n - gaps, 1))
         right = ca.horzcat(position, -contacts.equations.velocity)

@@ -24,13 +24,12 @@ from mbd_sim.dynamics.contact.shapes import touch
 from mbd_sim.dynamics.forces.bushings import bushing_potential
 from mbd_sim.dynamics.forces.elements import damper_force, force_vector, spring_force
 from mbd_sim.dynamics.forces.joints import joint_dissipation, joint_forces
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols, flat_pose
 from mbd_sim.dynamics.kinematics.joint_motions import quaternion_rotation
 from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters, with_symbols
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose, joint_motion, part_poses
+from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose, flat_pose, joint_motion, part_poses
 from mbd_sim.dynamics.kinematics.state_variables import StateVariables
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant, is_absent, skew
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
@@ -86,7 +85,7 @@ def spatial_inertia(moments: MassMoments, X_LB: Pose) -> ca.SX:
     return ca.sparsify(ca.vertcat(ca.horzcat(own + across, s), ca.horzcat(-s, mass * ca.SX.eye(3))))
 
 
-RANK = 1e-11  # singular values below this fraction of the largest count as zero
+LOOP_RANK = 1e-11  # singular values below this fraction of the largest count as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +118,7 @@ class LagrangeEquations:
         bias = np.divide(bias, size, where=size > 0.0, out=np.zeros_like(bias))
         matrix = np.block([[mass / (scale @ scale.T), rows.T], [rows, np.zeros((len(rows), len(rows)))]])
         right = np.vstack([(forces - inertial) / scale, -bias])
-        solution = np.linalg.lstsq(matrix, right, rcond=RANK)[0] if len(rows) else np.linalg.solve(matrix, right)
+        solution = np.linalg.lstsq(matrix, right, rcond=LOOP_RANK)[0] if len(rows) else np.linalg.solve(matrix, right)
         return np.asarray((solution[: len(mass)] / scale).ravel(), dtype=np.float64)
 
 

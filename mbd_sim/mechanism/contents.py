@@ -137,6 +137,18 @@ def expressions_of_forces(mechanism: Mechanism) -> Iterator[ForceExpression]:
     return force_expressions(mechanism.joints.values(), mechanism.force_elements)
 
 
+def coordinates_acted_on(element: ForceElement) -> set[str]:
+    """The joint coordinates along which a force element acts, or on which its force depends."""
+    depended = {state.coordinate for one in force_expressions((), [element]) for state in one.expression.state}
+    match element:
+        case AppliedEffort(coordinate=coordinate):
+            return depended | {coordinate}
+        case AppliedPotential() | Spring() | Damper() | Bushing() | AppliedForce():
+            return depended
+        case _:
+            assert_never(element)
+
+
 def force_expressions(joints: Iterable[Joint], elements: Iterable[ForceElement]) -> Iterator[ForceExpression]:
     """The expressions of springs in joints, and of force elements."""
     for joint in joints:

@@ -149,7 +149,7 @@ def _forest(joints: Mapping[str, Joint], preferred: Sequence[str]) -> frozenset[
     return frozenset(chosen)
 
 
-ROUND_OFF = 1e-13  # of an inertia, relative to the largest that the mass could have in the joint
+INERTIA_ROUND_OFF = 1e-13  # of an inertia, relative to the largest that the mass could have in the joint
 
 
 def inboard(joint: Joint, outboard: str) -> str:
@@ -171,7 +171,7 @@ def moves_no_inertia(joint: Joint, part: Part) -> bool:
     least = _least_inertia(
         part.mass, part.center, part.inertia, pose.position, pose.rotation, directions, rotations, joint.travel
     )
-    return bool(least <= ROUND_OFF)
+    return bool(least <= INERTIA_ROUND_OFF)
 
 
 @per_variant

@@ -12,7 +12,7 @@ import pytest
 
 from mbd_sim import __version__
 from mbd_sim.cli.main import COMMANDS, main
-from mbd_sim.cli.mechanisms import reference
+from mbd_sim.cli.mechanisms import convert
 from mbd_sim.cli.shared.command import Command
 
 FAR = """mechanism: far
@@ -229,7 +229,7 @@ def test_a_full_disk_is_reported_and_a_defect_is_not_hidden(number, handled, mon
     def fail(_):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setitem(reference.COMMANDS, "list", Command("", lambda parser: None, fail))
+    monkeypatch.setitem(convert.COMMANDS, "list", Command("", lambda parser: None, fail))
     if handled:
         assert main(["list"]) == 1
         assert capsys.readouterr().err.startswith("cannot read or write: No space left on device.")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.dynamics.constraints.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.constraints.start import given_start
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.files.load import parse_mechanism
 from test.generators.mechanisms import random_trees
 from test.oracles import kane

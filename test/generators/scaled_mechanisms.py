@@ -13,8 +13,7 @@ from mbd_sim.files.builders.mechanism import build
 from mbd_sim.files.checks.repetition import expanded
 from mbd_sim.files.checks.validation import validate
 from mbd_sim.files.schema import actuators, constraints, forces, laws
-from mbd_sim.files.schema.base import Spec
-from mbd_sim.files.schema.fields import ExpressionField, QuantityField
+from mbd_sim.files.schema.fields import ExpressionField, QuantityField, Spec
 from mbd_sim.files.text.library import find
 from mbd_sim.files.text.yaml_text import parse_source
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS

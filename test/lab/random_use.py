@@ -56,7 +56,7 @@ class RandomUse:
             lambda bench: self.session.ask("adopt", lambda session: session.adopt(bench)),
             self.refused.append,
         )
-        self._recordings = 0
+        self._recordings, self._held = 0, None
         self.actions: dict[str, Callable[[], Callable[[OwnSession], object]]] = {
             "play": lambda: OwnSession.play,
             "pause": lambda: OwnSession.pause,
@@ -67,13 +67,12 @@ class RandomUse:
             "slider": self._slider,
             "hold": self._hold,
             "pull": self._pull,
-            "let go": lambda: lambda session: session.bench.let_go(),
-            "drag": self._drag,
+            "let go": self._let_go,
             "record": self._record,
             "end": lambda: OwnSession.end_recording_told,
             "save": self._save,
         }
-        weights = {"slider": 6, "play": 9, "hold": 4, "pull": 4, "drag": 2, "back": 2, "save": 1.5, "end": 0.4}
+        weights = {"slider": 6, "play": 9, "hold": 4, "pull": 6, "back": 2, "save": 1.5, "end": 0.4}
         self.weights = [weights.get(name, 1) for name in self.actions]
 
     def act(self, seconds: float) -> None:
@@ -96,11 +95,7 @@ class RandomUse:
         return sorted(self.folder.glob("*.mcap"))
 
     def _point(self) -> np.ndarray:
-        size = 0.5
-        return np.array([self.choose.uniform(-size, size) for _ in range(3)])
-
-    def _part(self, session: OwnSession) -> str:
-        return self.choose.choice(list(session.bench.simulation.wrench_map.slices))
+        return np.array([self.choose.uniform(-0.5, 0.5) for _ in range(3)])
 
     def _back(self) -> Callable[[OwnSession], object]:
         part = self.choose.random()
@@ -125,16 +120,22 @@ class RandomUse:
         return move
 
     def _hold(self) -> Callable[[OwnSession], object]:
+        """Take hold in a run, or drag a paused mechanism."""
         point, target = 0.1 * self._point(), self._point()
-        return lambda session: session.bench.take_hold(self._part(session), point, target)
+
+        def hold(session: OwnSession) -> None:
+            self._held = self.choose.choice(list(session.bench.simulation.wrench_map.slices)), point
+            session.drag(1, "start", *self._held, target)
+
+        return hold
 
     def _pull(self) -> Callable[[OwnSession], object]:
         target = self._point()
-        return lambda session: session.bench.pull_to(target)
+        return lambda session: self._held and session.drag(1, "update", *self._held, target)
 
-    def _drag(self) -> Callable[[OwnSession], object]:
-        point, target = 0.1 * self._point(), self._point()
-        return lambda session: session.running or session.bench.drag(self._part(session), point, target)
+    def _let_go(self) -> Callable[[OwnSession], object]:
+        target = self._point()
+        return lambda session: self._held and session.drag(1, "end", *self._held, target)
 
     def _record(self) -> Callable[[OwnSession], object]:
         self._recordings += 1

@@ -13,7 +13,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.load_functions import Loads
+from mbd_sim.dynamics.kernel_functions import Loads
 from mbd_sim.mechanism.mechanism import Mechanism
 
 LOAD_ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load

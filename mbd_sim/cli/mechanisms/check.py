@@ -79,8 +79,7 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
         print_file(_latex(simulation.mechanism, options))
         return 0
 
-    from mbd_sim.analysis.mechanics.instruction_cost import cost
-    from mbd_sim.studies.report.elements import inertia_report
+    from mbd_sim.studies.report.elements import cost, inertia_report
     from mbd_sim.studies.report.mechanism_report import report
 
     content = report(simulation)
@@ -101,7 +100,7 @@ def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
 
         print(f"\n{inertia_text(content['inertia'])}")
     if options.cost:
-        from mbd_sim.analysis.mechanics.instruction_cost import cost_text
+        from mbd_sim.studies.report.elements import cost_text
 
         print(f"\n{cost_text(content['cost'])}")
     if options.draw:

@@ -1,10 +1,12 @@
-"""`mbd_sim convert` and `mbd_sim urdf`: a mechanism in another format."""
+"""`mbd_sim convert`, `urdf`, `list` and `schema`: mechanisms in other formats, the shipped ones, the JSON Schema."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
@@ -14,6 +16,7 @@ from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.mjcf.written_bodies import Written
 from mbd_sim.files.sdf.writer import to_sdf
+from mbd_sim.files.text.library import shipped
 from mbd_sim.files.text.mesh_files import with_meshes_seen_from
 from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 from mbd_sim.files.urdf.writer import left_out, to_urdf
@@ -69,6 +72,23 @@ def _print_urdf(options: argparse.Namespace) -> int:
     return _write_as(load_mechanism(options.mechanism), "urdf")
 
 
+def _declare_nothing(parser: argparse.ArgumentParser) -> None:
+    """Both commands have no arguments."""
+
+
+def _list(options: argparse.Namespace) -> int:
+    for name, path in shipped().items():
+        print(f"{name:24s} {load_mechanism(Path(path)).description.splitlines()[0]}")
+    return 0
+
+
+def _print_schema(options: argparse.Namespace) -> int:
+    from mbd_sim.files.checks.json_schema import json_schema  # imports the whole schema, which `list` does not need
+
+    print(json.dumps(json_schema(), indent=2))
+    return 0
+
+
 COMMANDS = {
     "convert": Command(
         "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes"
@@ -83,5 +103,13 @@ COMMANDS = {
         " is listed in the file and printed to standard error.",
         add_mechanism,
         _print_urdf,
+    ),
+    "list": Command(
+        "List the shipped mechanisms, each with its name and a one-line description.", _declare_nothing, _list
+    ),
+    "schema": Command(
+        "Print the JSON Schema of mechanism files, which editors use to complete and check them.",
+        _declare_nothing,
+        _print_schema,
     ),
 }

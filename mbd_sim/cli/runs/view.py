@@ -1,25 +1,39 @@
-"""`mbd_sim view`: a recorded run in Rerun."""
+"""`mbd_sim view`, `plot`, `export` and `lab`: runs in Rerun, as pictures and tables, and a mechanism in the browser."""
 
 from __future__ import annotations
 
 import argparse
 import threading
+import webbrowser
 from pathlib import Path
 
-from mbd_sim.base.errors import MechanismError, counted
+from mbd_sim.base.errors import CommandError, MechanismError, NoInertiaError, counted
 from mbd_sim.base.packages import require_packages
-from mbd_sim.cli.shared.command import Command
-from mbd_sim.cli.shared.common import add_quiet, positive_in, print_notes
-from mbd_sim.cli.shared.progress import ProgressBar
-from mbd_sim.cli.shared.recorded_run import add_run, recorded_run
+from mbd_sim.cli.shared.command import Command, ProgressBar
+from mbd_sim.cli.shared.common import (
+    add_coordinates,
+    add_mechanism,
+    add_plot_style,
+    add_quiet,
+    add_show,
+    chosen_style,
+    plotted_coordinates,
+    positive_in,
+    print_notes,
+    shown_plots,
+)
+from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
+from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 from mbd_sim.recordings.run.reader import Recording, open_recording
 from mbd_sim.recordings.run.recomputation import Recomputation, RecomputeError
-from mbd_sim.recordings.views.table import read_table
+from mbd_sim.recordings.views import plots
+from mbd_sim.recordings.views.panels import panels, require_names
+from mbd_sim.recordings.views.table import export, read_table, require_table
 
 RATE = 200.0  # states per second shown by default
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_view(parser: argparse.ArgumentParser) -> None:
     add_run(parser)
     parser.add_argument("--save", metavar="FILE.rrd", help="write a file instead of opening a window")
     parser.add_argument(
@@ -49,7 +63,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def _execute(options: argparse.Namespace) -> int:
+def _view(options: argparse.Namespace) -> int:
     """Show the run; with `--rerun serve`, until Ctrl-C."""
     from mbd_sim.pictures.rerun.sinks import checked_sink
 
@@ -106,11 +120,127 @@ def _serve_until_interrupted(address: str) -> None:
     threading.Event().wait()
 
 
+def _add_lab(parser: argparse.ArgumentParser) -> None:
+    add_mechanism(parser)
+    add_set(parser)
+    parser.add_argument("--port", type=int, default=8080, help="default 8080; 0: any that is free")
+    parser.add_argument("--host", default="127.0.0.1", help="listen for other machines too, such as 0.0.0.0")
+    parser.add_argument("--no-open", action="store_true", help="only print the address, without opening a browser")
+    parser.add_argument("--paused", action="store_true", help="start paused")
+    parser.add_argument("--theme", choices=("light", "dark"), default="light", help="default light")
+    parser.add_argument("--record", metavar="FILE.mcap", type=Path, help="record from the start")
+    parser.add_argument(
+        "--drive",
+        metavar="JOINT",
+        help="show positions only, with this joint moved by hand: the parts need no masses",
+    )
+    parser.add_argument(
+        "--html", metavar="FILE.html", type=Path, help="write a page with the motion of --time seconds, and end"
+    )
+    parser.add_argument("--time", metavar="SECONDS", type=float, default=10.0, help="with --html, default 10")
+
+
+def _lab(options: argparse.Namespace) -> int:
+    """Write the page with the motion, or serve the page until Ctrl-C.
+
+    :raises CommandError: the port is not possible.
+    """
+    require_packages("viser", purpose="The lab")
+    if not 0 <= options.port <= 65535:
+        raise CommandError(f"there is no port {options.port}", "Give one from 1024 to 65535, or 0.")
+    mechanism = changed_mechanism(options)
+    if options.html is not None:
+        from mbd_sim.lab.scene.keep import write_html
+
+        write_html(mechanism, options.html, options.time, dark=options.theme == "dark")
+        print(f"wrote {options.html}")
+        return 0
+    from mbd_sim.lab.lab import Lab
+
+    try:
+        lab = Lab(
+            mechanism,
+            drive=options.drive,
+            host=options.host,
+            port=options.port,
+            theme=options.theme,
+            running=not options.paused,
+            record=options.record,
+        )
+    except NoInertiaError as error:
+        raise CommandError(str(error).rstrip("."), "Or show positions only: --drive JOINT.") from error
+    with lab:
+        print(f"{mechanism.name} is on {lab.url} (Ctrl-C ends it)", flush=True)
+        if not options.no_open:
+            webbrowser.open(lab.url)
+        threading.Event().wait()
+    return 0
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    add_run(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .csv, .parquet or .npz")
+    add_quiet(parser)
+
+
+def _export(options: argparse.Namespace) -> int:
+    """Write the table."""
+    require_table(options.out)
+    with recorded_run(options.recording, options) as path:
+        table = read_run_table(path, options.quiet, options.recording)
+    columns = export(options.out, table)
+    print(f"wrote {options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
+    return 0
+
+
+def _add_plot(parser: argparse.ArgumentParser) -> None:
+    add_run(parser)
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="file to write: .png, .svg, .pdf or .html"
+    )
+    add_show(parser)
+    add_coordinates(parser)
+    add_plot_style(parser)
+    add_quiet(parser)
+
+
+def _plot(options: argparse.Namespace) -> int:
+    """Draw the plots."""
+    plots.require_plot(options.out)
+    style = chosen_style(options, options.out)
+    names = shown_plots(options, options.out)
+    require_names(names)  # before anything is run
+    with recorded_run(options.recording, options, reactions="reactions" in names) as path:
+        table = read_run_table(path, options.quiet, options.recording)
+    chosen = panels(table, names, plotted_coordinates(options, options.out), degrees=options.deg)
+    plots.draw(options.out, table, chosen, style)
+    print(f"wrote {options.out}: {', '.join(dict.fromkeys(panel.title.lower() for panel in chosen))}")
+    return 0
+
+
 COMMANDS = {
     "view": Command(
         "Show a recorded run, or the run of a mechanism, in Rerun: the moving mechanism with plots and events. If a"
         " recording contains no mechanism, only the joints are plotted.",
-        _add_arguments,
-        _execute,
+        _add_view,
+        _view,
+    ),
+    "lab": Command(
+        "Open a page in the browser on which the mechanism runs: play, pause, step, wind back, move sliders, drag "
+        "parts, plot, record. Save the file in any editor, and the page follows. The page listens on this machine "
+        "only, unless --host is given; then the printed address contains a token. Ctrl-C ends it.",
+        _add_lab,
+        _lab,
+    ),
+    "export": Command(
+        "Export a recorded run, or the run of a mechanism, as a flat table: one row per state, with the units in "
+        "the column names.",
+        _add_export,
+        _export,
+    ),
+    "plot": Command(
+        "Plot a recorded run, or the run of a mechanism, as a picture or as an HTML page with zoomable plots.",
+        _add_plot,
+        _plot,
     ),
 }

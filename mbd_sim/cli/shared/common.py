@@ -1,4 +1,4 @@
-"""Arguments and output that several subcommands share."""
+"""Arguments and output that several subcommands share, those about plots among them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from mbd_sim.base.errors import InputError, listed
-from mbd_sim.files.text.values import parse_value, split_unit
+from mbd_sim.files.text.units import parse_value, split_unit
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.meshes import undrawn_meshes
+from mbd_sim.recordings.views.panels import PlotStyle
 
 ROUND_OFF = 1e-13  # of a number that was computed over many steps, relative to the numbers that cancel in it
 DURATION = 10.0  # s that are simulated where no time is given
@@ -124,3 +126,81 @@ def print_undrawn_meshes(mechanism: Mechanism) -> None:
     """Print, to standard error, which meshes a picture lacks and why."""
     if missing := undrawn_meshes(mechanism):
         print(f"note: meshes that are not drawn: {listed(missing)}", file=sys.stderr)
+
+
+RUN_PLOTS = "energies", "joints", "residual", "reactions", "sensors", "phase"
+STYLES, THEMES = ("screen", "slide", "paper"), ("light", "dark")
+
+
+def add_plot_style(parser: argparse._ActionsContainer) -> None:
+    """Declare `--style` and `--theme`."""
+    parser.add_argument(
+        "--style",
+        choices=STYLES,
+        help="width and fonts of the plot: for a screen, a slide (10 in wide) or a column of a paper (3.5 in, without "
+        "titles, with dashes) (default screen)",
+    )
+    parser.add_argument("--theme", choices=THEMES, help="ground of the plot (default light)")
+
+
+def add_show(parser: argparse._ActionsContainer, plots: Sequence[str] = RUN_PLOTS) -> None:
+    """Declare `--show`."""
+    parser.add_argument(
+        "--show",
+        metavar="PLOTS",
+        default="",
+        help=f"what to plot: a comma-separated list of {', '.join(plots)} (default: all with data)",
+    )
+
+
+def add_coordinates(parser: argparse._ActionsContainer) -> None:
+    """Declare `--coordinates` and `--deg`."""
+    parser.add_argument(
+        "--coordinates",
+        metavar="NAMES",
+        default="",
+        help="coordinates to plot, separated by commas, or patterns such as 'leg_*' (default: all)",
+    )
+    parser.add_argument("--deg", action="store_true", help="plot angles in degrees (default: rad)")
+
+
+def plotted_coordinates(options: argparse.Namespace, path: Path | None) -> list[str]:
+    """The names and patterns that `--coordinates` lists.
+
+    :raises InputError: it or `--deg` is given without a plot.
+    """
+    if path is None and (options.coordinates or options.deg):
+        raise InputError("--coordinates, --deg: nothing is plotted", "Give --plot too.")
+    return split_names(options.coordinates)
+
+
+def shown_plots(options: argparse.Namespace, path: Path | None) -> list[str]:
+    """The names that `--show` lists.
+
+    :raises InputError: names are given without a plot.
+    """
+    names = split_names(options.show)
+    if names and path is None:
+        raise InputError("--show: nothing is plotted", "Give --plot too.")
+    return names
+
+
+def require_styled(options: argparse.Namespace, path: Path | None) -> None:
+    """Refuse a style without a plot.
+
+    :raises InputError: `path` is None, and a style is given.
+    """
+    given = [f"--{name}" for name in ("style", "theme") if getattr(options, name)]
+    if path is None and given:
+        raise InputError(f"{', '.join(given)}: nothing is plotted", "Give --plot too.")
+
+
+def chosen_style(options: argparse.Namespace, path: Path | None) -> PlotStyle:
+    """The style of the plot that goes to `path`.
+
+    :raises InputError: a style is given without a plot, or does not fit the file.
+    """
+    from mbd_sim.recordings.views.panels import plot_style
+
+    require_styled(options, path)
+    return plot_style(path or Path(), options.style or "screen", options.theme or "light")

@@ -10,17 +10,19 @@ from pathlib import Path
 
 from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.cli.shared.common import positive_in, positive_number, print_undrawn_meshes
-from mbd_sim.cli.shared.plot_options import (
+from mbd_sim.cli.shared.command import COUNT, ProgressBar, temporary_file
+from mbd_sim.cli.shared.common import (
     add_coordinates,
     add_plot_style,
     add_show,
     chosen_style,
     plotted_coordinates,
+    positive_in,
+    positive_number,
+    print_undrawn_meshes,
     require_styled,
     shown_plots,
 )
-from mbd_sim.cli.shared.progress import COUNT, ProgressBar, temporary_file
 from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.simulation.run.simulation import BaseSimulation
@@ -102,15 +104,16 @@ class RunOutputs:
         self._shown, self._coordinates = shown_plots(options, options.plot), plotted_coordinates(options, options.plot)
         require_styled(options, options.plot)
         if self.records:
-            from mbd_sim.recordings.views import export, panels, plots
+            from mbd_sim.recordings.views import panels, plots
+            from mbd_sim.recordings.views.table import require_table
 
-            export.require_table(options.out, RECORDING)
+            require_table(options.out, RECORDING)
             plots.require_plot(options.plot)
             panels.require_names(self._shown)
             chosen_style(options, options.plot)
         if options.animate is not None:
             from mbd_sim.pictures.drawing import animation
-            from mbd_sim.recordings.views.plots import require_suffix
+            from mbd_sim.recordings.views.table import require_suffix
 
             require_suffix(options.animate, animation.SUFFIXES)
             animation.require_animation_packages(options.animate)
@@ -198,15 +201,16 @@ class RunOutputs:
 
     def _write_table_and_plot(self, path: Path) -> None:
         from mbd_sim.cli.shared.recorded_run import read_run_table
-        from mbd_sim.recordings.views import export, plots
+        from mbd_sim.recordings.views import plots
         from mbd_sim.recordings.views.panels import panels
+        from mbd_sim.recordings.views.table import export
 
         options = self._options
         table = read_run_table(path, options.quiet, options.mechanism if path != options.out else "")
         if path == options.out:
             self.written.append(f"{path}: {counted(len(table), 'state')}")
         elif options.out is not None:
-            columns = export.export(options.out, table)
+            columns = export(options.out, table)
             self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
         if options.plot is not None:
             chosen = panels(table, self._shown, self._coordinates, degrees=options.deg)

@@ -5,13 +5,13 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import INT, IRBuilder, element, integer, local_array, number
-from mbd_sim.compiler.ir.dense_solver import DenseSolver, emit_dense_solver
+from mbd_sim.compiler.ir.builder import IRBuilder, local_array, number
+from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
@@ -19,7 +19,7 @@ from mbd_sim.compiler.lists.lowering import instruction_count, lower
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.steps.emitter import Prepare, System
 from mbd_sim.compiler.steps.guarded import Guards, emit_one_sided_advance
-from mbd_sim.compiler.steps.shared_rows import emit_shared_solver
+from mbd_sim.compiler.steps.shared_rows import ActiveRows, emit_active_solver
 
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 
@@ -36,22 +36,6 @@ class Load:
     components: int
 
 
-@dataclass(frozen=True)
-class ActiveRows:
-    """Row i of `rows` is active if input `first` + i is not zero; `solver` is counted, of the order `rows`.
-
-    Where active rows depend on each other, the inputs are weights w, of which those of rows that depend on the other
-    ones are negative. Of all solutions that with the least Σ w x² is taken.
-
-    With `loads`, the system of the rates has their numbers as one more output.
-    """
-
-    rows: int
-    first: int
-    solver: DenseSolver
-    loads: tuple[Load, ...] = ()
-
-
 def emit_solved(
     module: Module,
     name: str,
@@ -59,27 +43,28 @@ def emit_solved(
     result: ca.Function,
     active: ActiveRows,
     *,
+    loads: Sequence[Load] = (),
     fused: bool = True,
     reports_margin: bool = False,
+    adds_given: bool = False,
     watches: bool = False,
 ) -> Function:
     """Emit `system`, if it is not there yet, `result`, and `void name(t, y, inputs, out[, margin])` of double pointers.
 
     `system(t, y, inputs)` gives a memory, a matrix (n, n), right sides (n, k) one after the other, and perhaps a
     margin; `result(memory, solution)`, or `result(t, y, inputs, solution)`, takes the solution, zero for all other
-    rows. The margin is an argument if it is to be reported.
+    rows. The margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
 
-    :param watches: while rows share their forces, the solution of each other row is w times what its force is less
-        than zero: where that is negative, it would bear a force. That is -A_Biᵀ A_BB⁻ᵀ W_B x_B with the basis B.
+    :param loads: whose numbers the system has as one more output.
     """
-    has_loads = bool(active.loads) and system.n_out() > 3
+    has_loads = bool(loads)
     has_margin, takes_memory = system.n_out() > 3 + has_loads, result.n_in() == 2
     columns = system.nnz_out(2) // max(active.rows, 1)
     emitted_system = module.functions.get(system.name())
     if emitted_system is None:
         emitted_system = lower(module, arranged(system, fused=fused), inline=False)
     emitted_result = lower(module, arranged(result, fused=fused), inline=False)
-    solve = _emit_solve(module, f"{name}.solve", active, columns, watches)
+    solve = emit_active_solver(module, f"{name}.solve", active, columns, adds_given=adds_given, watches=watches)
     function = Function(module, FunctionType(VOID, [POINTER] * (4 + reports_margin)), name)
     function.linkage = "internal"
     b = IRBuilder(function.append_basic_block("entry"))
@@ -87,13 +72,13 @@ def emit_solved(
     memory = local_array(b, system.nnz_out(0))
     matrix, right = local_array(b, active.rows**2), local_array(b, active.rows * columns)
     solution = local_array(b, active.rows * columns)
-    loads = [local_array(b, system.nnz_out(3))] if has_loads else []
+    numbers = [local_array(b, system.nnz_out(3))] if has_loads else []
     if has_margin and not margin:
         margin = [local_array(b, 1)]
-    b.call(emitted_system, [t, y, inputs, memory, matrix, right, *loads, *margin])
-    arguments = [element(b, inputs, active.first), matrix, right, solution]
+    b.call(emitted_system, [t, y, inputs, memory, matrix, right, *numbers, *margin])
+    arguments = [inputs, matrix, right, solution]
     if has_loads:
-        _emit_loaded(b, active, solve, arguments, loads[0])
+        _emit_loaded(b, active.rows, loads, solve, arguments, numbers[0])
     else:
         b.call(solve, arguments)
     given = [memory] if takes_memory else [t, y, inputs]
@@ -102,124 +87,62 @@ def emit_solved(
     return function
 
 
-def _emit_loaded(b: IRBuilder, active: ActiveRows, solve: Function, arguments: list[Value], loads: Value) -> None:
+def _emit_loaded(
+    b: IRBuilder, n: int, loads: Sequence[Load], solve: Function, arguments: list[Value], numbers: Value
+) -> None:
     """Solve with the rows of loads along the directions of their forces, until these do not turn any more.
 
     Newton's method for λ_row + c |N| = 0 is the linear equation λ_row + c n N = 0 with the direction n of the last N.
     """
     _, matrix, right, solution = arguments
-    n, starts, position = active.rows, [], 0
-    for load_ in active.loads:
+    turns, starts, position = local_array(b, 1), [], 0
+    for load_ in loads:
         starts.append(position)
         position += 1 + 2 * load_.components + load_.components * n
 
     def write_row(load_: Load, start: int) -> None:
-        factor, k = load(b, loads, start), load_.components
+        factor, k = load(b, numbers, start), load_.components
         with b.if_then(b.fcmp_unordered("!=", factor, number(0.0))):
             for j in range(n):
                 total = number(1.0 if j == load_.row else 0.0)
                 for a in range(k):
-                    slope = load(b, loads, start + 1 + 2 * k + j * k + a)
-                    total = b.fma(b.fmul(factor, load(b, loads, start + 1 + a)), slope, total)
+                    slope = load(b, numbers, start + 1 + 2 * k + j * k + a)
+                    total = b.fma(b.fmul(factor, load(b, numbers, start + 1 + a)), slope, total)
                 store(b, total, matrix, load_.row + j * n)
             sum_ = number(0.0)
             for a in range(k):
-                sum_ = b.fma(b.fmul(factor, load(b, loads, start + 1 + a)), load(b, loads, start + 1 + k + a), sum_)
+                sum_ = b.fma(b.fmul(factor, load(b, numbers, start + 1 + a)), load(b, numbers, start + 1 + k + a), sum_)
             store(b, b.fneg(sum_), right, load_.row)
 
     def turn(load_: Load, start: int) -> None:
         k = load_.components
         values, square = [], number(0.0)
         for a in range(k):
-            value = load(b, loads, start + 1 + k + a)
+            value = load(b, numbers, start + 1 + k + a)
             for j in range(n):
-                value = b.fma(load(b, loads, start + 1 + 2 * k + j * k + a), load(b, solution, j), value)
+                value = b.fma(load(b, numbers, start + 1 + 2 * k + j * k + a), load(b, solution, j), value)
             values.append(value)
             square = b.fma(value, value, square)
         size = b.intrinsic("llvm.sqrt", square)
         with b.if_then(b.fcmp_ordered(">", size, number(0.0))):
             for a, value in enumerate(values):
-                store(b, b.fdiv(value, size), loads, start + 1 + a)
+                part = b.fdiv(value, size)
+                with b.if_then(b.fcmp_unordered("!=", part, load(b, numbers, start + 1 + a))):
+                    store(b, number(1.0), turns, 0)
+                store(b, part, numbers, start + 1 + a)
 
     def once(_: Value) -> None:
-        for load_, start in zip(active.loads, starts, strict=True):
-            write_row(load_, start)
-        b.call(solve, arguments)
-        for load_, start in zip(active.loads, starts, strict=True):
-            if load_.components > 1:
-                turn(load_, start)
+        with b.if_then(b.fcmp_unordered("!=", load(b, turns, 0), number(0.0))):
+            store(b, number(0.0), turns, 0)
+            for load_, start in zip(loads, starts, strict=True):
+                write_row(load_, start)
+            b.call(solve, arguments)
+            for load_, start in zip(loads, starts, strict=True):
+                if load_.components > 1:
+                    turn(load_, start)
 
-    loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in active.loads) else 1, once)
-
-
-def _emit_choice(b: IRBuilder, n: int, mask: Value) -> tuple[Callable[[Value], Value], Value, Value]:
-    """The active row of an index, of which those of the basis come first, their number, and that of all."""
-    chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
-    b.store(integer(0), count)
-
-    def chosen_row(index: Value) -> Value:
-        return b.load(b.gep(chosen, index, INT), typ=INT)
-
-    def choose(i: Value, comparison: str) -> None:
-        with b.if_then(b.fcmp_unordered(comparison, load(b, mask, i), number(0.0))):
-            found = b.load(count, typ=INT)
-            b.store(i, b.gep(chosen, found, INT))
-            b.store(b.add(found, integer(1)), count)
-
-    loop(b, 0, n, lambda i: choose(i, ">"))
-    basis = b.load(count, typ=INT)
-    loop(b, 0, n, lambda i: choose(i, "<"))
-    return chosen_row, basis, b.load(count, typ=INT)
-
-
-def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int, watches: bool) -> Function:
-    """Emit `void name(mask, matrix, right, solution)` of double pointers; `watches` is that of `emit_solved`."""
-    n = active.rows
-    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
-    function.linkage = "internal"
-    mask, matrix, right, solution = function.args
-    b = IRBuilder(function.append_basic_block("entry"))
-    share = emit_shared_solver(module, n, active.solver)
-    small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
-    chosen_row, basis, size = _emit_choice(b, n, mask)
-
-    def gather_column(j: Value) -> None:
-        source, target = b.mul(chosen_row(j), integer(n)), b.mul(j, integer(n))
-        loop(b, 0, basis, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
-
-    loop(b, 0, size, gather_column)
-    b.call(active.solver.factorize, [small, order, basis])
-    shared = b.icmp_signed(">", size, basis)
-    with b.if_then(shared):
-        loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
-
-    def watch(i: Value, offset: Value) -> None:
-        source = b.mul(i, integer(n))
-        loop(b, 0, basis, lambda j: store(b, load(b, matrix, b.add(chosen_row(j), source)), small_right, j))
-        b.call(active.solver.solve, [small, order, small_right, gains, basis])
-
-        def subtract(j: Value) -> None:
-            bears = b.fmul(load(b, weights, j), load(b, x, j))
-            place = b.add(i, offset)
-            store(b, b.fma(b.fneg(load(b, gains, j)), bears, load(b, solution, place)), solution, place)
-
-        with b.if_then(b.fcmp_ordered("==", load(b, mask, i), number(0.0))):
-            loop(b, 0, basis, subtract)
-
-    def solve_column(offset: Value) -> None:
-        loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
-        loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
-        b.call(active.solver.solve, [small, order, small_right, x, basis])
-        with b.if_then(shared, likely=False):
-            b.call(share, [small, order, weights, x, basis, size])
-            if watches:
-                loop(b, 0, n, lambda i: watch(i, offset))
-        loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
-
-    for column in range(columns):
-        solve_column(integer(column * n))
-    b.ret_void()
-    return function
+    store(b, number(1.0), turns, 0)
+    loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in loads) else 1, once)
 
 
 INLINED_GUARDS = 300  # instructions up to which the guards of open contacts are inlined
@@ -231,8 +154,9 @@ class OneSidedSystem:
 
     `rates`, `project` and `readings` are pairs of a system and its result, see `emit_solved`; `open_guards(t, y,
     inputs)` gives the gaps and their rates. Inputs from `first_mode` on are the `modes`: which gaps are closed, which
-    rows are active, and the directions of sliding; further ones may follow. `slips` are the pairs of rows with friction
-    along two directions, at rest up to a `slow` speed. `gap_units` are those of the tolerance of open gaps.
+    rows are active, and the directions of sliding; those from `first_given` on are the given forces. `slips` are the
+    pairs of rows with friction along two directions, at rest up to a `slow` speed. `gap_units` are those of the
+    tolerance of open gaps.
     """
 
     gaps: int
@@ -244,6 +168,7 @@ class OneSidedSystem:
     open_guards: ca.Function
     first_mode: int
     modes: int
+    first_given: int
     tolerance: float
     gap_units: tuple[float, ...]
     slow: float
@@ -261,10 +186,20 @@ def emit_one_sided(
     """
     rows = one_sided.rows
     solver = emit_dense_solver(module, rows, counted=True)
-    active = ActiveRows(rows, one_sided.first_mode + one_sided.gaps, solver, one_sided.loads)
-    rates = emit_solved(module, "solved_rates", *one_sided.rates, active, reports_margin=system.reports_conditioning)
+    active = ActiveRows(rows, one_sided.first_mode + one_sided.gaps, one_sided.first_given, solver)
+    rates = emit_solved(
+        module,
+        "solved_rates",
+        *one_sided.rates,
+        active,
+        loads=one_sided.loads,
+        reports_margin=system.reports_conditioning,
+        adds_given=True,
+    )
     contact_project = emit_solved(module, "solved_projection", *one_sided.project, active, fused=False)
-    readings = emit_solved(module, "solved_readings", *one_sided.readings, active, watches=True)
+    readings = emit_solved(
+        module, "solved_readings", *one_sided.readings, active, loads=one_sided.loads, adds_given=True, watches=True
+    )
     closed = replace(
         system,
         rates=rates,

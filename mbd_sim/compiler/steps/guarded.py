@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, INT, IRBuilder, element, integer, local_array, number
-from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.module import BOOL, POINTER, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import copy, for_each, load
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
@@ -55,7 +55,7 @@ def emit_one_sided_advance(
 
     `i64 advance_to_event(y, inputs, i64 first, double h, i64 steps, estimate)` takes steps until a guard becomes
     negative, and returns how many were taken; -1 if the state would not stay finite, which is unchanged then.
-    `void part_step(y, inputs, double t, double h)` takes one step from t on, without guards.
+    `i64 part_step(y, inputs, double t, double h)` takes one step from t on, without guards; 1 if the state is finite.
     """
     loops = (
         _emit_loop(module, "advance_closed", closed_system, prepare, guards, closed=True),
@@ -75,13 +75,12 @@ def emit_one_sided_advance(
 
 
 def _emit_part_step(module: Module, loops: Sequence[Function], guards: Guards) -> None:
-    function = Function(module, FunctionType(VOID, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
+    function = Function(module, FunctionType(INT, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
     state, inputs, t, h = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     unread = local_array(b, 1)
     b.store(number(0.0), unread)
-    _call_loop(b, loops, guards, [state, inputs, t, integer(0), h, integer(1), integer(PART), unread])
-    b.ret_void()
+    b.ret(_call_loop(b, loops, guards, [state, inputs, t, integer(0), h, integer(1), integer(PART), unread]))
 
 
 def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, arguments: Sequence[Value]) -> Value:

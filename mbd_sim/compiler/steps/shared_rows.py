@@ -1,16 +1,169 @@
-"""Rows that depend on each other and share their forces: solutions with the least sum of squares, as IR.
+"""Active rows that depend on each other and share their forces: solutions with the least sum of squares, as IR.
 
 Of the rows of A x = r some form a basis B, and the others D depend on it. With S = A_BB⁻¹ A_BD all solutions are
 x_B = A_BB⁻¹ r_B - S x_D; that with the least Σ w x² has (W_D + Sᵀ W_B S) x_D = Sᵀ W_B A_BB⁻¹ r_B. It does not depend on
-the rows that are chosen as a basis.
+the rows that are chosen as a basis. With given forces ρ these are x - ρ, and r is that less A ρ.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 from mbd_sim.compiler.ir.builder import INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import DenseSolver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import load, loop, store
+
+
+@dataclass(frozen=True)
+class ActiveRows:
+    """Row i of `rows` is active if input `first` + i is not zero; `solver` is counted, of the order `rows`.
+
+    Where active rows depend on each other, the inputs are weights w, of which those of rows that depend on the other
+    ones are negative. Of all solutions that with the least Σ w (x - ρ)² is taken, with the inputs ρ (rows,) from
+    `given` on, which are zero unless rows share their forces.
+    """
+
+    rows: int
+    first: int
+    given: int
+    solver: DenseSolver
+
+
+def emit_active_solver(
+    module: Module, name: str, active: ActiveRows, columns: int, *, adds_given: bool, watches: bool
+) -> Function:
+    """Emit `void name(inputs, matrix, right, solution)` of double pointers, with right sides one after the other.
+
+    :param adds_given: False: ρ counts as zero.
+    :param watches: while rows share their forces, the solution of each other row is w times what its force is less
+        than zero: where that is negative, it would bear a force. That is -A_Biᵀ A_BB⁻ᵀ W_B (x - ρ)_B with the basis B.
+    """
+    n = active.rows
+    shared = None
+    if n > 1:
+        shared = _emit_shared(module, f"{name}.shared", active, columns, adds_given=adds_given, watches=watches)
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
+    function.linkage = "internal"
+    inputs, matrix, right, solution = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    small, order, small_right, x, least = (local_array(b, size) for size in (n * n, n, n, n, 1))
+    mask = element(b, inputs, active.first)
+    if shared is not None:
+        b.store(number(0.0), least)
+
+        def fold(i: Value) -> None:
+            weight, before = load(b, mask, i), load(b, least, 0)
+            store(b, b.select(b.fcmp_ordered("<", weight, before), weight, before), least, 0)
+
+        loop(b, 0, n, fold)
+        with b.if_then(b.fcmp_ordered("<", load(b, least, 0), number(0.0)), likely=False):
+            b.call(shared, function.args)
+            b.ret_void()
+    chosen_row, (size,) = _choose(b, n, mask, ["!="])
+    _gather(b, n, matrix, small, chosen_row, size, size)
+    b.call(active.solver.factorize, [small, order, size])
+
+    def solve_column(offset: Value) -> None:
+        loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
+        loop(b, 0, size, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
+        b.call(active.solver.solve, [small, order, small_right, x, size])
+        loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
+
+    for column in range(columns):
+        solve_column(integer(column * n))
+    b.ret_void()
+    return function
+
+
+def _emit_shared(
+    module: Module, name: str, active: ActiveRows, columns: int, *, adds_given: bool, watches: bool
+) -> Function:
+    """Emit the function of `emit_active_solver` for rows of which some depend on others."""
+    n = active.rows
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
+    function.linkage, function.attributes = "internal", ["noinline"]
+    inputs, matrix, right, solution = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    share = emit_shared_solver(module, n, active.solver)
+    small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
+    mask = element(b, inputs, active.first)
+    given = element(b, inputs, active.given)
+    chosen_row, (basis, size) = _choose(b, n, mask, [">", "<"])
+    _gather(b, n, matrix, small, chosen_row, basis, size)
+    b.call(active.solver.factorize, [small, order, basis])
+    loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
+
+    def subtract_given(i: Value) -> None:
+        def subtract(j: Value) -> None:
+            slope = load(b, matrix, b.add(chosen_row(i), b.mul(j, integer(n))))
+            store(b, b.fma(b.fneg(slope), load(b, given, j), load(b, small_right, i)), small_right, i)
+
+        loop(b, 0, n, subtract)
+
+    def watch(i: Value, offset: Value) -> None:
+        source = b.mul(i, integer(n))
+        loop(b, 0, basis, lambda j: store(b, load(b, matrix, b.add(chosen_row(j), source)), small_right, j))
+        b.call(active.solver.solve, [small, order, small_right, gains, basis])
+
+        def subtract(j: Value) -> None:
+            bears = b.fmul(load(b, weights, j), load(b, x, j))
+            place = b.add(i, offset)
+            store(b, b.fma(b.fneg(load(b, gains, j)), bears, load(b, solution, place)), solution, place)
+
+        with b.if_then(b.fcmp_ordered("==", load(b, mask, i), number(0.0))):
+            loop(b, 0, basis, subtract)
+
+    def solve_column(offset: Value) -> None:
+        loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
+        loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
+        if adds_given:
+            loop(b, 0, basis, subtract_given)
+        b.call(active.solver.solve, [small, order, small_right, x, basis])
+        b.call(share, [small, order, weights, x, basis, size])
+        if watches:
+            loop(b, 0, n, lambda i: watch(i, offset))
+        if adds_given:
+            loop(b, 0, size, lambda i: store(b, b.fadd(load(b, x, i), load(b, given, chosen_row(i))), x, i))
+        loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
+
+    for column in range(columns):
+        solve_column(integer(column * n))
+    b.ret_void()
+    return function
+
+
+def _choose(
+    b: IRBuilder, n: int, mask: Value, comparisons: Sequence[str]
+) -> tuple[Callable[[Value], Value], list[Value]]:
+    """The rows whose inputs compare with zero in the first of some ways, then in the next one, and their counts."""
+    chosen, count, counts = b.alloca(INT, integer(max(n, 1))), b.alloca(INT), list[Value]()
+    b.store(integer(0), count)
+
+    def choose(i: Value, comparison: str) -> None:
+        with b.if_then(b.fcmp_unordered(comparison, load(b, mask, i), number(0.0))):
+            found = b.load(count, typ=INT)
+            b.store(i, b.gep(chosen, found, INT))
+            b.store(b.add(found, integer(1)), count)
+
+    for comparison in comparisons:
+        loop(b, 0, n, partial(choose, comparison=comparison))
+        counts.append(b.load(count, typ=INT))
+    return lambda index: b.load(b.gep(chosen, index, INT), typ=INT), counts
+
+
+def _gather(
+    b: IRBuilder, n: int, matrix: Value, small: Value, chosen_row: Callable[[Value], Value], rows: Value, columns: Value
+) -> None:
+    """Emit the copy of the chosen rows and columns of a matrix."""
+
+    def gather_column(j: Value) -> None:
+        source, target = b.mul(chosen_row(j), integer(n)), b.mul(j, integer(n))
+        loop(b, 0, rows, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
+
+    loop(b, 0, columns, gather_column)
 
 
 def emit_shared_solver(module: Module, n: int, solver: DenseSolver) -> Function:

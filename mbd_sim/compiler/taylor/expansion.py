@@ -16,7 +16,7 @@ from mbd_sim.compiler.ir.vectors import Index, for_each, load, store
 from mbd_sim.compiler.lists.instruction_list import Graph, GraphBuilder, InstructionList, Output, is_leaf
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.steps.emitter import StepEmitter
-from mbd_sim.compiler.taylor.series import Integral, Recurrence, SeriesList, Sum
+from mbd_sim.compiler.taylor.rules import Integral, Recurrence, SeriesList, Sum
 from mbd_sim.integrators.taylor import Taylor
 
 

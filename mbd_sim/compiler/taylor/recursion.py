@@ -15,7 +15,7 @@ from mbd_sim.compiler.ir.vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.lists.instruction_list import GraphBuilder, InstructionList, Output
 from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.compiler.taylor.expansion import listed, start_of
-from mbd_sim.compiler.taylor.series import Integral, Recurrence, SeriesList, Sum
+from mbd_sim.compiler.taylor.rules import Integral, Recurrence, SeriesList, Sum
 
 LANES = 4  # terms of a sum in a vector
 

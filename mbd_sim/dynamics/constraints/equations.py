@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import casadi as ca
 
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, branch_checks, constraint_rows, joint_frames
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols, flat_pose, link_wrench, world_twist
 from mbd_sim.dynamics.kinematics.drives import driven_motion
 from mbd_sim.dynamics.kinematics.links import Link
+from mbd_sim.dynamics.kinematics.poses import BodySymbols, flat_pose, link_wrench, world_twist
 from mbd_sim.dynamics.kinematics.state_variables import function_of_coordinates
 from mbd_sim.dynamics.kinematics.tracing import StateSymbols, TracedMechanism
 

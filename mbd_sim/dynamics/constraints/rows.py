@@ -17,7 +17,7 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.kinematics.bodies import BodyFrame, BodySymbols
+from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements import constraints as c

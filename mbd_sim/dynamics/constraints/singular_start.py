@@ -12,7 +12,7 @@ from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.math.rank import RANK, null_space, rank_of, unit_rows
 
 SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ in natural units,
-ROUND_OFF = 1e-13  # or to the squared speeds, where γ itself is round-off, as on the axis of a turning part
+CURVATURE_ROUND_OFF = 1e-13  # or to the squared speeds, where γ itself is round-off, as on the axis of a turning part
 SLOPES = (
     1e-12  # of the largest: slopes that vanish with the speeds of a loop at rest, which end at this share of others
 )
@@ -78,7 +78,7 @@ def speeds_of_a_branch(
     bias = float(np.linalg.norm((constraints.bias(t, q, u) / sizes)[stressed]))
 
     def satisfied(speeds: Array) -> bool:
-        tolerance = max(SATISFIED * bias, ROUND_OFF * float(np.sum((speeds / scales) ** 2)))
+        tolerance = max(SATISFIED * bias, CURVATURE_ROUND_OFF * float(np.sum((speeds / scales) ** 2)))
         return float(np.linalg.norm(curvature(speeds))) <= tolerance
 
     if satisfied(u):

@@ -10,7 +10,7 @@ import casadi as ca
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.equations import expressed_in_state
-from mbd_sim.dynamics.kinematics.bodies import BodyFrame, BodySymbols
+from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant

@@ -19,8 +19,8 @@ import numpy as np
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
 from mbd_sim.dynamics.contact.shapes import touch, with_rim_points, without_repeated
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols
 from mbd_sim.dynamics.kinematics.links import Link
+from mbd_sim.dynamics.kinematics.poses import BodySymbols
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent

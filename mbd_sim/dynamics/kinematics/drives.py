@@ -42,8 +42,7 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.kinematics.links import Disturbance, Link
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
-from mbd_sim.dynamics.layouts.inputs import UNDRIVEN, InputLayout
+from mbd_sim.dynamics.layouts.vectors import UNDRIVEN, CoordinateLayout, InputLayout
 from mbd_sim.dynamics.math.expressions import time_functions
 from mbd_sim.dynamics.math.spatial import constant, limited
 from mbd_sim.mechanism.contents import commanded_drives

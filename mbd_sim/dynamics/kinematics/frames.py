@@ -14,9 +14,8 @@ from typing import Literal, assert_never
 import casadi as ca
 
 from mbd_sim.base.geometry.pose import Pose, identity_pose
-from mbd_sim.dynamics.kinematics.bodies import rotation_of_link
 from mbd_sim.dynamics.kinematics.drives import driven_motion
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose, rotation_of_link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import constant, skew
 from mbd_sim.mechanism.elements.parts import GROUND

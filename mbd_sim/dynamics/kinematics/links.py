@@ -1,9 +1,13 @@
-"""The mechanism as links for the recursions: each part expressed in the frame of its inboard joint."""
+"""The mechanism as links for the recursions: each part expressed in the frame of its inboard joint.
+
+Branches of the spanning tree that have the same joints, such as four legs, are computed in vectors by a kernel.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -11,13 +15,13 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.kinematics.joint_motions import JointAxes
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.spatial import inertia_matrix, is_absent
 from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 
-ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
+COMPONENT_ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +112,7 @@ def _aligned(joint: Joint) -> tuple[Pose, JointAxes]:
     third = np.cross(axis, joint.second)
     if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
         return identity_pose(), JointAxes(axis, joint.second, third, joint.lead)
-    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < ROUND_OFF * 10
+    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < COMPONENT_ROUND_OFF * 10
     rotation = np.column_stack([joint.second, third, axis]) if perpendicular else aligning_z(axis)
     second, third = (_cleaned(rotation.T @ vector) for vector in (joint.second, third))
     return Pose(np.zeros(3), rotation), JointAxes(np.array([0.0, 0.0, 1.0]), second, third, joint.lead)
@@ -120,8 +124,8 @@ def _cleaned(array: Array) -> Array:
     A planar chain then costs the same in a plane of any orientation.
     """
     size, whole = np.abs(array), np.round(array)
-    array = np.where(np.abs(array - whole) <= ROUND_OFF * size, whole, array)
-    return np.where(size <= ROUND_OFF * np.max(size), 0.0, array)
+    array = np.where(np.abs(array - whole) <= COMPONENT_ROUND_OFF * size, whole, array)
+    return np.where(size <= COMPONENT_ROUND_OFF * np.max(size), 0.0, array)
 
 
 def speed_rows(links: Sequence[Link]) -> dict[str, int]:
@@ -143,3 +147,56 @@ def rotor_inertias(actuators: Sequence[Actuator], links: Sequence[Link], nv: int
             added[rows[actuator.port.coordinate]] += motor.gear**2 * motor.rotor_inertia
             present = True
     return added if present else None
+
+
+STATE, INPUTS = 1, 2  # the arguments of the rates
+Shape: TypeAlias = tuple[object, ...]
+
+
+def like_branches(links: Sequence[Link], nq: int) -> list[list[list[tuple[int, int]]]]:
+    """Groups of branches that start at the same link and have joints of the same types in the same places.
+
+    Joints without coordinates are passed over. A branch within a branch of a group belongs to that group.
+
+    :param nq: the number of coordinates in the state.
+    :return: for each group its branches, and of these the coordinates, speeds and efforts of their joints, each as the
+        argument of the rates and the component, in the same order in all branches of a group.
+    """
+    outboard: dict[int, list[int]] = {}
+    for index, link in enumerate(links):
+        inboard = link.parent
+        while inboard >= 0 and not _moves(links[inboard]):
+            inboard = links[inboard].parent
+        if _moves(link):
+            outboard.setdefault(inboard, []).append(index)
+    shapes: dict[int, Shape] = {}
+    for index in reversed(range(len(links))):  # links are in order from ground outward
+        shapes[index] = (links[index].joint.type, *(shapes[child] for child in outboard.get(index, ())))
+    groups, waiting = [], [-1]
+    while waiting:
+        children = outboard.get(waiting.pop(), ())
+        alike: dict[Shape, list[int]] = {}
+        for child in children:
+            alike.setdefault(shapes[child], []).append(child)
+        for branches in alike.values():
+            if len(branches) > 1:
+                groups.append([_components(links, outboard, root, nq) for root in branches])
+            else:
+                waiting += branches
+    return groups
+
+
+def _moves(link: Link) -> bool:
+    """Whether a link's joint has coordinates."""
+    return link.joint.kind.nv > 0 and not link.joint.drive
+
+
+def _components(links: Sequence[Link], outboard: dict[int, list[int]], root: int, nq: int) -> list[tuple[int, int]]:
+    """The arguments and components that belong to the branch from a link outward: see `like_branches`."""
+    found, waiting = [], [root]
+    while waiting:
+        index = waiting.pop()
+        q, u = (range(span.start, span.stop) for span in (links[index].q, links[index].u))
+        found += [*((STATE, i) for i in q), *((STATE, nq + i) for i in u), *((INPUTS, i) for i in u)]
+        waiting += outboard.get(index, ())
+    return found

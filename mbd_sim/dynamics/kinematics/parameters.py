@@ -35,7 +35,9 @@ from mbd_sim.mechanism.values.tables import BicubicSurface, Curve
 
 Path = tuple[str | int, ...]
 
-ROUND_OFF = 1e-14  # relative to the largest number of an array, of equal numbers that were computed in different ways
+ARRAY_ROUND_OFF = (
+    1e-14  # relative to the largest number of an array, of equal numbers that were computed in different ways
+)
 
 
 class StructureError(ValueError):
@@ -103,7 +105,7 @@ class SymbolicParameters:
         expected = self.data.free.copy()
         expected[self.indices] = values[self.columns]
         for index in np.flatnonzero(expected != data.free).tolist():
-            if not abs(expected[index] - data.free[index]) <= ROUND_OFF * data.size_near(index):
+            if not abs(expected[index] - data.free[index]) <= ARRAY_ROUND_OFF * data.size_near(index):
                 path = _dotted(data.paths[index])
                 raise StructureError(f"{path} differs, which is not among the values that can change")
         return values

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.kinematics.bodies import rotation_of_link
 from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose, rotation_of_link
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic, skew
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression

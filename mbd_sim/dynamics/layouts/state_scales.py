@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.mechanism.elements.joint_types import STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -131,10 +131,10 @@ def _length(mechanism: Mechanism, step: float) -> float:
     poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
     points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
     points += [pose.position for part in mechanism.parts.values() for pose in part.points.values()]
-    if found := max((float(np.linalg.norm(point)) for point in points), default=0.0):
-        return found
-    bodies = [part for part in mechanism.parts.values() if part.mass > 0.0]
-    if found := max((math.sqrt(float(np.trace(part.inertia)) / part.mass) for part in bodies), default=0.0):
+    sizes = [float(np.linalg.norm(point)) for point in points]
+    if mass := sum(part.mass for part in mechanism.parts.values()):  # the radius of gyration of all parts
+        sizes.append(math.sqrt(sum(float(np.trace(part.inertia)) for part in mechanism.parts.values()) / mass))
+    if found := max(sizes, default=0.0):
         return found
     positions, speeds = list[float](), list[float]()
     for joint in mechanism.joints.values():

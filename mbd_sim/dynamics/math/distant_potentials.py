@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.math.piecewise import POINTS, PotentialTable, gauss_formula
 
-TOLERANCE = 2e-15  # of the integral over an interval, relative to that of the absolute value
+INTERVAL_TOLERANCE = 2e-15  # of the integral over an interval, relative to that of the absolute value
 MAX_HALVINGS = 50  # of a cell
 MAX_PARTS = 256  # of each interval on average that are halved again; the integral of faster waves is nan
 MAX_CELLS = 1_000_000  # on each side; the energy is nan beyond
@@ -163,5 +163,5 @@ def _quadrature(at: Callable[[Array], Array], starts: Array, stops: Array) -> tu
     rounding = np.finfo(float).eps * np.maximum(np.abs(starts), np.abs(stops)) * np.ptp(values, axis=1)
     allowed = EXTRAPOLATION * np.max(np.abs(values), axis=1) + AMPLIFICATION * rounding / np.abs(widths)
     missed = np.maximum(np.abs(first), np.abs(last)) > allowed
-    error = TOLERANCE * np.abs(widths) * size + rounding
+    error = INTERVAL_TOLERANCE * np.abs(widths) * size + rounding
     return widths * total, np.where(missed, -np.inf, error)

@@ -19,7 +19,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.values.tables import BicubicSurface, Curve, Table, hermite
 
 POINTS = 16
-TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute value from 0
+INTEGRAL_TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute value from 0
 MAX_PANELS = 64  # on each side of 0
 DECADES = 5  # beyond the range of a law, to which further panels may reach
 MIN_WIDTH = 1e-12  # of a panel, relative to the range
@@ -121,7 +121,7 @@ def _outward(at: Callable[[Array], Array], start: float) -> list[float]:
                 return found
             total = size + sum(own for _, own in errors)
             worst = max(range(len(errors)), key=lambda index: errors[index][0])
-            if errors[worst][0] <= TOLERANCE * total:
+            if errors[worst][0] <= INTEGRAL_TOLERANCE * total:
                 break
             _halve(at, edges, errors, worst)
         else:
@@ -132,15 +132,16 @@ def _outward(at: Callable[[Array], Array], start: float) -> list[float]:
 
 def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
     """The ends of the panels on one side of 0, from 0 outward."""
+    least = MIN_WIDTH * abs(end)
     while end and not np.all(np.isfinite(at(np.linspace(0.0, end, 65)[:-1]))):
-        end = 0.5 * end if abs(end) > 1e-9 else 0.0
+        end = 0.5 * end if abs(end) > least else 0.0
     if not end:
         return []
     edges, found = [0.0, end], [_refined(at, 0.0, end)]
     for _ in range(MAX_PANELS):
         errors, sizes = np.array(found)[:, 0], np.cumsum(np.array(found)[:, 1])
         narrow = np.abs(np.diff(edges)) <= MIN_WIDTH * abs(end)
-        excess = np.where((errors <= TOLERANCE * sizes) | narrow, 0.0, errors / np.maximum(sizes, 1e-300))
+        excess = np.where((errors <= INTEGRAL_TOLERANCE * sizes) | narrow, 0.0, errors / np.maximum(sizes, 1e-300))
         worst = int(np.argmax(excess))
         if not excess[worst] > 0.0:
             break
@@ -183,7 +184,7 @@ def _quadratures(at: Callable[[Array], Array], *ranges: tuple[float, float]) -> 
 
 MAX_TURNS = 6  # longest period that is recognized; half of it lies within the panels
 SAMPLES = np.concatenate([np.linspace(-40.0, 40.0, 2003), np.geomspace(41.0, 1e3, 300), -np.geomspace(41.0, 1e3, 300)])
-NEAR = 2003  # samples up to 40 rad
+SAMPLES_NEAR = 2003  # samples up to 40 rad
 ROUND_OFF, RELATIVE_ROUND_OFF = 1e-12, 1e-14  # of forces, relative to the largest near force and to each force
 
 
@@ -246,7 +247,7 @@ def repetition(f: Callable[[ca.SX], ca.SX]) -> Repetition | None:
     here = _values(f, SAMPLES)
     if not np.all(np.isfinite(here)):
         return None
-    near = float(np.max(np.abs(here[:NEAR])))
+    near = float(np.max(np.abs(here[:SAMPLES_NEAR])))
     for turns in range(1, MAX_TURNS + 1):
         period = 2.0 * np.pi * turns
         later = _values(f, SAMPLES + period)

@@ -18,7 +18,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import skew
-from mbd_sim.dynamics.kinematics.links import ROUND_OFF, Link
+from mbd_sim.dynamics.kinematics.links import COMPONENT_ROUND_OFF, Link
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
 
 
@@ -98,5 +98,5 @@ def _without_round_off(array: Array, before: Array) -> Array:
         for columns in (slice(0, 3), slice(3, 6)):
             size = np.max(np.abs(before[rows, columns]))
             block = result[rows, columns]
-            block[np.abs(block) <= 2.0 * ROUND_OFF * size] = 0.0
+            block[np.abs(block) <= 2.0 * COMPONENT_ROUND_OFF * size] = 0.0
     return result

@@ -9,9 +9,8 @@ import casadi as ca
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations
 from mbd_sim.dynamics.forces.bushings import bushing_in_ground
-from mbd_sim.dynamics.kinematics.bodies import rotation_of_link
 from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.kinematics.poses import LinkMotion
+from mbd_sim.dynamics.kinematics.poses import LinkMotion, rotation_of_link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
 from mbd_sim.dynamics.math.spatial import constant

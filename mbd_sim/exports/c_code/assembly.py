@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mbd_sim.dynamics.constraints.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, STALLED, WEIGHTLESS
+from mbd_sim.dynamics.constraints.singular_start import CURVATURE_ROUND_OFF, SATISFIED, SLOPES, STARTS
 from mbd_sim.dynamics.constraints.singular_start import ITERATIONS as BRANCH_ITERATIONS
-from mbd_sim.dynamics.constraints.singular_start import ROUND_OFF, SATISFIED, SLOPES, STARTS
 from mbd_sim.dynamics.math.rank import RANK
 from mbd_sim.exports.c_code.assembly_texts import (
     RESTING_SPEEDS,
@@ -307,7 +307,7 @@ def assembly_functions(model: ExportedModel, start: StartFunctions) -> list[str]
                 rank=literal(RANK),
                 usual_rank=equations.start.rank,
                 satisfied=literal(SATISFIED),
-                round_off=literal(ROUND_OFF),
+                round_off=literal(CURVATURE_ROUND_OFF),
                 slopes=literal(SLOPES),
                 branch_starts=STARTS,
                 branch_iterations=BRANCH_ITERATIONS,

@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 
 from mbd_sim import __version__
 from mbd_sim.exports.c_code.assembly import ASSEMBLY_DECLARATION, assembly_functions
+from mbd_sim.exports.c_code.builder import step_functions
 from mbd_sim.exports.c_code.functions import c_function, literal, sine_cosine_text
 from mbd_sim.exports.c_code.model import ExportedModel
-from mbd_sim.exports.c_code.steps import step_functions
 from mbd_sim.exports.c_code.variables import Variable
 from mbd_sim.integrators.method import Method
 

@@ -10,7 +10,7 @@ from typing import assert_never
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.actuators import ENERGIES, FLUID
-from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator, DcMotor, EffortMotor, FluidCylinder, Machine
 from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive

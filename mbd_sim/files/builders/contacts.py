@@ -21,7 +21,7 @@ from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ContactSpec
 from mbd_sim.files.schema.file import PartSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
-from mbd_sim.files.text.values import split_unit
+from mbd_sim.files.text.units import split_unit
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import (
     FIRST_RIM,

@@ -16,8 +16,8 @@ from mbd_sim.base.errors import InputError, Problem, counted, listed, nearest, q
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about, from_quaternion, from_rpy, unit
-from mbd_sim.files.schema.base import RotationSpec
-from mbd_sim.files.text.values import split_unit, unit_factor
+from mbd_sim.files.schema.fields import RotationSpec
+from mbd_sim.files.text.units import split_unit, unit_factor
 from mbd_sim.mechanism.elements.actuators import Actuator, Base
 from mbd_sim.mechanism.elements.constraints import Constraint
 from mbd_sim.mechanism.elements.contacts import Contact

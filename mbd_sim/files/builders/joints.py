@@ -16,7 +16,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment, rotation_matrix
 from mbd_sim.files.schema import joints as schema
 from mbd_sim.files.schema import laws
-from mbd_sim.files.schema.base import RotationSpec
+from mbd_sim.files.schema.fields import RotationSpec
 from mbd_sim.mechanism.elements.forces import Bushing
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint, Limits

@@ -24,9 +24,8 @@ from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.parameters import POSITION, VELOCITY
-from mbd_sim.files.text.units import factor
-from mbd_sim.files.text.values import is_number, split_unit
-from mbd_sim.mechanism.contents import force_expressions
+from mbd_sim.files.text.units import factor, is_number, split_unit
+from mbd_sim.mechanism.contents import coordinates_acted_on, force_expressions
 from mbd_sim.mechanism.elements.forces import ForceElement
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.exact_geometry.snapping import inexact, with_exact_loops
@@ -42,7 +41,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
     elements = build_elements(file, source)
-    if found := [*elements.problems, *_problems_of_ranges(file, parameters, source)]:
+    if found := [*elements.problems, *problems_of_ranges(file.ranges, parameters, source)]:
         raise MechanismError(in_order(found))
     joints = elements.joints
     coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
@@ -82,9 +81,18 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     return with_exact_loops(mechanism, file.tolerance) if file.tolerance else _as_written(mechanism, file)
 
 
-def _problems_of_ranges(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Iterator[Problem]:
-    """Ranges of no parameter, of one that follows others, in other units, upside down, or without its value."""
-    for name, ends in file.ranges.items():
+def problems_of_ranges(
+    ranges: Mapping[str, tuple[float, float]], parameters: Mapping[str, float], source: Source
+) -> Iterator[Problem]:
+    """Ranges of no parameter, of one that follows others, in other units, upside down, or without its value.
+
+    Those of parameters of the file that have no value, because it is wrong, are left out.
+    """
+    written = source.data.get("parameters")
+    unknown = set(written if isinstance(written, dict) else ()) - parameters.keys()
+    for name, ends in ranges.items():
+        if name in unknown:
+            continue
         try:
             _require_range(name, ends, parameters, source)
         except InputError as error:
@@ -156,10 +164,11 @@ def _named_joints(elements: MechanismElements) -> set[str]:
     sprung = {bushing.name for bushing in elements.joint_bushings if elements.joints[bushing.name].type == "free"}
     if forces == ForceElements() and not any(joint.spring for joint in elements.joints.values()):
         return sprung
+    names = {
+        state.coordinate for one in force_expressions(elements.joints.values(), ()) for state in one.expression.state
+    }
     of_all_kinds: chain[ForceElement] = chain.from_iterable(vars(forces).values())
-    found = force_expressions(elements.joints.values(), of_all_kinds)
-    names = {state.coordinate for one in found for state in one.expression.state}
-    names |= {effort.coordinate for effort in forces.efforts}
+    names |= set[str]().union(*map(coordinates_acted_on, of_all_kinds))
     return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)} | sprung
 
 

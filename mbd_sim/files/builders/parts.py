@@ -17,8 +17,9 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array, distance, fsum
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import rotation_matrix
-from mbd_sim.files.schema import base, file
+from mbd_sim.files.schema import file
 from mbd_sim.files.schema import shapes as schema
+from mbd_sim.files.schema.fields import PointSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.mechanism.elements.parts import Mesh, Part, Shape
@@ -57,7 +58,7 @@ def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     """The poses of named points in the frame of their part."""
     return {
         name: Pose(array(point.at), rotation_matrix(point.rotate))
-        if isinstance(point, base.PointSpec)
+        if isinstance(point, PointSpec)
         else Pose(array(point), np.eye(3))
         for name, point in points.items()
     }

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeGuard
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.text.units import factor
-from mbd_sim.files.text.values import split_unit
+from mbd_sim.files.text.units import factor, split_unit
 from mbd_sim.mechanism.values.expression import parsed
 from mbd_sim.mechanism.values.names import split_key
 from mbd_sim.mechanism.values.source import Location, Source, dotted, value_at

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import create_model
 from pydantic.json_schema import GenerateJsonSchema
 
-from mbd_sim.files.schema.base import SUFFIX, Spec, validator_of
+from mbd_sim.files.schema.fields import SUFFIX, Spec, validator_of
 from mbd_sim.files.schema.file import MechanismFile
 from mbd_sim.files.text.spelling import FORMER_KEYS
 from mbd_sim.mechanism.values.source import Location, value_at

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.files.text.spelling import FORMER_KEYS, as_written, synonym
-from mbd_sim.files.text.units import factor, si_factor
-from mbd_sim.files.text.values import parse_value, split_unit
+from mbd_sim.files.text.units import factor, parse_value, si_factor, split_unit
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import split_key
 from mbd_sim.mechanism.values.source import Location, Source, dotted

@@ -76,7 +76,7 @@ _KEYS: Mapping[str, Mapping[Words, str]] = {
         ("rate", "frequency", "period", "dt"): "Write 'sample_rate', in Hz.",
     },
     "forces": {
-        ("on", "part"): "Name where it acts: 'at: part' or 'at: part.point'.",
+        ("on", "part"): "Write 'at: part' or 'at: part.point', where it acts.",
         ("force", "magnitude", "value"): "Write 'vector: [x, y, z]'; along a line between two points, "
         "'{type: line_force, between: […], force: …}'.",
     },
@@ -180,7 +180,8 @@ TYPE_SYNONYMS = {
 
 def problems_of(source: Source, errors: Sequence[ErrorDetails]) -> list[Problem]:
     """The problems that pydantic's errors describe; a missing key is none if an unknown one is to be written so."""
-    found = [(details, problem_of(source, details)) for details in errors]
+    missing = {details["loc"][:-1] for details in errors if details["type"] == "missing"}
+    found = [(details, problem_of(source, details, details["loc"][:-1] in missing)) for details in errors]
     misspelled = {
         (*details["loc"][:-1], key)
         for details, problem in found
@@ -190,8 +191,11 @@ def problems_of(source: Source, errors: Sequence[ErrorDetails]) -> list[Problem]
     return [problem for details, problem in found if details["type"] != "missing" or details["loc"] not in misspelled]
 
 
-def problem_of(source: Source, details: ErrorDetails) -> Problem:
-    """The problem that one of pydantic's errors describes."""
+def problem_of(source: Source, details: ErrorDetails, required: bool = False) -> Problem:
+    """The problem that one of pydantic's errors describes.
+
+    :param required: for an unknown key, whether another one is missing beside it.
+    """
     loc, kind, context = details["loc"], details["type"], details.get("ctx", {})
     location, value = in_file(source, loc)
     if isinstance(error := context.get("error"), InputError):
@@ -201,7 +205,10 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
         case "extra_forbidden":
             known = known_keys(loc[:-1])
             remedy = value is None and remedy_for_lone_key(leaf, known)
-            remedy = remedy or remedy_for_key(location, known) or nearest(leaf, known)
+            remedy = remedy or remedy_for_key(location, known)
+            # Of words that are hardly similar, what is missing is the likelier one, whose own problem names it.
+            unlike = required and not difflib.get_close_matches(leaf[:100], known, n=1, cutoff=CUTOFF)
+            remedy = remedy or nearest("" if unlike else leaf, known)
             return source.problem(location, f"unknown key {quoted(leaf)}", remedy)
         case "missing" | "too_long" if isinstance(value, list):
             where = loc[:-1] if kind == "missing" else loc

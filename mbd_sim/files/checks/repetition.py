@@ -17,7 +17,7 @@ from mbd_sim.files.builders.mechanism import in_order
 from mbd_sim.files.checks.json_schema import takes_expression
 from mbd_sim.files.text.library import MAX_VALUES, file_error
 from mbd_sim.files.text.parameters import Parameters, resolve_parameters
-from mbd_sim.files.text.values import split_unit
+from mbd_sim.files.text.units import split_unit
 from mbd_sim.mechanism.values.expression import RESERVED, evaluate, names_in
 from mbd_sim.mechanism.values.names import PLAIN_PATTERN, QUOTED
 from mbd_sim.mechanism.values.source import Location, Source

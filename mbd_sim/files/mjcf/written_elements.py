@@ -36,7 +36,7 @@ from mbd_sim.mechanism.elements.constraints import (
     Rolling,
     Surface,
 )
-from mbd_sim.mechanism.elements.forces import Damper, Spring
+from mbd_sim.mechanism.elements.forces import AppliedEffort, AppliedForce, AppliedPotential, Bushing, Damper, Spring
 from mbd_sim.mechanism.elements.parts import Attachment, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TimeExpression
@@ -175,13 +175,24 @@ def _set_range(document: MjcfDocument, tendon: Element, lower: float, upper: flo
 def attached_parts(mechanism: Mechanism) -> set[str]:
     """The parts to which something besides the joints of the tree is attached."""
     found = {part for joint in mechanism.closures.values() for part in (joint.parent, joint.child)}
-    for element in mechanism.two_point_elements:
-        found |= {element.first.part, element.second.part}
+    for element in mechanism.force_elements:
+        match element:
+            case Spring(first=first, second=second) | Damper(first=first, second=second):
+                found |= {first.part, second.part}
+            case AppliedForce() | AppliedEffort() | AppliedPotential() | Bushing():  # not written
+                pass
+            case _:
+                assert_never(element)
     for constraint in mechanism.constraints:
-        if isinstance(constraint, Distance):
-            found |= {constraint.first.part, constraint.second.part}
-        elif isinstance(constraint, Cable):
-            found |= {point.part for point in constraint.points}
+        match constraint:
+            case Distance(first=first, second=second):
+                found |= {first.part, second.part}
+            case Cable(points=points):
+                found |= {point.part for point in points}
+            case Coupling() | Clutch() | Flat() | Surface() | Rolling() | KnifeEdge():  # not written at points
+                pass
+            case _:
+                assert_never(constraint)
     for actuator in mechanism.actuators:
         match actuator.port:
             case LinePort(first=first, second=second):
@@ -197,15 +208,18 @@ def attached_parts(mechanism: Mechanism) -> set[str]:
 
 def add_elements(document: MjcfDocument) -> None:
     """Write springs and dampers between points; other force elements are noted."""
-    mechanism = document.mechanism
-    for spring in mechanism.springs:
-        _add_spring(document, spring)
-    for damper in mechanism.dampers:
-        _add_damper(document, damper)
-    own = [bushing.name for bushing in mechanism.bushings if not bushing.in_joint]
-    applied = [*(one.name for one in mechanism.applied), *(one.name for one in mechanism.efforts)]
-    for name in (*applied, *(one.name for one in mechanism.potentials), *own):
-        document.leave_out("forces, efforts, potentials and bushings", name)
+    for element in document.mechanism.force_elements:
+        match element:
+            case Spring():
+                _add_spring(document, element)
+            case Damper():
+                _add_damper(document, element)
+            case Bushing(in_joint=True):  # named with its joint
+                pass
+            case AppliedForce() | AppliedEffort() | AppliedPotential() | Bushing():
+                document.leave_out("forces, efforts, potentials and bushings", element.name)
+            case _:
+                assert_never(element)
 
 
 def _add_spring(document: MjcfDocument, spring: Spring) -> None:

@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Spec
 from mbd_sim.files.schema.fields import (
     AmountFromZero,
     AnyAmount,
@@ -20,6 +19,7 @@ from mbd_sim.files.schema.fields import (
     PositiveLength,
     PositiveTime,
     QuantityField,
+    Spec,
     TorsionDamping,
 )
 from mbd_sim.files.schema.laws import FrictionTorque

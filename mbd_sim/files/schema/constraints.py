@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Direction, Spec
 from mbd_sim.files.schema.fields import (
+    Direction,
     ExpressionField,
     LengthOfTime,
     Number,
@@ -16,6 +16,7 @@ from mbd_sim.files.schema.fields import (
     PositiveVelocity,
     QuantityField,
     Restitution,
+    Spec,
 )
 from mbd_sim.mechanism.elements.contacts import CAM_ANGLE
 from mbd_sim.mechanism.values.expression import TimeExpression

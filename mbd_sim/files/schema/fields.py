@@ -1,4 +1,4 @@
-"""The numeric fields of a mechanism file: a `Length` accepts `0.5`, `12 in` or `l/2`, and its value is in m.
+"""The base class of the records of a mechanism file, and its fields: a `Length` accepts `0.5`, `12 in` or `l/2`, in m.
 
 Some fields hold an expression of variables, such as a force as a function of the time.
 
@@ -10,17 +10,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain
 from typing import Annotated, Any, cast
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    Tag,
+    TypeAdapter,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from mbd_sim.base.errors import InputError, nearest, quoted
 from mbd_sim.base.geometry.batch import Batch
 from mbd_sim.files.text.parameters import Parameters
-from mbd_sim.files.text.values import parse_value, split_unit, unit_factor
+from mbd_sim.files.text.spelling import FORMER_KEYS
+from mbd_sim.files.text.units import parse_value, split_unit, unit_factor
 from mbd_sim.mechanism.values.expression import TIME, StateName, TimeExpression, names_in, require_valid, tables_in
+from mbd_sim.mechanism.values.names import FRAME_PATTERN, LONGEST_NAME, NAME_PATTERN, PLAIN_PATTERN
 
 # Beyond these, products such as density · r³ · r² would overflow or vanish. A smaller value that may be 0 becomes 0.
 LARGEST, SMALLEST = 1e40, 1e-60
@@ -260,3 +276,121 @@ class MeasuredField(QuantityField):
 AnyAmount = Annotated[float, MeasuredField(None)]
 PositiveAmount = Annotated[float, MeasuredField(None, above=0)]
 AmountFromZero = Annotated[float, MeasuredField(None, at_least=0)]
+
+
+SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
+Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
+FrameName = Annotated[str, StringConstraints(pattern=FRAME_PATTERN, max_length=LONGEST_NAME)]
+PlainName = Annotated[str, StringConstraints(pattern=PLAIN_PATTERN, max_length=60)]
+Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
+
+
+def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(numbers):
+        raise InputError("must not be zero", f"Write for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
+    return numbers
+
+
+Vector = tuple[Length, Length, Length]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
+Value = Annotated[Any, WithJsonSchema({"type": ["number", "string"]})]
+
+
+class Spec(BaseModel):
+    """A mapping in the file. Unknown keys are errors; a key without value counts as absent."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        arbitrary_types_allowed=False,
+        defer_build=True,
+        model_title_generator=lambda model: model.__name__.removesuffix(SUFFIX),
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _given(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        known = {name for key, field in cls.model_fields.items() for name in (key, field.alias)}
+        given = {cls._current_key(key, data): value for key, value in data.items()}
+        return {key: value for key, value in given.items() if value is not None or key not in known}
+
+    @classmethod
+    def _current_key(cls, key: str, data: dict[str, Any]) -> str:
+        current = FORMER_KEYS.get(key, key)
+        return current if current in cls.model_fields and current not in data else key
+
+
+@cache
+def validator_of(kind: Any) -> TypeAdapter[Any]:
+    """What reads values of a type, and knows its schema."""
+    return TypeAdapter(kind)
+
+
+def _exactly_one(record: Spec, *keys: str) -> None:
+    given = [key for key in keys if getattr(record, key) is not None]
+    if len(given) != 1:
+        raise InputError(f"needs exactly one of {', '.join(keys)}", "Given: " + (", ".join(given) or "none") + ".")
+
+
+class RotationSpec(Spec):
+    """An orientation: `axis` and `angle`, or roll-pitch-yaw about fixed x, y, z, or a quaternion (w, x, y, z)."""
+
+    axis: Direction | None = None
+    angle: Angle | None = None
+    rpy: tuple[Angle, Angle, Angle] | None = None
+    quaternion: Quaternion | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> RotationSpec:
+        _exactly_one(self, "axis", "rpy", "quaternion")
+        if (self.axis is None) != (self.angle is None):
+            raise InputError("axis and angle belong together", "Give both.")
+        return self
+
+
+class PointSpec(Spec):
+    """A named point of a part, with an orientation if a joint needs one."""
+
+    at: Vector = (0.0, 0.0, 0.0)
+    rotate: RotationSpec | None = None
+
+
+def written_as(value: Any) -> str:
+    """Whether a value is written as a `list` or as a `mapping`."""
+    return "list" if isinstance(value, list | tuple) else "mapping"
+
+
+def list_or_number(value: Any) -> str:
+    """Whether a value is written as a `list` or as a `number`."""
+    return "list" if isinstance(value, list | tuple) else "number"
+
+
+PointOrVector = Annotated[
+    Annotated[Vector, Tag("list")] | Annotated[PointSpec, Tag("mapping")],
+    Discriminator(written_as),
+]
+
+# Three numbers, or one for all of them.
+LinearStiffness3 = Annotated[
+    Annotated[LinearStiffness, Tag("number")]
+    | Annotated[tuple[LinearStiffness, LinearStiffness, LinearStiffness], Tag("list")],
+    Discriminator(list_or_number),
+]
+TorsionStiffness3 = Annotated[
+    Annotated[TorsionStiffness, Tag("number")]
+    | Annotated[tuple[TorsionStiffness, TorsionStiffness, TorsionStiffness], Tag("list")],
+    Discriminator(list_or_number),
+]
+LinearDamping3 = Annotated[
+    Annotated[LinearDamping, Tag("number")]
+    | Annotated[tuple[LinearDamping, LinearDamping, LinearDamping], Tag("list")],
+    Discriminator(list_or_number),
+]
+TorsionDamping3 = Annotated[
+    Annotated[TorsionDamping, Tag("number")]
+    | Annotated[tuple[TorsionDamping, TorsionDamping, TorsionDamping], Tag("list")],
+    Discriminator(list_or_number),
+]

@@ -11,27 +11,25 @@ from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Ta
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
-from mbd_sim.files.schema.base import (
+from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
+from mbd_sim.files.schema.fields import (
+    Acceleration,
+    AnyNumber,
     Color,
     FrameName,
+    Mass,
+    MomentOfInertia,
     Name,
+    Number,
     PlainName,
     PointOrVector,
+    PositiveTime,
+    QuantityField,
     RotationSpec,
     Spec,
     Value,
     Vector,
     written_as,
-)
-from mbd_sim.files.schema.constraints import AnyConstraintSpec, ContactSpec
-from mbd_sim.files.schema.fields import (
-    Acceleration,
-    AnyNumber,
-    Mass,
-    MomentOfInertia,
-    Number,
-    PositiveTime,
-    QuantityField,
 )
 from mbd_sim.files.schema.forces import AnyForceSpec
 from mbd_sim.files.schema.joints import AnyJointSpec

@@ -8,17 +8,21 @@ import numpy as np
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import LinearDamping3, LinearStiffness3, Spec, TorsionDamping3, TorsionStiffness3
 from mbd_sim.files.schema.fields import (
     AnyNumber,
     EffortField,
     ExpressionField,
     Length,
     LinearDamping,
+    LinearDamping3,
     LinearStiffness,
+    LinearStiffness3,
     Mass,
     PositiveLength,
     QuantityField,
+    Spec,
+    TorsionDamping3,
+    TorsionStiffness3,
 )
 from mbd_sim.files.schema.laws import ForceOfElongation, ForceTable, LinearPowerSpec
 from mbd_sim.mechanism.values.expression import TimeExpression

@@ -10,31 +10,29 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import (
-    Direction,
-    PointSpec,
-    RotationSpec,
-    Spec,
-    TorsionDamping3,
-    TorsionStiffness3,
-    Vector,
-)
 from mbd_sim.files.schema.fields import (
     Angle,
     AngleOfTime,
     AngularVelocity,
+    Direction,
     Lead,
     Length,
     LengthOfTime,
     LinearDamping,
     LinearStiffness,
+    PointSpec,
     PositiveAngularVelocity,
     PositiveForce,
     PositiveTorque,
     PositiveVelocity,
     QuantityField,
+    RotationSpec,
+    Spec,
     TorsionDamping,
+    TorsionDamping3,
     TorsionStiffness,
+    TorsionStiffness3,
+    Vector,
     Velocity,
 )
 from mbd_sim.files.schema.laws import (

@@ -12,7 +12,6 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.base.errors import InputError, counted
-from mbd_sim.files.schema.base import Spec
 from mbd_sim.files.schema.fields import (
     Angle,
     AnyNumber,
@@ -25,6 +24,7 @@ from mbd_sim.files.schema.fields import (
     PositiveVelocity,
     QuantityField,
     Restitution,
+    Spec,
     TorsionDamping,
     TorsionStiffness,
 )

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Direction, Spec
-from mbd_sim.files.schema.fields import Angle, PositiveLength, QuantityField
+from mbd_sim.files.schema.fields import Angle, Direction, PositiveLength, QuantityField, Spec
 
 Frequency = Annotated[float, QuantityField("Hz", above=0)]
 Delay = Annotated[float, QuantityField("s", at_least=0)]

@@ -7,8 +7,17 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.base import Color, Direction, Name, RotationSpec, Spec, Vector
-from mbd_sim.files.schema.fields import Mass, PositiveDensity, PositiveLength
+from mbd_sim.files.schema.fields import (
+    Color,
+    Direction,
+    Mass,
+    Name,
+    PositiveDensity,
+    PositiveLength,
+    RotationSpec,
+    Spec,
+    Vector,
+)
 
 
 class ShapeSpec(Spec):

@@ -80,6 +80,7 @@ class _Group:
 
     def __init__(self, gui: Any, settings: list[Setting], tab: ChangeTab) -> None:
         self._tab, self._settings = tab, settings
+        self._followed: dict[str, float] = {}
         self._sliders = {one.key: self._add_slider(gui, one) for one in settings}
         self._changed: dict[str, list[Setting]] = {}
         self._back = gui.add_button_group("Back to the file", (ALL,), visible=False)
@@ -90,8 +91,9 @@ class _Group:
         changed: dict[str, list[Setting]] = {}
         for setting in self._settings:
             value = shown[setting.key]
-            if self._tab.is_free(setting):
+            if self._tab.is_free(setting) and self._followed.get(setting.key) != value:
                 _move(self._sliders[setting.key], setting, value)
+                self._followed[setting.key] = value  # a slider that the user is just moving has another one
             if setting.from_file and not math.isclose(value, setting.value, rel_tol=1e-9, abs_tol=1e-12):
                 changed[f"{setting.label}: {setting.value:.6g}"] = [setting]
         if len(changed) > 1:
@@ -112,6 +114,7 @@ class _Group:
         def moved(event: Any) -> None:
             if event.client is not None:
                 self._tab.moved(setting, slider.value)
+                self._followed.pop(setting.key, None)  # later it follows again, also if the value is refused
                 _widen(slider, setting, slider.value)
 
         slider.on_update(moved)

@@ -17,19 +17,34 @@ their force, counted as applied work). While it is paused, the mechanism follows
 
 **Keys:** space plays and pauses · right arrow takes a step · left arrow goes back · Home returns to the start.
 
-**Change:** move a slider or type a number. *Copy as YAML* shows what to write into the file. Save the file in any
-editor: the page follows, and parts of the same names stay where they are.
+**Change:** move a slider or type a number. Lengths and gains have sliders if they are `parameters` of the file; its
+`ranges` are their ends. *Copy as YAML* has what to write into the file. Save the file in any editor: the page follows,
+and what has the same names goes on.
+
+**Curves of points:** *Show* has the trace of any point. *Kinematics* draws the whole path of a point while a joint
+turns, which follows changed lengths.
 
 **Keep:** a recording contains every change, and `mbd_sim verify` recomputes it bit for bit. The page *with motion* is
 one file that opens anywhere, without a network.
+"""
+
+HELP_OF_NODE = """
+**This is the run of a node.** What the page does goes the way of messages and services: buttons are `~/pause`,
+`~/step` and `~/reset`, the speed is `real_time_factor`, sliders are parameters and commands. Sliders follow what others
+command. Efforts and pulls last as long as a page is open, or until others command the same; then `command_timeout` ends
+them. Time is not wound back, as other nodes follow it, and the page does not follow the file.
+
+**Keep:** *Record* is `~/record`: the node names the file, and it contains all that the page does.
 """
 
 
 class HelpTab:
     """The help, and the report of `check`, which is found in a thread of its own."""
 
-    def __init__(self, gui: Any, check: Callable[[], str] | None) -> None:
-        gui.add_markdown(HELP)
+    def __init__(self, gui: Any, check: Callable[[], str] | None, *, of_node: bool) -> None:
+        gui.add_markdown(
+            HELP_OF_NODE + HELP.partition("**Change:**")[0].replace(" · left arrow goes back", "") if of_node else HELP
+        )
         self._report = ""
         if check is not None:
             with gui.add_folder("What `mbd_sim check` says", expand_by_default=False):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import tempfile
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +27,16 @@ class KeepTab:
     def __init__(self, gui: Any, session: Session, *, dark: bool) -> None:
         self._session, self._dark = session, dark
         self._name = session.bench.simulation.mechanism.name
-        path = gui.add_text("Recording", initial_value=f"{self._name}.mcap", visible=not session.of_node)
+        path = None if session.of_node else gui.add_text("Recording", initial_value=f"{self._name}.mcap")
         record = gui.add_button("Record", color="red")
         stop = gui.add_button("End the recording", color="gray")
-        record.on_click(lambda _: session.ask("record", lambda session: session.record(Path(path.value).name)))
-        stop.on_click(lambda _: session.ask("end", lambda session: session.end_recording_told()))
+
+        def record_now(_: Any) -> None:
+            name = "" if path is None else Path(path.value).name  # a node names its recordings itself
+            session.ask("record", lambda session: session.record(name))
+
+        record.on_click(record_now)
+        stop.on_click(lambda _: session.ask("end", methodcaller("end_recording_told")))
         self._recording = gui.add_markdown("")
         gui.add_button("Picture").on_click(self._send_picture)
         gui.add_button("Page with the motion").on_click(self._send_motion)

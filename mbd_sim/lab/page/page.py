@@ -121,7 +121,7 @@ class Page:
         with tabs.add_tab("Keep"):
             self._keep = KeepTab(gui, session, dark=self._dark)
         with tabs.add_tab("Help"):
-            self._help = HelpTab(gui, self._check)
+            self._help = HelpTab(gui, self._check, of_node=session.of_node)
 
     def _darken(self, dark: bool) -> None:
         self._dark, self._outdated = dark, True

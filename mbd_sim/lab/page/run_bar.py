@@ -35,9 +35,10 @@ class RunBar:
         self._session, self._touched = session, touched
         buttons = gui.add_button_group("Run", tuple(ACTIONS))
         buttons.on_click(lambda event: session.ask("run", ACTIONS[event.target.value]))
-        speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", hint="Simulated seconds per second")
-        speed.on_update(lambda _: session.ask("speed", lambda session: session.set_speed(SPEEDS[speed.value])))
-        keys, self.time = dict(KEYS), None
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", hint="Simulated seconds per second")
+        self._speed.on_update(self._set_speed)
+        keys = dict(KEYS)
+        self.time: Any = None
         if session.of_node:
             del keys["arrowleft"]
             gui.add_markdown(NOT_BACK)
@@ -49,7 +50,10 @@ class RunBar:
             command.on_trigger(lambda _, label=label, action=action: session.ask(f"key {label}", action))
 
     def show(self, frame: Frame) -> None:
-        """Move the time line to a frame."""
+        """Move the time line to a frame, and show a speed that others have chosen."""
+        speeds = [name for name, speed in SPEEDS.items() if speed == frame.speed]
+        if speeds and self._touched.free("speed"):
+            self._speed.value = speeds[0]
         if self.time is None:
             return
         low, high = frame.span
@@ -57,6 +61,12 @@ class RunBar:
         if self._touched.free("time") and frame.number:
             self.time.min, self.time.max = round(low, 3), round(high, 3)
             self.time.value = round(min(max(frame.time, low), high), 3)
+
+    def _set_speed(self, event: Any) -> None:
+        if event.client is not None:
+            self._touched.touch("speed")
+            speed = SPEEDS[self._speed.value]
+            self._session.ask("speed", lambda session: session.set_speed(speed))
 
     def _wound(self, event: Any) -> None:
         if event.client is not None and self.time is not None:

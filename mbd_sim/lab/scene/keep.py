@@ -71,6 +71,7 @@ def _frame(model: Model, mechanism: Mechanism, time: float, point: RunPoint) -> 
         time=time,
         running=False,
         rate=0.0,
+        speed=1.0,
         poses=model.pose_array(*now).copy(),
         contacts=np.array(model.contact_readings.places(*now)) if model.contact_readings.placed else np.empty((0, 6)),
         energies=np.zeros(7),

@@ -24,10 +24,11 @@ MOST_POINTS = 5400  # three minutes at 30 points a second
 class Frame:
     """What pages show: all of one moment.
 
-    `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
+        `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
     `Model.pose_array`, `contacts` (n, 6) as in `Model.contact_places`; `watched` is what the session was asked to
-    watch, by name. `pull` are the held point, the pointer (3,) and the force (3,), if something is held. `values` are
-    those of the sliders by key, in SI units.
+    watch, by name. `pull` are the held point, the pointer (3,) and the force (3,), if something is held. `rate` is how
+    many seconds are simulated in one, `speed` how many were asked for. `values` are those of the sliders by key, in SI
+    units.
     """
 
     generation: int
@@ -36,6 +37,7 @@ class Frame:
     time: float
     running: bool
     rate: float
+    speed: float
     poses: Array
     contacts: Array
     energies: Array

@@ -10,7 +10,7 @@ import json
 import math
 import pickle
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,7 @@ class NodeSession(Session):
             self.samples.rows.clear()
         if self.running != state.running:
             self.running, self._rate = state.running, 0.0
+        self.speed = state.speed or math.inf
         if hold is not None and not self.running:
             self.let_go()
         self.message = state.told or self.message
@@ -115,6 +116,10 @@ class NodeSession(Session):
     def set_command(self, name: str, value: float) -> None:
         """See `Session`."""
         self._send("command", name, value)
+
+    def set_state(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """See `Session`."""
+        self._send("state", positions, velocities)
 
     def drive_to(self, position: float) -> None:
         """Refuse.

@@ -25,7 +25,6 @@ class OwnSession(Session):
     """Runs a bench of its own."""
 
     def __init__(self, bench: Bench, *, running: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
-        self.speed = 1.0
         self._recorder: RunRecorder | None = None
         self._anchor = (clock(), bench.simulation.time)
         super().__init__(bench, running=running, clock=clock)

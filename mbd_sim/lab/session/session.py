@@ -18,7 +18,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from mbd_sim.base.errors import CommandError, MbdSimError
+from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.frames import Frame, History, Samples
@@ -38,7 +38,7 @@ class Session(ABC):
 
     def __init__(self, bench: Bench, *, running: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.bench, self.history, self.samples = bench, History(), Samples()
-        self.running = running
+        self.running, self.speed = running, 1.0
         self.watched: dict[str, Callable[[Bench], Any]] = {}  # what frames contain besides, by name
         self.reading: Callable[[Bench], float] | None = None
         self.message, self.generation, self.turns = "", 1, 0
@@ -136,9 +136,9 @@ class Session(ABC):
     def set_command(self, name: str, value: float) -> None:
         """Set the command of a channel of an actuator or a drive, by its name in `Bench.values`."""
 
+    @abstractmethod
     def set_state(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
         """Set positions and speeds of joints, in rad and m: see `Simulation.set_state`."""
-        raise CommandError("a page does not set the state of a node's run", "Use the node's service `set_state`.")
 
     @abstractmethod
     def drive_to(self, position: float) -> None:
@@ -225,6 +225,7 @@ class Session(ABC):
             time=simulation.time,
             running=self.running,
             rate=self._rate if self.running else 0.0,
+            speed=self.speed,
             poses=model.pose_array(*now).copy(),
             contacts=np.array(model.contact_readings.places(*now))
             if model.contact_readings.placed

@@ -11,8 +11,7 @@ import yaml
 
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.checks.override import location_of
-from mbd_sim.files.text.units import si_factor
-from mbd_sim.files.text.values import is_number, split_unit
+from mbd_sim.files.text.units import is_number, si_factor, split_unit
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.lab.session.session import Session

@@ -20,7 +20,7 @@ from mbd_sim.base.errors import CommandError, InputError, MbdSimError, Mechanism
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.bare_angles import bare_argument_remark, is_angle
 from mbd_sim.files.checks.override import location_of, number_at, value_of
-from mbd_sim.files.text.values import parse_value
+from mbd_sim.files.text.units import parse_value
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import split_assignment
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent

@@ -273,7 +273,7 @@ def frame_id(sensor: FrameSensor) -> str:
     return sensor.at.part if sensor.at.is_of_part else f"{sensor.name}_frame"
 
 
-ROUND_OFF = 1e-9  # relative, of rates and delays that are computed or have units
+RATE_ROUND_OFF = 1e-9  # relative, of rates and delays that are computed or have units
 
 
 class SamplingError(InputError):
@@ -304,14 +304,14 @@ def _period(rate: float | None, step: float) -> int:
     if rate is None:
         return 1
     ratio = 1.0 / (rate * step)
-    if ratio < 1.0 - ROUND_OFF:
+    if ratio < 1.0 - RATE_ROUND_OFF:
         raise SamplingError(
             "rate",
             f"{rate:.12g} Hz is more than one measurement for each step of {step:g} s",
             f"Write at most {1.0 / step:.12g} Hz, or choose a smaller step.",
         )
     period = round(ratio)
-    if abs(ratio - period) > ROUND_OFF * ratio:
+    if abs(ratio - period) > RATE_ROUND_OFF * ratio:
         rates = " or ".join(f"{1.0 / (count * step):.12g} Hz" for count in (math.ceil(ratio), math.floor(ratio)))
         raise SamplingError(
             "rate",
@@ -323,7 +323,7 @@ def _period(rate: float | None, step: float) -> int:
 
 def _delay(delay: float, step: float) -> int:
     count = round(delay / step)
-    if abs(delay / step - count) > ROUND_OFF * max(1, count):
+    if abs(delay / step - count) > RATE_ROUND_OFF * max(1, count):
         whole = math.floor(delay / step)
         delays = " or ".join(f"{number * step:.12g} s" for number in (whole, whole + 1))
         raise SamplingError(

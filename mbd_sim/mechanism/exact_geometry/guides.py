@@ -19,6 +19,7 @@ from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Move
 from mbd_sim.mechanism.exact_geometry.loop_positions import Loops, Placement
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.expression import TimeExpression
 
 NO_AXIS = np.zeros(3)
 
@@ -41,6 +42,24 @@ class Guide:
                 return self._moved_flat(self.constraint, carrier, pin, place)
             case Distance() | Cable():
                 return self._moved_rod(self.constraint, carrier, pin, place, held)
+
+    def refitted(self, carrier: Joint, pin: Joint) -> tuple[Constraint, Move]:
+        """The constraint that new numbers of its joints stand for, and by how much it differs from the one before."""
+        start, end = carrier.parent_pose.position, pin.child_pose.position
+        shifts = [_distance(start, self.carrier.parent_pose.position), _distance(end, self.pin.child_pose.position)]
+        if isinstance(self.constraint, Flat):
+            flat, turn = self.constraint, _rotation_between(self.carrier, carrier)
+            ends = Attachment(flat.point.part, end), Attachment(flat.base.part, start)
+            normals = flat.normals @ turn.T
+            angle = float(np.linalg.norm(normals - flat.normals))
+            return dataclasses.replace(flat, point=ends[0], base=ends[1], normals=normals), Move(max(shifts), angle)
+        rod, length = self.constraint, float(np.linalg.norm(pin.parent_pose.position))
+        one, other = (Attachment(at.part, point) for at, point in zip(_ends(rod), (start, end), strict=True))
+        move = Move(max(*shifts, abs(length - rod.length.at(0.0))), 0.0)
+        exact = TimeExpression(repr(length), {})
+        if isinstance(rod, Cable):
+            return dataclasses.replace(rod, points=(one, other), length=exact), move
+        return dataclasses.replace(rod, first=one, second=other, length=exact), move
 
     def _moved_flat(self, flat: Flat, carrier: Joint, pin: Joint, place: Placement) -> tuple[Constraint, Move]:
         turn = carrier.parent_pose.rotation
@@ -159,6 +178,14 @@ def _joint(
     return Joint(
         name, kind, parent, child, at, own, axis, second, start, none, none, none, none, fixed_in_assembly=free
     )
+
+
+def _rotation_between(before: Joint, after: Joint) -> Array:
+    """The least rotation (3, 3) from the axis of a carrier to its axis on the same part after a change."""
+    one, other = before.parent_pose.rotation @ before.axis, after.parent_pose.rotation @ after.axis
+    axis = np.cross(one, other)
+    sine = float(np.linalg.norm(axis))
+    return rot.about(axis / sine, float(np.arctan2(sine, one @ other))) if sine else np.eye(3)
 
 
 def _distance(one: Array, other: Array) -> float:

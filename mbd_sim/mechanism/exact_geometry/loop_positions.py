@@ -28,10 +28,11 @@ CLOSED, NEAR = 1e-12, 0.1  # a gap that is round-off, and how far it may take to
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """The `poses` of the parts in ground's frame, and the frames of joints there; `size` is that of the loops in m."""
+    """The `poses` of the parts in ground's frame at coordinates `q`; `size` is that of the loops in m."""
 
     poses: Mapping[str, Pose]
     size: float
+    q: Mapping[str, Array]
 
     def frames(self, joint: Joint) -> tuple[Pose, Pose]:
         """The frames of a joint on its parent and on its child."""
@@ -81,12 +82,12 @@ class Loops:
 
     def at_start(self) -> Placement:
         """The poses at the start values of the file."""
-        return self._placed({joint.name: _start_of(joint) for joint in self.tree})
+        return self._placed({joint.name: start_of(joint) for joint in self.tree})
 
     def closed(self) -> Placement | None:
         """A configuration near the start values of the file in which all loops are closed, nearly; None: not found."""
         random = np.random.default_rng(0)
-        start = {joint.name: _start_of(joint) for joint in self.tree}
+        start = {joint.name: start_of(joint) for joint in self.tree}
         moving = [joint for joint in self.tree if not joint.drive]
         given = np.array([flag for joint in moving for flag in joint.fixed_in_assembly], dtype=bool)
         for free in (~given, np.ones_like(given)) if given.any() else (~given,):
@@ -99,18 +100,27 @@ class Loops:
 
     def _newton(self, q: Mapping[str, Array], free: Array) -> Placement | None:
         """Gauss-Newton without the directions in which the loops are nearly redundant, unless they close with these."""
-        q, place = self._converged(q, free, NEARLY)
+        place = self._converged(q, free, NEARLY)
         if self._largest_gap(place) > NEARLY:
             return None
         # A chain that is stretched between its ends closes as it is written, but its last steps halve the gap only.
-        exact = self._converged(q, free, CLOSED)[1]
+        exact = self._converged(place.q, free, CLOSED)
         return exact if self._largest_gap(exact) <= CLOSED and exact.is_near(place) else place
 
-    def _converged(self, q: Mapping[str, Array], free: Array, least: float) -> tuple[Mapping[str, Array], Placement]:
+    def moved_on(self, place: Placement, change: Array) -> Placement:
+        """The placement after a displacement (nv,) in rad and parts of the size, closed again, nearly."""
+        q = self._moved(place.q, change * self._units(place))
+        return self._converged(q, np.ones(len(change), dtype=bool), NEARLY)
+
+    def closed_from(self, place: Placement) -> Placement:
+        """A placement of a mechanism with nearly these numbers, closed nearly."""
+        return self.moved_on(place, np.zeros(len(self._units(place))))
+
+    def _converged(self, q: Mapping[str, Array], free: Array, least: float) -> Placement:
         """Gauss-Newton from q, with singular values above the `least` fraction of the largest."""
         place = self._placed(q)
         for _ in range(ITERATIONS):
-            gaps, slopes = self._gaps(place)
+            gaps, slopes = self.gaps(place)
             left, sizes, right = np.linalg.svd(slopes[:, free], full_matrices=False)
             used = sizes > least * np.max(sizes, initial=0.0)
             step = np.zeros(len(free))
@@ -120,28 +130,33 @@ class Loops:
                 break
             q = self._moved(q, step * min(1.0, LONGEST_STEP / longest) * self._units(place))
             place = self._placed(q)
-        return q, place
+        return place
 
     def _largest_gap(self, place: Placement) -> float:
-        return float(np.max(np.abs(self._gaps(place)[0]), initial=0.0))
+        return float(np.max(np.abs(self.gaps(place)[0]), initial=0.0))
 
-    def _gaps(self, place: Placement) -> tuple[Array, Array]:
+    def gaps(self, place: Placement) -> tuple[Array, Array]:
         """The gaps (m,) of all loops, lengths in parts of the size, and their slopes (m, nv) by the coordinates."""
-        count = sum(columns.stop - columns.start for columns in self._columns.values())
+        twists = {joint.name: stacked(place.twists(joint)) for joint in self.tree if not joint.drive}
+        gaps, slopes = self.slopes(place, {name: (self._columns[name], twist) for name, twist in twists.items()})
+        return gaps, slopes * self._units(place)
+
+    def slopes(self, place: Placement, moves: Mapping[str, tuple[slice, Array]]) -> tuple[Array, Array]:
+        """The gaps (m,), and their slopes (m, n) by twists (6, k) across joints, of which each has its columns."""
+        count = max((columns.stop for columns, _ in moves.values()), default=0)
         all_gaps, all_slopes = [np.zeros(0)], [np.zeros((0, count))]
-        by_tree = {joint.name: stacked(place.twists(joint)) for joint in self.tree if not joint.drive}
         for name, around in self.around.items():
             first, second = place.frames(self.closing[name])
             gaps, by_twist = gap_of(self.closing[name], first, second)
             twists = np.zeros((6, count))
-            for joint, to_child in around[1:]:
-                if not joint.drive:
-                    twists[:, self._columns[joint.name]] = by_tree[joint.name] * (-1.0 if to_child else 1.0)
+            for joint, to_child in around:
+                if joint.name in moves:
+                    columns, twist = moves[joint.name]
+                    twists[:, columns] = -twist if to_child else twist
             twists[3:] += np.cross(twists[:3].T, second.position).T
-            slopes = by_twist @ twists * self._units(place)
             lengths = np.where(np.any(by_twist[:, 3:], axis=1), place.size, 1.0)
             all_gaps.append(gaps / lengths)
-            all_slopes.append(slopes / lengths[:, None])
+            all_slopes.append(by_twist @ twists / lengths[:, None])
         return np.concatenate(all_gaps), np.vstack(all_slopes)
 
     def _units(self, place: Placement) -> Array:
@@ -160,7 +175,7 @@ class Loops:
         for joint in self.tree:
             relative = joint.parent_pose @ motion(joint, q[joint.name]) @ joint.child_pose.inverse()
             poses[joint.outboard_part] = poses[joint.inboard] @ (relative.inverse() if joint.reversed else relative)
-        return Placement(poses, self._size)
+        return Placement(poses, self._size, q)
 
     @cached_property
     def _size(self) -> float:
@@ -179,7 +194,8 @@ class Loops:
         return displacement(self.closing[name], *place.frames(self.closing[name]))
 
 
-def _start_of(joint: Joint) -> Array:
+def start_of(joint: Joint) -> Array:
+    """The coordinates of a joint at the start values of the file."""
     if isinstance(joint.drive, CommandedDrive):
         return np.array([joint.drive.start])
     if joint.drive:

@@ -22,6 +22,7 @@ from mbd_sim.mechanism.exact_geometry.families import Family, families
 from mbd_sim.mechanism.exact_geometry.freedoms import stacked
 from mbd_sim.mechanism.exact_geometry.guides import guides, with_guides
 from mbd_sim.mechanism.exact_geometry.loop_positions import NEARLY, Loops, Placement
+from mbd_sim.mechanism.exact_geometry.mobility import mobile, with_joints
 from mbd_sim.mechanism.exact_geometry.targets import Groups, Targets, exact_couplings
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -37,17 +38,21 @@ def with_exact_loops(mechanism: Mechanism, tolerance: float) -> Mechanism:
     if not tolerance or not (mechanism.closures or mechanism.constraints):
         return mechanism
     first = _first_variant(mechanism)
-    mended = _with_exact_couplings(_mended(first, tolerance), tolerance)
-    if mended is not first and first is not mechanism:
+    exact = _exact(first, tolerance)
+    if exact is not first and first is not mechanism:
         raise TypeError("the loops of each variant are mended in another way")
-    return mechanism if mended is first else mended
+    return mechanism if exact is first else exact
 
 
 def inexact(mechanism: Mechanism, tolerance: float) -> tuple[str, ...]:
     """The names of what `with_exact_loops` would move in a mechanism that is left as it is written."""
     if not (mechanism.closures or mechanism.constraints):
         return ()
-    return tuple(_with_exact_couplings(_mended(_first_variant(mechanism), tolerance), tolerance).moved)
+    return tuple(_exact(_first_variant(mechanism), tolerance).moved)
+
+
+def _exact(mechanism: Mechanism, tolerance: float) -> Mechanism:
+    return _with_exact_couplings(_moving(mechanism, _mended(mechanism, tolerance)), tolerance)
 
 
 def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
@@ -81,17 +86,26 @@ def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
     moves = {name: move for name, move in moves.items() if move.exceeds(least)}
     if not moves or any(move.exceeds(most) for move in moves.values()):
         return mechanism
+    mechanism = with_joints(mechanism, changed)
+    return dataclasses.replace(mechanism, constraints=tuple(constraints.values()), moved=moves)
 
-    def of(joints: Mapping[str, Joint]) -> dict[str, Joint]:
-        return {name: changed.get(name, joint) for name, joint in joints.items()}
 
-    return dataclasses.replace(
-        mechanism,
-        joints=of(mechanism.joints),
-        closing=of(mechanism.closing),
-        constraints=tuple(constraints.values()),
-        moved=moves,
-    )
+def _moving(written: Mechanism, mended: Mechanism) -> Mechanism:
+    """A mechanism whose axes are mended, with the lengths with which its loops move."""
+    found = guides(written)
+    before = with_guides(written, found)
+    changed = mobile(before, with_guides(mended, guides(mended)))
+    if not changed:
+        return mended
+    moves = {name: _move(joint, changed[name]) for name, joint in written.all_joints.items() if name in changed}
+    constraints = {constraint.name: constraint for constraint in mended.constraints}
+    for guide in found:
+        if guide.pin.name in changed:
+            name, ends = guide.constraint.name, (changed[guide.carrier.name], changed[guide.pin.name])
+            constraints[name], moves[f"constraints.{name}"] = guide.refitted(*ends)
+    moves = {name: move for name, move in moves.items() if move.exceeds(Move(0.0, ROUND_OFF))}
+    mechanism = with_joints(mended, changed)
+    return dataclasses.replace(mechanism, constraints=tuple(constraints.values()), moved=moves)
 
 
 def _with_exact_couplings(mechanism: Mechanism, tolerance: float) -> Mechanism:

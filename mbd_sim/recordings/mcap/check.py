@@ -20,7 +20,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from mbd_sim.recordings.mcap.repair import definition_problem, read_data_section, strictly_read
+from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
     PARSE_ERRORS,
@@ -31,23 +31,32 @@ from mbd_sim.recordings.mcap.scanner import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recordings.mcap.summary import DataSection
 from mbd_sim.recordings.messages.cdr import ReadingError
 
 _FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4
 _FOOTER_HEADER = RECORD_HEADER.pack(Opcode.FOOTER, 8 + 8 + 4)
-_INDEXES: dict[int, tuple[type[Any], str]] = {
-    Opcode.CHUNK_INDEX: (ChunkIndex, "chunk_start_offset"),
-    Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
-    Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
+_OFFSETS: dict[type[Any], str] = {
+    ChunkIndex: "chunk_start_offset",
+    AttachmentIndex: "offset",
+    MetadataIndex: "offset",
 }
-_SUMMARY_RECORDS: dict[int, type[Any]] = {
+_WORDS = {ChunkIndex: "index of chunks", AttachmentIndex: "index of attachments", MetadataIndex: "index of metadata"}
+_RECORDS: dict[int, type[Any]] = {  # of a summary
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics,
     Opcode.SUMMARY_OFFSET: SummaryOffset,
-    **{opcode: kind for opcode, (kind, _) in _INDEXES.items()},
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
 }
+_STATISTICS = {
+    "the statistics and the file differ in the numbers of messages": ("channel_message_counts", "message_count"),
+    "the statistics and the messages differ in their times": ("message_start_time", "message_end_time"),
+    "the statistics differ from the contents of the file": (
+        "schema_count", "channel_count", "chunk_count", "attachment_count", "metadata_count"
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -110,24 +119,20 @@ def _summary_problem(data: ByteSource, found: DataSection) -> str:
 
 def _contradiction(summary: bytes, start: int, footer: Footer, found: DataSection) -> str:
     """Compare the records of a summary, which begins at byte `start`, with the data section."""
-    definitions, indexes = Definitions(), {opcode: dict[int, McapRecord]() for opcode in _INDEXES}
+    definitions, indexes = Definitions(), {kind: dict[int, McapRecord]() for kind in _OFFSETS}
     spans: dict[int, tuple[int, int]] = {}
     statistics, offsets_start, end = None, 0, 0
     for opcode, begin, end in scan_records(summary):
         content, record_start = summary[begin:end], start + begin - RECORD_HEADER.size
-        if opcode in _SUMMARY_RECORDS:
-            strictly_read(_SUMMARY_RECORDS[opcode], content)
+        record = strictly_read(_RECORDS[opcode], content) if opcode in _RECORDS else None
         definitions.add(opcode, content)
-        if opcode == Opcode.STATISTICS:
-            statistics = Statistics.read(data_stream(content))
-        elif opcode in _INDEXES:
-            kind, key = _INDEXES[opcode]
-            record = kind.read(data_stream(content))
-            indexes[opcode][getattr(record, key)] = record
-        elif opcode == Opcode.SUMMARY_OFFSET:
+        if isinstance(record, Statistics):
+            statistics = record
+        elif (kind := type(record)) in _OFFSETS:
+            indexes[kind][getattr(record, _OFFSETS[kind])] = record
+        elif isinstance(record, SummaryOffset):
             offsets_start = offsets_start or record_start
-            offset = SummaryOffset.read(data_stream(content))
-            if spans.get(offset.group_opcode) != (offset.group_start, offset.group_length):
+            if spans.get(record.group_opcode) != (record.group_start, record.group_length):
                 return "an offset in the summary is wrong"
             continue
         first, length = spans.get(opcode, (record_start, 0))
@@ -136,42 +141,21 @@ def _contradiction(summary: bytes, start: int, footer: Footer, found: DataSectio
         return "the summary ends within a record"
     if footer.summary_offset_start not in (0, offsets_start):
         return "the footer gives a wrong position of the summary's offsets"
-    return _index_contradiction(definitions, indexes, statistics, found)
-
-
-def _index_contradiction(
-    definitions: Definitions,
-    indexes: dict[int, dict[int, McapRecord]],
-    statistics: Statistics | None,
-    found: DataSection,
-) -> str:
-    expected: dict[int, list[Any]] = {
-        Opcode.CHUNK_INDEX: [chunk.index for chunk in found.chunks],
-        Opcode.ATTACHMENT_INDEX: found.attachments,
-        Opcode.METADATA_INDEX: found.metadata,
-    }
-    for opcode, records in expected.items():
-        kind, key = _INDEXES[opcode]
-        if indexes[opcode] != {getattr(record, key): record for record in records}:
-            return f"the {_words(kind)} differs from the contents of the file"
-    known = found.definitions
-    if definitions.schemas != known.schemas or definitions.channels != known.channels:
+    chunks = [ChunkIndex.read(data_stream(record[RECORD_HEADER.size :])) for record in found.chunks]
+    for kind, records in ((ChunkIndex, chunks), (AttachmentIndex, found.attachments), (MetadataIndex, found.metadata)):
+        if indexes[kind] != {getattr(record, _OFFSETS[kind]): record for record in records}:
+            return f"the {_WORDS[kind]} differs from the contents of the file"
+    if definitions != found.definitions:
         return "the schemas and channels of the summary differ from those of the data"
-    if statistics is None:
+    return _statistics_problem(statistics, found.statistics_record())
+
+
+def _statistics_problem(recorded: Statistics | None, found: Statistics) -> str:
+    if recorded is None:
         return "the statistics are missing"
-    summary, counts = found.summary(), {number: count for number, count in found.counts.items() if count}
-    recorded = {number: count for number, count in statistics.channel_message_counts.items() if count}
-    if recorded != counts or statistics.message_count != sum(counts.values()):
-        return "the statistics and the file differ in the numbers of messages"
-    if (statistics.message_start_time, statistics.message_end_time) != (summary.first_ns, summary.last_ns):
-        return "the statistics and the messages differ in their times"
-    numbers = (statistics.schema_count, statistics.channel_count, statistics.chunk_count)
-    if numbers != (len(known.schemas), len(known.channels), len(found.chunks)):
-        return "the statistics differ from the contents of the file"
-    if (statistics.attachment_count, statistics.metadata_count) != (len(found.attachments), len(found.metadata)):
-        return "the statistics differ from the contents of the file"
+    for one in (recorded, found):
+        one.channel_message_counts = {number: count for number, count in one.channel_message_counts.items() if count}
+    for words, names in _STATISTICS.items():
+        if any(getattr(recorded, name) != getattr(found, name) for name in names):
+            return words
     return ""
-
-
-def _words(kind: type[Any]) -> str:
-    return {ChunkIndex: "index of chunks", AttachmentIndex: "index of attachments"}.get(kind, "index of metadata")

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import yaml
@@ -17,6 +19,7 @@ from mcap.records import (
     Attachment,
     Channel,
     Chunk,
+    ChunkIndex,
     DataEnd,
     Header,
     McapRecord,
@@ -26,6 +29,7 @@ from mcap.records import (
     Schema,
 )
 
+from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, attachment_index, chunk_index, encoded
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
     MESSAGE_HEADER,
@@ -40,7 +44,6 @@ from mbd_sim.recordings.mcap.scanner import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recordings.mcap.summary import DataSection, IndexedChunk, attachment_index, chunk_index, encoded
 from mbd_sim.recordings.messages.cdr import RUN_METADATA
 from mbd_sim.recordings.messages.definitions import definition
 from mbd_sim.recordings.messages.topics import PART, TOPICS
@@ -150,7 +153,27 @@ _SUMMARY_ONLY = {
     Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET
 }  # fmt: skip
 _FOOTER = struct.Struct("<QQI")  # start of the summary and of its offsets, checksum
-_Entries = dict[int, list[tuple[int, int]]]  # log time and offset of messages, by channel
+Entries = dict[int, list[tuple[int, int]]]  # log time and offset of messages, by channel
+
+
+@dataclass
+class DataSection(Contents):
+    """The undamaged records of a file, up to the end of its data section or the first damage.
+
+    If the file is cut off or damaged after the content of a chunk, `missing_indexes` are the indexes of the messages of
+    that chunk, which belong at `end`.
+
+    `index_problem` is damage that new indexes repair, `content_problem` damage that is confined to one record and
+    cannot be repaired, and `problem` says why the records end before the end of the data section. All are "" if absent.
+    """
+
+    end: int = len(MAGIC)
+    missing_indexes: bytes = b""
+    index_problem: str = ""
+    content_problem: str = ""
+    problem: str = ""
+    has_header: bool = False
+    crc_agrees: bool = True
 
 
 def read_data_section(data: ByteSource) -> DataSection:
@@ -167,7 +190,7 @@ def read_data_section(data: ByteSource) -> DataSection:
 
 
 def _read_records(data: ByteSource, trusted: Definitions) -> DataSection:
-    found = DataSection()
+    found = DataSection(FileStatistics(Path()))
     reader = _DataSectionReader(data, found, trusted)
     try:
         for opcode, begin, end in scan_records(data, len(MAGIC)):
@@ -193,8 +216,9 @@ class _DataSectionReader:
 
     def __init__(self, data: ByteSource, found: DataSection, trusted: Definitions) -> None:
         self._data, self._found, self._trusted = data, found, trusted
-        self._entries: _Entries | None = None  # of the messages of the last chunk, while its indexes follow
-        self._indexed: _Entries = {}
+        self._chunk: ChunkIndex | None = None  # while the indexes of its messages follow
+        self._entries: Entries = {}  # of the messages of this chunk
+        self._indexed: Entries = {}
 
     def read(self, opcode: int, start: int, content: bytes) -> None:
         """Read a record that begins at byte `start`.
@@ -225,8 +249,8 @@ class _DataSectionReader:
             self._read_chunk(start, content)
         elif opcode == Opcode.MESSAGE:
             channel, time_ns = self._message(content, 0, len(content))
-            found.unchunked[channel] += 1
-            found.times = [min([*found.times[:1], time_ns]), max([*found.times[1:], time_ns])]
+            found.statistics.add({channel: 1}, time_ns, time_ns)
+            found.outside = [min([*found.outside[:1], time_ns]), max([*found.outside[1:], time_ns])]
 
     def _define_outside(self, opcode: int, content: bytes) -> None:
         """Add a schema or a channel that is not in a chunk, which has no checksum: the summary's copy prevails."""
@@ -261,19 +285,18 @@ class _DataSectionReader:
         return channel, time_ns
 
     def _read_chunk(self, start: int, content: bytes) -> None:
-        found, chunk = self._found, strictly_read(Chunk, content)
+        chunk = strictly_read(Chunk, content)
         entries = self._message_entries(chunk_records(chunk))
         index = chunk_index(chunk, start, len(content) + RECORD_HEADER.size)
         times = [time_ns for channel in entries.values() for time_ns, _ in channel] or [0]
         index.message_start_time, index.message_end_time = min(times), max(times)
         if times != [0] and (chunk.message_start_time, chunk.message_end_time) != (min(times), max(times)):
             self._add_index_problem(f"the times of the chunk at byte {start} differ from those of its messages")
-        found.chunks.append(IndexedChunk(index, {channel: len(each) for channel, each in entries.items()}))
-        self._entries, self._indexed = entries, {}
+        self._chunk, self._entries, self._indexed = index, entries, {}
 
-    def _message_entries(self, records: bytes) -> _Entries:
+    def _message_entries(self, records: bytes) -> Entries:
         """Return times and offsets of the messages of a chunk; add its definitions."""
-        entries: _Entries = {}
+        entries: Entries = {}
         end = 0
         for opcode, begin, end in scan_records(records):
             if opcode == Opcode.MESSAGE:
@@ -287,26 +310,37 @@ class _DataSectionReader:
 
     def _read_message_index(self, start: int, content: bytes) -> None:
         index = strictly_read(MessageIndex, content)
-        if self._entries is None:
+        if self._chunk is None:
             raise BrokenRecordError("an index of messages does not follow a chunk")
-        chunk = self._found.chunks[-1].index
-        chunk.message_index_offsets[index.channel_id] = start
-        chunk.message_index_length += len(content) + RECORD_HEADER.size
+        self._chunk.message_index_offsets[index.channel_id] = start
+        self._chunk.message_index_length += len(content) + RECORD_HEADER.size
         self._indexed[index.channel_id] = list(index.records)
 
     def end_chunk(self) -> None:
         """Compare the indexes of messages that follow the last chunk with its messages."""
-        if self._entries is None:
+        if self._chunk is None:
             return
-        if _sorted(self._entries) != _sorted(self._indexed):
-            start = self._found.chunks[-1].index.chunk_start_offset
+        if not self._is_indexed:
+            start = self._chunk.chunk_start_offset
             self._add_index_problem(f"the index of messages does not fit the chunk at byte {start}")
-        self._entries = None
+        self._found.add_chunk(self._chunk, {channel: len(each) for channel, each in self._entries.items()})
+        self._chunk = None
 
     def end_truncated(self) -> None:
         """End a file that is cut off or damaged here; the indexes of the last chunk may be incomplete."""
-        if self._entries is not None and _sorted(self._entries) != _sorted(self._indexed):
-            self._found.replace_last_indexes(self._entries)
+        found, chunk = self._found, self._chunk
+        if chunk is not None and not self._is_indexed:
+            found.end = chunk.chunk_start_offset + chunk.chunk_length
+            chunk.message_index_offsets = {}
+            for channel, each in sorted(self._entries.items()):
+                chunk.message_index_offsets[channel] = found.end + len(found.missing_indexes)
+                found.missing_indexes += encoded(MessageIndex(channel, each))
+            chunk.message_index_length, self._indexed = len(found.missing_indexes), self._entries
+        self.end_chunk()
+
+    @property
+    def _is_indexed(self) -> bool:
+        return _sorted(self._entries) == _sorted(self._indexed)
 
     def finish(self, opcode: int, start: int, content: bytes) -> None:
         """End the data section at byte `start`, where its last record or the footer begins."""
@@ -370,5 +404,5 @@ def chunk_records(chunk: Chunk) -> bytes:
     return records
 
 
-def _sorted(entries: _Entries) -> _Entries:
+def _sorted(entries: Entries) -> Entries:
     return {channel: sorted(each) for channel, each in entries.items() if each}

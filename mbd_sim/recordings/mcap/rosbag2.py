@@ -11,43 +11,19 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from mbd_sim.recordings.mcap.contents import FileStatistics
 from mbd_sim.recordings.messages.cdr import Block, DamagedError, Message, ReadingError, RecordedFile, RecordedTopic
 from mbd_sim.recordings.messages.definitions import Topic
 
 VERSION = 9
 FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
-
-
-@dataclass
-class FileStatistics:
-    """The number of messages in one file, by topic number, and the log times of the first and the last in ns."""
-
-    path: Path
-    counts: dict[int, int] = field(default_factory=dict)
-    first_ns: int = 0
-    last_ns: int = 0
-
-    @property
-    def messages(self) -> int:
-        """The number of all messages."""
-        return sum(self.counts.values())
-
-    def add(self, counts: Sequence[int], first_ns: int, last_ns: int) -> None:
-        """Count more messages, by topic, with the times of the earliest and the latest of them."""
-        if not self.messages:
-            self.first_ns, self.last_ns = first_ns, last_ns
-        self.first_ns, self.last_ns = min(self.first_ns, first_ns), max(self.last_ns, last_ns)
-        for number, count in enumerate(counts):
-            if count:
-                self.counts[number] = self.counts.get(number, 0) + count
 
 
 def bag_text(topics: Sequence[Topic], files: Sequence[FileStatistics], custom: Mapping[str, str]) -> str:
@@ -70,9 +46,9 @@ def bag_text(topics: Sequence[Topic], files: Sequence[FileStatistics], custom: M
         f"  message_count: {sum(file.messages for file in files)}",
         "  topics_with_message_count:" + ("" if topics else " []"),
     ]
-    for number, topic in enumerate(topics):
+    for number, topic in enumerate(topics, 1):
         lines.append(_topic_text(topic))
-        lines.append(f"    message_count: {sum(file.counts.get(number, 0) for file in files)}")
+        lines.append(f"    message_count: {sum(file.counts[number] for file in files)}")
     lines += ["  compression_format: ''", "  compression_mode: ''"]
     lines.append("  relative_file_paths:" + ("" if files else " []"))
     lines += [f"  - {_quoted(file.path.name)}" for file in files]

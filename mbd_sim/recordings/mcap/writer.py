@@ -1,36 +1,181 @@
 """Writes an MCAP file in complete chunks, and ends it in whatever way the disk permits.
 
-The recorder and the changed runs of `rerun-with` write with it. It replaces `mcap.writer.Writer`, which keeps a Python
-object for each chunk: in runs of many hours the garbage collector traverses them all (18 ms for those of one hour)
-while every thread waits. Here `WrittenChunks` keeps the index in encoded form.
+The recorder and the changed runs of `rerun-with` write with it, and the end of repaired files. It replaces
+`mcap.writer.Writer`, which keeps Python objects for each chunk.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
+import stat
 import struct
+import threading
 import time
 import zlib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
+from mcap.records import Attachment, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
 
-from mbd_sim.recordings.mcap.durable_file import DurableFile
-from mbd_sim.recordings.mcap.rosbag2 import FileStatistics
-from mbd_sim.recordings.mcap.scanner import MAGIC
-from mbd_sim.recordings.mcap.summary import (
-    Summary,
-    WrittenChunks,
-    attachment_index,
-    chunk_index,
-    encoded,
-    may_replace_chunks,
-)
+from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, attachment_index, chunk_index, encoded
+from mbd_sim.recordings.mcap.scanner import MAGIC, Definitions
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, RecordedTopic
 from mbd_sim.recordings.messages.definitions import Topic
+
+OPEN_FILES = Path("/proc/self/fd")  # of this process, such as one in memory
+
+
+def draft_path(path: Path) -> Path:
+    """Return the hidden name under which a file is written until it has its first bytes."""
+    return path.with_name(f".{path.name}.new")
+
+
+class DurableFile:
+    """A file whose data reach the operating system with each `write`, so that they survive a kill of the process.
+
+    The file gets its name with the first `write`, so that no empty file is ever found. `sync` forces the data to the
+    disk, which may take long: a thread other than the writing one calls it periodically. An error that the disk reports
+    there is raised by the next `check`.
+    """
+
+    def __init__(self, path: Path, *, existing: bool = False) -> None:
+        """Create the file; one that exists is replaced with the first `write`, unless it is the `existing` one.
+
+        :raises OSError: it cannot be opened.
+        """
+        self._path = path
+        is_named = path.parent != OPEN_FILES and (path.is_file() or not path.exists())  # else a device, pipe or memory
+        self._draft = draft_path(path) if is_named and not existing else None
+        flags = os.O_WRONLY | os.O_CLOEXEC | (0 if existing else os.O_CREAT | os.O_TRUNC)
+        try:
+            self._descriptor = os.open(self._draft or path, flags, 0o666)
+        except OSError as error:
+            error.filename = str(path)  # the name that the user knows
+            raise
+        self._regular = is_named and stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        self._position = self._synced = 0
+        self._error: OSError | None = None
+        self._closed = False
+        self._lock = threading.Lock()
+
+    def write(self, data: bytes) -> int:
+        """Write all of the data.
+
+        :raises OSError: not all could be written; a part may have been.
+        """
+        left = memoryview(data)
+        while left:
+            written = os.write(self._descriptor, left)
+            self._position += written
+            left = left[written:]
+        if self._draft is not None:
+            self._draft.replace(self._path)
+            self._draft = None
+        return len(data)
+
+    def truncate(self, size: int) -> None:
+        """Remove everything after the first `size` bytes; the next `write` continues there.
+
+        :raises OSError: that is not possible.
+        """
+        os.ftruncate(self._descriptor, size)
+        os.lseek(self._descriptor, size, os.SEEK_SET)
+        self._position = size
+
+    def tell(self) -> int:
+        """Return the number of bytes written."""
+        return self._position
+
+    def check(self) -> None:
+        """Raise an error that occurred in the background.
+
+        :raises OSError: the disk refused data written earlier.
+        """
+        if self._error is not None:
+            raise self._error
+
+    def free(self) -> int | None:
+        """Return the number of bytes left on the disk, or None if this is not a regular file."""
+        if not self._regular:
+            return None
+        system = os.fstatvfs(self._descriptor)
+        return system.f_bavail * system.f_frsize
+
+    def sync(self) -> None:
+        """Force the written data to the disk; from any thread."""
+        with self._lock:
+            if self._closed or self._position == self._synced or not self._regular:
+                return
+            position = self._position
+            try:
+                if not self._synced and self._draft is None:
+                    self._sync_folder()
+                os.fdatasync(self._descriptor)
+            except OSError as error:
+                if error.errno not in (errno.EINVAL, errno.ENOSYS):  # some file systems do not support it
+                    self._error = error
+            self._synced = position
+
+    def _sync_folder(self) -> None:
+        """Force the file's name to the disk as well."""
+        folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def close(self) -> None:
+        """Force the rest to the disk and close; calling it again has no effect.
+
+        :raises OSError: the disk refused it.
+        """
+        self.sync()
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            os.close(self._descriptor)
+            if self._draft is not None:
+                with contextlib.suppress(OSError):
+                    self._draft.unlink()
+        self.check()
+
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FREED_AT_MOST = 1 << 15  # bytes of chunks, besides its own size, that the end of a file may replace on a full disk
+FREED_IN_VAIN = 1 << 13  # bytes after which the disk, if it still accepts nothing, is not merely full
+
+
+def write_end(file: DurableFile, contents: Contents, crc: int, indexes: bytes = b"") -> None:
+    """End a file after its complete records; on a full disk the end takes the place of the last chunks.
+
+    :param crc: the checksum of the records and the indexes, or 0 if it is not known.
+    :param indexes: those of the messages of the last chunk, if the file lacks them.
+    :raises OSError: the disk refuses it; the file is truncated then.
+    """
+    freed = 0
+    while True:
+        end = indexes + contents.file_end(contents.end + len(indexes), crc)
+        try:
+            file.truncate(contents.end)
+            file.write(end)
+            return
+        except OSError as error:
+            accepted = file.tell() - contents.end
+            in_vain = not accepted and freed > FREED_IN_VAIN
+            full = error.errno in DISK_FULL and not in_vain and freed <= len(end) + FREED_AT_MOST
+            if not contents.chunks or not full:
+                with contextlib.suppress(OSError):
+                    file.truncate(contents.end)
+                raise
+        freed += contents.drop_last_chunk()
+        crc, indexes = 0, b""
+
 
 CHUNK_SIZE = 1 << 20  # bytes of messages after which a chunk is written
 RESERVE = 1 << 20  # bytes left free on a disk, so that the end of the file still fits, and
@@ -59,15 +204,13 @@ class McapWriter:
         :raises OSError: it cannot be opened.
         """
         self.path = path
-        self.statistics = FileStatistics(path)
-        self.size = 0  # of the complete records in the file, in bytes
         self.complete = False  # whether the file has its summary and index
         self._file = open_file(path)
         types = list(dict.fromkeys(topic.type for topic in topics))
         definitions = {topic.type: topic.definition.encode() for topic in topics}
-        self._schemas = [Schema(n, definitions[name], "ros2msg", name) for n, name in enumerate(types, 1)]
-        self._channels = [
-            Channel(
+        schemas = {n: Schema(n, definitions[name], "ros2msg", name) for n, name in enumerate(types, 1)}
+        channels = {
+            number: Channel(
                 id=number,
                 topic=topic.name,
                 message_encoding="cdr",
@@ -75,14 +218,22 @@ class McapWriter:
                 schema_id=types.index(topic.type) + 1,
             )
             for number, topic in enumerate(topics, 1)
-        ]
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
+        }
+        self._contents = Contents(FileStatistics(path), definitions=Definitions(schemas, channels))
         self._compressor = zstandard.ZstdCompressor()
         self._chunk, self._entries = bytearray(), [bytearray() for _ in topics]
         self._first_ns = self._last_ns = 0  # of the chunk
-        self._chunks = WrittenChunks(len(topics))
         self._crc = 0  # of the complete records
+
+    @property
+    def statistics(self) -> FileStatistics:
+        """The messages in the file; their channels are the numbers of the topics, from 1 on."""
+        return self._contents.statistics
+
+    @property
+    def size(self) -> int:
+        """The size of the complete records in the file, in bytes."""
+        return self._contents.end
 
     def begin(self, mechanism_text: str, metadata: Mapping[str, str]) -> None:
         """Write the header, the mechanism's file, the metadata and the definitions of all topics.
@@ -93,10 +244,12 @@ class McapWriter:
         attachment = Attachment(now, now, ATTACHMENT, "application/yaml", mechanism_text.encode())
         head = MAGIC + encoded(Header("ros2", "mbd_sim"))
         attached, described = encoded(attachment), encoded(Metadata(RUN_METADATA, dict(metadata)))
-        definitions = b"".join(encoded(definition) for definition in (*self._schemas, *self._channels))
+        contents = self._contents
+        known = (*contents.definitions.schemas.values(), *contents.definitions.channels.values())
+        definitions = b"".join(encoded(definition) for definition in known)
         self._write(head + attached + described + definitions)  # in one call: a kill leaves all of it, or nothing
-        self._attachments = [attachment_index(attachment, len(head), len(attached))]
-        self._metadata = [MetadataIndex(len(head) + len(attached), len(described), RUN_METADATA)]
+        contents.attachments = [attachment_index(attachment, len(head), len(attached))]
+        contents.metadata = [MetadataIndex(len(head) + len(attached), len(described), RUN_METADATA)]
 
     def add(self, topic: int, payload: bytes, time_ns: int, sequence: int) -> None:
         """Add a message of a topic, given by its number, to the chunk.
@@ -125,7 +278,7 @@ class McapWriter:
         """
         self._write_chunk()
         free = self._file.free()
-        if free is not None and free < RESERVE + INDEX_RESERVE * len(self._chunks):
+        if free is not None and free < RESERVE + INDEX_RESERVE * len(self._contents.chunks):
             raise DiskNearlyFullError(f"only {free / 1e6:.1f} MB are left on the disk")
 
     def _write_chunk(self) -> None:
@@ -150,11 +303,11 @@ class McapWriter:
                 record += entries
         index.message_index_length = len(record) - length
         self._write(bytes(record))
-        self._chunks.add(index, [len(entries) // _INDEX_ENTRY.size for entries in self._entries])
+        counts = {number: len(entries) // _INDEX_ENTRY.size for number, entries in enumerate(self._entries, 1)}
+        self._contents.add_chunk(index, counts)
         for entries in self._entries:
             entries.clear()
         self._chunk.clear()
-        self._update_statistics()
 
     def sync(self) -> None:
         """Force the written data to the disk, however long it takes; from any thread."""
@@ -166,9 +319,9 @@ class McapWriter:
         :raises OSError: they cannot be written; `abandon` then saves as much as possible.
         """
         self._write_chunk()
-        self._file.write(self._file_end())
+        self._file.write(self._contents.file_end(self.size, self._crc))
         self._file.check()
-        self.size, self.complete = self._file.tell(), True
+        self._contents.end, self.complete = self._file.tell(), True
 
     def close(self) -> None:
         """Force the file to the disk, however long it takes, and close it.
@@ -185,58 +338,21 @@ class McapWriter:
         """
         added = self.statistics.messages + sum(len(entries) for entries in self._entries) // _INDEX_ENTRY.size
         with contextlib.suppress(OSError):
-            self._end_after_error()
+            if self.size and not self.complete:
+                write_end(self._file, self._contents, self._crc)
+                self.complete = True
         with contextlib.suppress(OSError):
             self._file.close()
-        self._update_statistics()
         return added - self.statistics.messages
 
     def repaired(self, counts: Sequence[int]) -> None:
         """Note that the file has been completed after `abandon`, with these messages by topic."""
         self.complete = True
-        self.statistics.counts = {number: count for number, count in enumerate(counts) if count}
-
-    def _end_after_error(self) -> None:
-        if not self.size or self.complete:
-            return
-        freed = 0
-        while True:
-            self._file.truncate(self.size)
-            try:
-                self._file.write(end := self._file_end())
-                self.complete = True
-                return
-            except OSError as error:
-                accepted = self._file.tell() - self.size
-                if not len(self._chunks) or not may_replace_chunks(error, len(end), freed, accepted):
-                    self._file.truncate(self.size)
-                    raise
-            self.size, chunk_end = self._chunks.drop_last()
-            freed += chunk_end - self.size
-            self._crc = 0  # unknown, which a zero in the file stands for
-
-    def _file_end(self) -> bytes:
-        summary = Summary(
-            schemas=self._schemas,
-            channels=self._channels,
-            attachments=self._attachments,
-            metadata=self._metadata,
-            chunks=self._chunks.index,
-            chunk_count=len(self._chunks),
-            counts={number + 1: count for number, count in enumerate(self._chunks.totals) if count},
-            first_ns=self._chunks.first_ns,
-            last_ns=self._chunks.last_ns,
-        )
-        return summary.file_end(self.size, self._crc)
-
-    def _update_statistics(self) -> None:
-        chunks, statistics = self._chunks, self.statistics
-        statistics.counts = {number: count for number, count in enumerate(chunks.totals) if count}
-        statistics.first_ns, statistics.last_ns = chunks.first_ns, chunks.last_ns
+        self.statistics.counts = +Counter(dict(enumerate(counts, 1)))
 
     def _write(self, records: bytes) -> None:
         """Write complete records."""
         self._file.write(records)
         self._file.check()
         self._crc = zlib.crc32(records, self._crc)
-        self.size += len(records)
+        self._contents.end += len(records)

@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.recordings.mcap.durable_file import draft_path
 from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME
+from mbd_sim.recordings.mcap.writer import draft_path
 
 FORMATS = ("mcap", "rosbag2")
 MAX_NAME_LENGTH = 150  # bytes; file systems allow 255 for a file name

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from mbd_sim.base.errors import counted
-from mbd_sim.recordings.mcap.durable_file import DurableFile
-from mbd_sim.recordings.mcap.rosbag2 import FileStatistics, bag_text, write_metadata
-from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
+from mbd_sim.recordings.mcap.contents import FileStatistics
+from mbd_sim.recordings.mcap.rosbag2 import bag_text, write_metadata
+from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, DurableFile, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic
 from mbd_sim.recordings.run.paths import RecordingError, RecordingPaths
 

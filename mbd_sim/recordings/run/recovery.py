@@ -6,8 +6,6 @@ rebuilt from them. In a rosbag2 folder each of the MCAP files is repaired, then 
 
 from __future__ import annotations
 
-import contextlib
-import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,9 +17,10 @@ from mcap.records import Chunk, Header, MessageIndex
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.recordings.mcap.check import summary_problem
+from mbd_sim.recordings.mcap.contents import FileStatistics, encoded
 from mbd_sim.recordings.mcap.reader import read_mcap
-from mbd_sim.recordings.mcap.repair import chunk_records, definition_problem, read_data_section
-from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, FileStatistics, bag_text, read_bag_metadata, write_metadata
+from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, definition_problem, read_data_section
+from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, bag_text, read_bag_metadata, write_metadata
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
     MESSAGE_HEADER,
@@ -32,7 +31,7 @@ from mbd_sim.recordings.mcap.scanner import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recordings.mcap.summary import DataSection, encoded, may_replace_chunks
+from mbd_sim.recordings.mcap.writer import DurableFile, write_end
 from mbd_sim.recordings.messages.cdr import RecordedFile
 from mbd_sim.recordings.messages.definitions import Topic
 from mbd_sim.recordings.run.paths import natural_order
@@ -67,9 +66,9 @@ def recover(path: Path) -> dict[str, int] | None:
             if found.crc_agrees:
                 return None
         if found.has_header and not found.index_problem and found.crc_agrees and _is_truncation(data, found.end):
-            _end_in_place(stream, data, found)
+            _end(path, data, found)
         else:
-            _rewrite(path, data, found)
+            found = _rewrite(path, data, found)
     return found.counts_by_topic()
 
 
@@ -87,38 +86,19 @@ def _is_truncation(data: ByteSource, end: int) -> bool:
     return len(data) - end <= _LARGEST_END and tail.count(_CHUNK_MARK) <= chunks
 
 
-def _end_in_place(stream: IO[bytes], data: ByteSource, found: DataSection) -> None:
+def _end(path: Path, data: ByteSource, found: DataSection) -> None:
     """Replace everything after the undamaged records by a summary.
 
     :raises OSError: it cannot be written.
     """
-    freed = 0
-    while True:
-        indexes = found.missing_indexes
-        crc = zlib.crc32(indexes, crc_of(data, found.end))
-        end = indexes + found.summary().file_end(found.end + len(indexes), crc)
-        try:
-            os.ftruncate(stream.fileno(), found.end)
-            _write_at(stream.fileno(), end, found.end)
-            return
-        except OSError as error:
-            accepted = os.fstat(stream.fileno()).st_size - found.end
-            if not found.chunks or not may_replace_chunks(error, len(end), freed, accepted):
-                with contextlib.suppress(OSError):
-                    os.ftruncate(stream.fileno(), found.end)
-                raise
-        before = found.end
-        found.drop_last_chunk()
-        freed += before - found.end
+    file = DurableFile(path, existing=True)
+    try:
+        write_end(file, found, zlib.crc32(found.missing_indexes, crc_of(data, found.end)), found.missing_indexes)
+    finally:
+        file.close()
 
 
-def _write_at(descriptor: int, data: bytes, position: int) -> None:
-    while data:
-        written = os.pwrite(descriptor, data, position)
-        data, position = data[written:], position + written
-
-
-def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
+def _rewrite(path: Path, data: ByteSource, found: DataSection) -> DataSection:
     """Write the undamaged records into a new file, with new indexes, and let it take the place of this one.
 
     :raises InputError: a chunk contains damaged definitions; the file is not modified then.
@@ -133,13 +113,13 @@ def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
             copy = read_data_section(copied)
             if copy.index_problem:
                 raise InputError(f"is damaged: {copy.index_problem}, within a chunk", UNREPAIRABLE)
-            _end_in_place(stream, copied, copy)
-            os.fsync(stream.fileno())
+            _end(draft, copied, copy)
         if not only_indexes:
             path.rename(damaged_original(path))
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
+    return copy
 
 
 def _copy_records(stream: IO[bytes], data: ByteSource, found: DataSection) -> None:
@@ -228,8 +208,9 @@ def _topics(document: Mapping[str, Any], files: Sequence[RecordedFile]) -> list[
 def _statistics(file: RecordedFile, topics: Sequence[Topic]) -> FileStatistics:
     """Return message counts and times of a file, by the numbers of the topics."""
     statistics = FileStatistics(file.path)
-    counts = [file.topics[topic.name].count if topic.name in file.topics else 0 for topic in topics]
-    if any(counts):
+    known = file.topics
+    counts = {number: known[topic.name].count for number, topic in enumerate(topics, 1) if topic.name in known}
+    if any(counts.values()):
         first_ns = min(block.start_ns for block in file.blocks)
         last_ns = max(block.end_ns for block in file.blocks)
         statistics.add(counts, first_ns, last_ns)

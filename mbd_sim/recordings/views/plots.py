@@ -19,21 +19,10 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
 from mbd_sim.recordings.run.changed_run import ChangedRun, ComparedSeries
 from mbd_sim.recordings.views.panels import STYLES, Line, Panel, PlotStyle, template
-from mbd_sim.recordings.views.table import RunTable
+from mbd_sim.recordings.views.table import RunTable, require_suffix
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 PLOT_SUFFIXES = (*PICTURE_SUFFIXES, ".html")
-
-
-def require_suffix(path: Path, suffixes: Sequence[str]) -> None:
-    """Refuse a file that cannot be written, before anything is read or computed for it.
-
-    :raises InputError: it has another suffix, or its folder does not exist.
-    """
-    if path.suffix not in suffixes:
-        raise InputError(f"{path}: this file format is not supported", f"Choose one of {', '.join(suffixes)}.")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")
 
 
 def require_plot(path: Path | None, suffixes: Sequence[str] = PLOT_SUFFIXES) -> None:

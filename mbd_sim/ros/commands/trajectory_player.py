@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from mbd_sim.base.errors import CommandError, listed, require_each_once
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.recordings.messages.journal import publication_schedule
+from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.commands import CommandMap
 
 

@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from mbd_sim.base.errors import counted, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.recordings.messages.journal import attained_rate
+from mbd_sim.recordings.messages.events import attained_rate
 from mbd_sim.recordings.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.node.subscriptions import Subscriptions, printable
 from mbd_sim.ros.publishing.publishers import TopicPublisher

@@ -14,7 +14,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -25,22 +25,48 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.session.hold import Hold
 from mbd_sim.lab.session.link import Link, NodeState, PageOrder
 from mbd_sim.mechanism.elements.joint_types import Channel
-from mbd_sim.ros.node.subscriptions import LAB
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
+from mbd_sim.ros.commands.wrenches import WrenchBuffer
+from mbd_sim.ros.node.parameters import NodeParameters
+from mbd_sim.ros.node.services import RunServices
+from mbd_sim.ros.node.subscriptions import LAB, Subscriptions
+from mbd_sim.ros.publishing.recordings import NodeRecordings
+from mbd_sim.ros.stepping.clock import Rates
+from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.changes import StateValues
-
-if TYPE_CHECKING:
-    from mbd_sim.ros.node.sim_node import SimNode
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 PERIOD = 0.01  # s between two looks for requests
 CLOSE_TIMEOUT = 2.0  # s
 PROGRAM = "import sys; from mbd_sim.lab.node_page import main; sys.exit(main())"
 ZERO = (0.0, 0.0, 0.0)
+FARTHEST, STIFFEST = 1e6, 1e9  # m, and N/m for each m: beyond, forces would not be finite
+
+
+class PagedNode(Protocol):
+    """What the page needs of a `SimNode`, besides what it is as an `rclpy.node.Node`."""
+
+    simulation: BaseSimulation
+    parameters: NodeParameters
+    stepping_thread: SteppingThread
+    commands: CommandBuffer
+    wrenches: WrenchBuffer
+    rates: Rates
+    subscribed: Subscriptions
+    run_services: RunServices
+    recordings: NodeRecordings
+    create_timer: Any
+    set_parameters: Any
+    get_logger: Any
+
+    def step_on_command(self) -> None:
+        """Take steps that a command triggers."""
 
 
 class LabPage:
     """Serves the page of a node. What pages have commanded is repeated while one is open, until others command it."""
 
-    def __init__(self, node: SimNode) -> None:
+    def __init__(self, node: PagedNode) -> None:
         """Start the process of the page; its address is logged when it is open.
 
         :raises MissingPackageError: viser is not installed.
@@ -60,6 +86,7 @@ class LabPage:
             "release": self._release,
             "abandon": lambda part: "" if node.wrenches.timeout else self._release(part),
             "place": self._place,
+            "state": lambda positions, speeds: self._set_state(StateValues(positions, speeds)),
             "record": lambda on: node.run_services.record(on)[1],
         }
         simulation, parameters = node.simulation, node.parameters
@@ -161,6 +188,8 @@ class LabPage:
         return ""
 
     def _pull(self, part: str, point: list[float], target: list[float], stiffness: float, damping: float) -> str:
+        if not np.all(np.abs([*point, *target, stiffness / STIFFEST, damping / STIFFEST]) < FARTHEST):
+            raise CommandError("a pull is too strong", "Pull less far.")
         self._node.wrenches.pull(Hold(part, np.array(point), np.array(target), stiffness, damping))
         return ""
 
@@ -169,14 +198,18 @@ class LabPage:
         return ""
 
     def _place(self, positions: Mapping[str, float], speeds: Mapping[str, float]) -> str:
-        thread = self._node.stepping_thread
+        """Set the state of a mechanism that is dragged: not if it runs meanwhile."""
 
         def given() -> StateValues:
-            if not thread.paused:
+            if not self._node.stepping_thread.paused:
                 raise CommandError("the run goes on", "Pause it before moving the mechanism.")
             return StateValues(positions, speeds)
 
-        if problem := thread.set_state(given, told=False):
+        return self._set_state(given)
+
+    def _set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+        if problem := self._node.stepping_thread.set_state(given, told=False):
             self._node.subscribed.states_rejected += 1
             raise CommandError(problem)
+        self._node.subscribed.states_accepted += 1
         return ""

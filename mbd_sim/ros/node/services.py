@@ -95,7 +95,7 @@ class RunServices:
         return response
 
 
-UNIT = 1e-3  # by how much the norm of a given quaternion may differ from 1
+UNIT_NORM = 1e-3  # by how much the norm of a given quaternion may differ from 1
 FLAGS = ("set_pose", "set_twist")  # of a request; simulation_interfaces 1 has none, and sets both
 
 
@@ -211,7 +211,7 @@ def _pose(message: Any) -> Pose | None:
     position, q = _array(message.position), message.orientation
     quaternion = np.array([q.w, q.x, q.y, q.z])
     norm = float(np.linalg.norm(quaternion))
-    if not (np.all(np.isfinite(position)) and np.isfinite(norm) and abs(norm - 1.0) <= UNIT):
+    if not (np.all(np.isfinite(position)) and np.isfinite(norm) and abs(norm - 1.0) <= UNIT_NORM):
         return None
     return Pose(position, from_quaternion(quaternion / norm))
 

@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from mbd_sim.base.errors import CommandError, InputError, nearest, quoted
 from mbd_sim.files.checks.bare_angles import bare_argument_remark
-from mbd_sim.files.text.values import parse_value
+from mbd_sim.files.text.units import parse_value
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import split_assignment, split_words
 from mbd_sim.recordings.messages.topics import TOPICS

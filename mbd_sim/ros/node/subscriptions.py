@@ -19,7 +19,7 @@ from mbd_sim.base.errors import CommandError, require_each_once
 from mbd_sim.mechanism.elements.actuators import Base
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.definitions import topic_names
-from mbd_sim.recordings.messages.journal import RunClock
+from mbd_sim.recordings.messages.events import RunClock
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.trajectory_player import Trajectory, TrajectoryPoint
 from mbd_sim.ros.commands.wrenches import WrenchBuffer, WrenchTargets

@@ -233,7 +233,7 @@ class PublishingThread:
             self._log.error(event.text)
         elif event.kind is EventKind.WARNING:
             self._log.warning(str(event.payload))  # the severity says that it is a warning
-        elif event.kind is not EventKind.COMMAND:
+        elif event.kind not in (EventKind.COMMAND, EventKind.NEW_STATE):  # which may come with each move of a hand
             self._log.info(event.text)
 
     def _send(self, name: str, payload: bytes, time_ns: int, ticks: int, *, repeated: bool = False) -> None:

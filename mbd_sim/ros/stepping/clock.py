@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.recordings.messages.journal import PublicationSchedule, publication_schedule
+from mbd_sim.recordings.messages.events import PublicationSchedule, publication_schedule
 from mbd_sim.recordings.messages.states import Due
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
 
-from mbd_sim.recordings.messages.journal import Journal
+from mbd_sim.recordings.messages.events import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.stepping.clock import Rates
 from mbd_sim.simulation.run.events import Event, EventKind, Payload

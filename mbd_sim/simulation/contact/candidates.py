@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -90,8 +91,10 @@ class Candidates:
         :raises NoSolutionError: see `ModeFinder.find`.
         """
         for _ in range(ATTEMPTS):
-            forces, rates = self._nearly_resting(*self._forces_and_loads())
-            slipping = self._slipping(forces, rates)
+            forces, rates = self._forces_and_loads()
+            if slipping := self._slipping(forces, rates):
+                forces, rates = self._nearly_resting(forces, rates)
+                slipping = self._slipping(forces, rates)
             self._held, self._reserves = {}, {}
             if not slipping and (limited := self._at_limit(forces)):
                 forces = self._with_least_pressures(forces)
@@ -115,7 +118,7 @@ class Candidates:
                 return np.zeros(0), replace(self._forced, open=self._forced.open - {gap})
         return self._modes(forces, rates, size, before), None
 
-    @property
+    @cached_property
     def _unmoved(self) -> Array:
         """The accelerations (rows,) that count as zero."""
         units = self._model.speeds * self._model.units.rate
@@ -136,7 +139,7 @@ class Candidates:
         """λ (rows,) of all rows, and the accelerations (rows,) with them."""
         model, terms = self._model, self._terms
         n = model.layout.rows
-        free = terms.free.copy()
+        matrix, free = terms.matrix.copy(), terms.free.copy()
         unit = np.eye(n)
         constant = np.zeros(n)
         for index, direction in self._direction.items():
@@ -148,7 +151,7 @@ class Candidates:
                     free += terms.matrix[:, row] * (-size * part)
                 else:
                     unit[row, gap] -= size * part
-        matrix = product(terms.matrix, unit)
+                    matrix[:, gap] -= terms.matrix[:, row] * (size * part)
         self._coupled, self._unit = matrix, unit
         chosen = [*self._closable, *(row for index in self._sticking for row in model.frictions[index][0])]
         place = {row: position for position, row in enumerate(chosen)}
@@ -177,7 +180,7 @@ class Candidates:
         chosen = [gap for gap in self._closable if forces[gap] > 0.0]
         chosen += [row for index in self._sticking for row in self._model.frictions[index][0]]
         matrix = self._coupled[chosen][:, chosen]
-        if len(pivots(matrix)) == len(chosen) or not self._slipping(forces, rates):
+        if len(pivots(matrix)) == len(chosen):
             return forces, rates
         own = self._model.compliance[chosen]
         change, scale = least_solution(matrix, -rates[chosen], own), np.sqrt(own)
@@ -243,12 +246,12 @@ class Candidates:
 
     def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
         """Sticking elements that begin to slide, with the direction of that; friction is then at its limit."""
-        found, unmoved = {}, self._unmoved
+        found = {}
         for index in self._sticking:
             rows = self._model.frictions[index][0]
             force, limit = forces[list(rows)], self._limit(index, forces)
             size, acceleration = euclidean_norm(force), rates[list(rows)]
-            if size >= limit * AT_LIMIT and (change := euclidean_norm(acceleration)) > unmoved[rows[0]]:
+            if size >= limit * AT_LIMIT and (change := euclidean_norm(acceleration)) > self._unmoved[rows[0]]:
                 found[index] = -force / size if size > 0.0 else acceleration / change
         return found
 
@@ -292,7 +295,9 @@ class Candidates:
         rows = [*closed, *(row for index in sticking for row in model.frictions[index][0])]
         able = {row for index in sticking if self._limit(index, forces) for row in model.frictions[index][0]}
         shares = [row for row in rows if forces[row] or row in able]
-        basis = independent(matrix, [*best_conditioned(matrix, shares), *(row for row in rows if row not in shares)])
+        basis = best_conditioned(matrix, shares)
+        if len(basis) < len(rows):
+            basis = independent(matrix, [*basis, *(row for row in rows if row not in shares)])
         first = model.layout.active.start
         modes[[first + row for row in basis]] = 1.0
         dependent = [row for row in shares if row not in basis]

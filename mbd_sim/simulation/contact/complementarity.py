@@ -60,13 +60,15 @@ def product(matrix: Array, other: Array) -> Array:
 
 def best_conditioned(matrix: Array, rows: Sequence[int]) -> list[int]:
     """Those of some rows of a symmetric positive semidefinite matrix that are independent, by their pivots."""
+    if len(rows) == 1:
+        return [row for row in rows if matrix[row, row] > 0.0]
     return [rows[pivot] for pivot in pivots(unit_diagonal(matrix[rows][:, rows])[0])]
 
 
 def unit_diagonal(matrix: Array) -> tuple[Array, Array]:
     """A symmetric positive semidefinite matrix scaled to a diagonal of ones, and the factors (n,) of its rows."""
     diagonal = np.diag(matrix)
-    factors = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    factors = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     return matrix * factors[:, None] * factors, factors
 
 

@@ -130,9 +130,7 @@ class OneSidedStepper:
             if is_last:
                 return
         self._record(ContactEvent(t, "contacts", ContactChange.BOUND))
-        if t < end:
-            self._model.kernel.part_step(y.ctypes.data, inputs.ctypes.data, t, end - t)
-        if not np.all(np.isfinite(y)):
+        if t < end and self._model.kernel.part_step(y.ctypes.data, inputs.ctypes.data, t, end - t) < 0:
             raise FloatingPointError
 
     def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> frozenset[int]:

@@ -62,13 +62,14 @@ def is_unique(problem: ContactProblem, forces: Array) -> bool:
     """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
     unit, _, held = _followers(problem, forces, limited=True)
     chosen = [*_closed(problem, forces), *held]
-    return len(pivots(product(problem.matrix, unit)[chosen][:, chosen])) == len(chosen)
+    return len(pivots(product(problem.matrix[chosen], unit[:, chosen]))) == len(chosen)
 
 
 def _closed(problem: ContactProblem, forces: Array) -> list[int]:
     """The normal rows that bear a force, or could bear one."""
-    still, rates = UNPRESSED * float(np.abs(forces).max()), problem.rates(forces)
-    return [row for row in problem.normals if forces[row] > 0.0 or rates[row] <= still]
+    still = UNPRESSED * float(np.abs(forces).max())
+    values, rates = forces.tolist(), problem.rates(forces).tolist()
+    return [row for row in problem.normals if values[row] > 0.0 or rates[row] <= still]
 
 
 def at_rest(problem: ContactProblem, forces: Array) -> Array:
@@ -94,22 +95,25 @@ def _followers(problem: ContactProblem, forces: Array, limited: bool = False) ->
 
     :param limited: friction of constant size that is at its limit, but does not slide, is held as well.
     """
-    n, rates = len(forces), problem.rates(forces)
-    trial, slow = forces - rates, _slow(forces)
+    n, rates, slow = len(forces), problem.rates(forces), _slow(forces)
+    trial, speeds = (forces - rates).tolist(), rates.tolist()
     unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
     for row in problem.normals:
         unit[row, row] = 1.0
     for friction in problem.frictions:
-        rows, own = list(friction.rows), trial[list(friction.rows)]
+        own = [trial[row] for row in friction.rows]
         limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
-        length, slips = math.hypot(*own), math.hypot(*rates[rows]) > slow
-        if length < limit * (1.0 - UNPRESSED) or not (slips or (friction.normal is None and not limited)):
-            held += rows
-            unit[rows, rows] = 1.0
-        elif length > 0.0 and friction.normal is None:
-            constant[rows] = own * (limit / length)
-        elif length > 0.0:
-            unit[rows, friction.normal] = own * (friction.size / length)
+        length, slips = math.hypot(*own), math.hypot(*(speeds[row] for row in friction.rows)) > slow
+        at_rest = length < limit * (1.0 - UNPRESSED) or not (slips or (friction.normal is None and not limited))
+        if at_rest:
+            held += friction.rows
+        for row, force in zip(friction.rows, own, strict=True):
+            if at_rest:
+                unit[row, row] = 1.0
+            elif length > 0.0 and friction.normal is None:
+                constant[row] = force * (limit / length)
+            elif length > 0.0:
+                unit[row, friction.normal] = force * (friction.size / length)
     return unit, constant, held
 
 
@@ -163,19 +167,20 @@ def contact_forces(problem: ContactProblem) -> Array:
     if not n:
         return np.zeros(0)
     scaled, scale = _scaled(problem)
-    if max(len(problem.normals), len(problem.frictions)) < 2 or len(pivots(scaled.matrix)) == n:
-        return _solution(scaled) * scale
-    rigid, _ = _quick(scaled)
-    if rigid is not None and is_unique(scaled, rigid):
+    rigid, start = _quick(scaled)
+    is_single = max(len(problem.normals), len(problem.frictions)) < 2
+    if rigid is not None and (is_single or is_unique(scaled, rigid)):
         return rigid * scale
+    if is_single or len(pivots(scaled.matrix)) == n:
+        return _solution(scaled, rigid, start) * scale
     elastic = _elastic(scaled)
     if elastic is None:
-        elastic = _solution(scaled)
+        elastic = _solution(scaled, rigid, start)
     for forces in (shared_forces(scaled, elastic), elastic):
         if _natural(scaled, forces)[2] <= ACCURATE:
             return _newton(scaled, forces)[0] * scale
     polished, residual = _newton(scaled, elastic)
-    return (polished if residual <= ACCURATE else _solution(scaled)) * scale
+    return (polished if residual <= ACCURATE else _solution(scaled, rigid, start)) * scale
 
 
 def _elastic(problem: ContactProblem) -> Array | None:
@@ -224,8 +229,8 @@ def _quick(problem: ContactProblem) -> tuple[Array | None, Array | None]:
     return None, start
 
 
-def _solution(problem: ContactProblem) -> Array:
-    found, start = _quick(problem)
+def _solution(problem: ContactProblem, found: Array | None, start: Array | None) -> Array:
+    """The solution that `_quick` has `found`, or else one by sweeps."""
     if found is not None:
         return found
     if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
@@ -256,7 +261,7 @@ def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
             group = [*friction.rows, *([] if friction.normal is None else [friction.normal])]
             if np.any(diagonal[group] != np.max(diagonal[group])):
                 diagonal[group], changed = np.max(diagonal[group]), True
-    weights = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    weights = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     free = weights * problem.free
     size = float(np.abs(free).max()) or 1.0
     matrix = problem.matrix * weights[:, None] * weights[None, :]
@@ -302,21 +307,21 @@ def _by_lemke(problem: ContactProblem) -> Array | None:
 
 def _projected(problem: ContactProblem, trial: Array) -> Array:
     """The nearest admissible forces to a trial, each element for itself."""
-    forces = trial.copy()
+    forces = trial.tolist()
     for row in problem.normals:
-        forces[row] = max(trial[row], 0.0)
+        forces[row] = max(forces[row], 0.0)
     for friction in problem.frictions:
         limit = friction.size * (1.0 if friction.normal is None else forces[friction.normal])
-        own = [trial[row] for row in friction.rows]
+        own = [forces[row] for row in friction.rows]
         size = _length(own)
         if size > limit:
             for row, value in zip(friction.rows, own, strict=True):
                 forces[row] = value * (limit / size)
-    return forces
+    return np.array(forces)
 
 
-def _length(vector: Sequence[float] | Array) -> float:
-    return math.sqrt(sum(float(value) * float(value) for value in vector))
+def _length(vector: Sequence[float]) -> float:
+    return math.sqrt(sum([value * value for value in vector]))
 
 
 def _natural(problem: ContactProblem, forces: Array) -> tuple[Array, Array, float]:
@@ -363,7 +368,7 @@ def _jacobian(problem: ContactProblem, trial: Array) -> Array:
         rows, normal = list(friction.rows), friction.normal
         load = 1.0 if normal is None else max(float(trial[normal]), 0.0)
         limit, own = friction.size * load, trial[rows]
-        size = _length(own)
+        size = _length(own.tolist())
         if size <= limit or size == 0.0:
             jacobian[rows] = problem.matrix[rows]
             continue

@@ -83,6 +83,7 @@ class TrialMotion:
 
     def __init__(self, model: OneSidedModel, y: Array, inputs: Array, t: float) -> None:
         self._model, self._y, self._inputs, self._t = model, y, inputs, t
+        self._inputs_address = address(inputs)
         self._states: dict[float, Array] = {0.0: y.copy()}
         self._readings: dict[float, OneSidedReadings] = {}
 
@@ -91,8 +92,7 @@ class TrialMotion:
         found = self._states.get(length)
         if found is None:
             found = self._y.copy()
-            self._model.kernel.part_step(address(found), address(self._inputs), self._t, length)
-            if not np.isfinite(found).all():
+            if self._model.kernel.part_step(address(found), self._inputs_address, self._t, length) < 0:
                 raise FloatingPointError
             self._states[length] = found
         return found
@@ -101,7 +101,7 @@ class TrialMotion:
         """The readings after a length in s."""
         found = self._readings.get(length)
         if found is None:
-            found = self._model.readings(self._t + length, self.state(length), self._inputs)
+            found = self._model.readings_at(self._t + length, address(self.state(length)), self._inputs_address)
             self._readings[length] = found
         return found
 

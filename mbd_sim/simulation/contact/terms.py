@@ -23,7 +23,7 @@ from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
 from mbd_sim.dynamics.contact.equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 
@@ -32,7 +32,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 ROUND_OFF = 1e-10  # of a load, relative to its parts
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)  # a frozen one is made four times as slowly, and the search for events makes many
 class OneSidedReadings:
     """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state.
 
@@ -103,7 +103,8 @@ class OneSidedModel:
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
         counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)
-        self._ends = list(accumulate(counts))  # of the time and of all readings
+        ends = list(accumulate(counts))  # of the time and of all readings
+        self._size, self._parts = ends[-1], [slice(*pair) for pair in pairwise(ends)]
 
     @property
     def placed_inputs(self) -> tuple[int, ...]:
@@ -126,11 +127,15 @@ class OneSidedModel:
 
     def readings(self, time: float, y: Array, inputs: Array) -> OneSidedReadings:
         """Gaps, rates, forces and guards."""
-        out = np.empty(self._ends[-1])
+        return self.readings_at(time, address(y), address(inputs))
+
+    def readings_at(self, time: float, y: int, inputs: int) -> OneSidedReadings:
+        """`readings` with the addresses of a state and the inputs."""
+        out = np.empty(self._size)
         out[0] = time
         first = address(out)
-        self.kernel.readings(first, address(y), address(inputs), first + out.itemsize)
-        return OneSidedReadings(*[out[start:stop] for start, stop in pairwise(self._ends)])
+        self.kernel.readings(first, y, inputs, first + out.itemsize)
+        return OneSidedReadings(*[out[part] for part in self._parts])
 
     def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """A copy of the inputs with the forces λ of all rows."""
@@ -275,6 +280,7 @@ def one_sided_system(equations: Equations, contact: OneSidedFunctions) -> OneSid
         open_guards=contact.open_guards,
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
+        first_given=equations.inputs.one_sided.start + layout.given.start,
         loads=loads,
         slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
         tolerance=guard_tolerance(equations),

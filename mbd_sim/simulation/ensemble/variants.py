@@ -30,7 +30,7 @@ from mbd_sim.dynamics.kinematics.parameters import (
     equation_data_of_variants,
     varying_parameters,
 )
-from mbd_sim.dynamics.layouts.coordinates import coordinate_layout
+from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.model import Model

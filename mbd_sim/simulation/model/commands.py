@@ -20,7 +20,7 @@ from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.layouts.inputs import InputLayout
+    from mbd_sim.dynamics.layouts.vectors import InputLayout
     from mbd_sim.mechanism.elements.actuators import Actuator
     from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 

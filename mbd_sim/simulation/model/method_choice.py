@@ -12,6 +12,7 @@ import numpy as np
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.compiler.kernel import unfit
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import Equations
@@ -24,8 +25,7 @@ from mbd_sim.simulation.model.spectrum import FastestMode, fastest_mode, fastest
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 TRIVIAL = 2  # instructions of the rates, which cost less than the history of a method that uses earlier steps
-SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
-LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
+EXPLICIT_SHARE = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
 CANCELLATION = 1e-4  # relative error of the difference of two rates
 # The fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration.
 MARGIN = 0.5
@@ -69,8 +69,8 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     if sampled and method.keeps_history:
         message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
         raise MechanismError([Problem(message, f"Use {AUTO} or {ONE_STEP}.", key="integrator.method")])
-    if method.uses_series:
-        _require_series(mechanism, equations, method)
+    if cannot := unfit(method, equations.rates, lambda row: _component(mechanism, equations, row)):
+        raise MechanismError([Problem(f"method {name} {cannot}", f"Use {AUTO} or {DEFAULT}.", key="integrator.method")])
     if _is_slow(equations, inputs, MARGIN * method.stability_limit / step):
         return MethodChoice(method)
     mode = _fastest_at_start(equations, inputs)
@@ -99,32 +99,12 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     return MethodChoice(method, remark)
 
 
-def _require_series(mechanism: Mechanism, equations: Equations, method: Method) -> None:
-    """Refuse forces, laws and energies that have no Taylor series, and mechanisms of too many parts.
-
-    :raises MechanismError: what depends on an operation without a series is named.
-    """
-    from mbd_sim.compiler.taylor.recursion import stack_size
-    from mbd_sim.compiler.taylor.rules import NotAnalyticError, series_of
-
-    remedy = f"Use {AUTO} or {DEFAULT}."
-    try:
-        series = series_of(equations.rates)
-    except NotAnalyticError as error:
-        layout, names = equations.layout, mechanism.coordinate_names
-        affected = "the energy account or the state of an actuator"
-        if error.result < layout.nq + layout.nv:
-            affected = f"the motion of {names[max(error.result - layout.nq, 0)]}"
-        message = (
-            f"method {method.name} cannot treat forces and laws that are not smooth: {affected} depends on "
-            f"{error.operation}(…), as of stops, tables and 'where'"
-        )
-        raise MechanismError([Problem(message, remedy, key="integrator.method")]) from None
-    if (size := stack_size(series, method.order)) > LARGEST_EXPANSION:
-        message = (
-            f"method {method.name} cannot treat so many parts: an expansion would need {size / 1e6:.1f} MB of the stack"
-        )
-        raise MechanismError([Problem(message, remedy, key="integrator.method")])
+def _component(mechanism: Mechanism, equations: Equations, row: int) -> str:
+    """What a row of the rates is about."""
+    layout = equations.layout
+    if row < layout.nq + layout.nv:
+        return f"the motion of {mechanism.coordinate_names[max(row - layout.nq, 0)]}"
+    return "the energy account or the state of an actuator"
 
 
 def _is_trivial(rates: ca.Function) -> bool:
@@ -149,7 +129,7 @@ def _implicit(equations: Equations, inputs: Array, step: float, fastest: float) 
     """
     others = max(fastest_without_joints(equations, 0.0, state, inputs).rate for state in _starts(equations))
     others = max([others, *(mode.rate for mode in _drive_modes(equations, inputs))])
-    return STIFF_JOINTS if step * others <= SLOW or others <= CANCELLATION * fastest else STIFF
+    return STIFF_JOINTS if step * others <= EXPLICIT_SHARE or others <= CANCELLATION * fastest else STIFF
 
 
 def _is_slow(equations: Equations, inputs: Array, rate: float) -> bool:

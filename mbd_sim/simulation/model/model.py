@@ -15,7 +15,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES, LOSS_STATES
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, LOSS_STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import LiveParameters
 from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, require_method, store_prepared

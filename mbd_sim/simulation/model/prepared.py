@@ -18,8 +18,7 @@ from mbd_sim.base.errors import MechanismError, Problem, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.code.machine_code import compiler_identity, load_code
 from mbd_sim.compiler.python.bound_kernel import Kernel, KernelSignature
-from mbd_sim.dynamics.layouts.coordinates import CoordinateLayout
-from mbd_sim.dynamics.layouts.inputs import InputLayout
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout, InputLayout
 from mbd_sim.mechanism.mechanism import Mechanism
 
 AUTO = "auto"  # instead of the name of a method: chosen by the rates of the mechanism

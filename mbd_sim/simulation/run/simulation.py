@@ -30,8 +30,8 @@ from mbd_sim.simulation.run.arguments import (
     step_size,
 )
 from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started, with_live
-from mbd_sim.simulation.run.events import ChangedValues, EventKind
-from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs, RunListener, RunReports
+from mbd_sim.simulation.run.events import ChangedValues, EventKind, RunListener, RunReports
+from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs
 from mbd_sim.simulation.run.present_state import PresentState
 from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layout
 
@@ -168,8 +168,7 @@ class BaseSimulation(PresentState):
         n = step_count(n)
         for part in self._sensors.divided(self._reports.parts_of(n)):
             if not self._memory.advance(part):
-                from mbd_sim.simulation.run.advice import divergence
-                from mbd_sim.simulation.run.undefined_expressions import undefined_expression
+                from mbd_sim.simulation.run.advice import divergence, undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
@@ -288,7 +287,7 @@ class BaseSimulation(PresentState):
         :raises TypeError: other arguments are given with a snapshot.
         """
         if isinstance(state, RunPoint):
-            if any(value is not None for value in (steps, inputs, start_energy, live, samples)):
+            if any(value is not None for value in (steps, inputs, start_energy, live, samples, history)):
                 raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
             require_same_layout(state.layout, self._run_layout)
             self._continue_from(state, state.samples)

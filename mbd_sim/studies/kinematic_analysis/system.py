@@ -31,7 +31,7 @@ from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.dynamics.math.rank import least_solution
 from mbd_sim.files.checks.bare_angles import bare_argument_remark
 from mbd_sim.files.checks.override import number_at
-from mbd_sim.files.text.values import parse_value, split_unit
+from mbd_sim.files.text.units import parse_value, split_unit
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism

@@ -6,11 +6,10 @@ over exact polynomials in place of numbers. Importing this package does not impo
 
 from __future__ import annotations
 
-from mbd_sim.studies.symbolic.equations import SymbolicEquations, symbolic_equations
+from mbd_sim.studies.symbolic.equations import SymbolicEquations, SympyModel, symbolic_equations, sympy
 from mbd_sim.studies.symbolic.latex import to_latex
 from mbd_sim.studies.symbolic.linearization import SymbolicLinearization, linearized
 from mbd_sim.studies.symbolic.sensors import SymbolicSensor
-from mbd_sim.studies.symbolic.sympy_model import SympyModel, sympy
 
 __all__ = [
     "SymbolicEquations",

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.analysis.mechanics.instruction_cost import cost, cost_text
 from mbd_sim.cli.main import main
+from mbd_sim.studies.report.elements import cost, cost_text
 
 
 def counted(name, method=None):

@@ -1,4 +1,4 @@
-"""The compiled solution of dependent rows against numpy's least squares,."""
+"""The compiled solution of dependent rows against numpy's least squares."""
 
 import ctypes
 
@@ -9,7 +9,7 @@ from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.ir.builder import IRBuilder, integer
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType
-from mbd_sim.compiler.steps.shared_rows import emit_shared_solver
+from mbd_sim.compiler.steps.shared_rows import ActiveRows, emit_active_solver, emit_shared_solver
 
 
 def shared(matrix, weights, right, basis):
@@ -50,3 +50,35 @@ def test_rows_that_share_have_the_least_weighted_sum_of_squares(count, rank, sma
     assert shared(matrix, weights, matrix @ known, rank) == pytest.approx(
         expected, rel=1e-7, abs=1e-8 * np.max(np.abs(expected))
     )
+
+
+def solved(matrix, weights, right, given):
+    """x (n,) of active rows, with given forces; the weights of rows that depend on others are negative."""
+    size, module = len(right), new_module()
+    active = ActiveRows(size, 0, size, emit_dense_solver(module, size, counted=True))
+    solve = emit_active_solver(module, "active", active, 1, adds_given=True, watches=False)
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), "solved")
+    b = IRBuilder(function.append_basic_block("entry"))
+    b.call(solve, function.args)
+    b.ret_void()
+    code = compile_module(module)
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(code.address("solved"))
+    arrays = np.concatenate([weights, given]), matrix.ravel(order="F").copy(), right.copy(), np.zeros(size)
+    call(*(array.ctypes.data for array in arrays))
+    return arrays[-1]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_forces_that_share_add_to_given_ones(seed):
+    """Of all x with A x = r those of least Σ w (x - ρ)²; where no row depends on others, ρ changes nothing."""
+    chance = np.random.default_rng(seed)
+    directions, weights = chance.normal(size=(5, 3)), chance.uniform(0.5, 2.0, size=5)
+    matrix, given, known = directions @ directions.T, chance.normal(size=5), chance.normal(size=5)
+    signs = np.where(np.arange(5) < 3, 1.0, -1.0)
+    z = np.linalg.lstsq((directions / np.sqrt(weights)[:, None]).T, directions.T @ (known - given), rcond=None)[0]
+    found = solved(matrix, signs * weights, matrix @ known, given)
+    assert found == pytest.approx(given + z / np.sqrt(weights), rel=1e-9, abs=1e-9)
+    alone = np.array([1.0, 1.0, 1.0, 0.0, 0.0])
+    found = solved(matrix, alone, matrix @ known, given)
+    assert np.array_equal(found, solved(matrix, alone, matrix @ known, np.zeros(5)))
+    assert found[:3] == pytest.approx(np.linalg.solve(matrix[:3, :3], (matrix @ known)[:3]), rel=1e-9)

@@ -14,7 +14,7 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.dynamics.constraints.equations import constraint_equations
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.kinematics.tracing import trace
-from mbd_sim.dynamics.layouts.coordinates import AUDIT_STATES
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from test.generators.loops import random_mechanisms, state_near_start, with_same_mechanisms
 from test.generators.mechanisms import KINDS

@@ -10,7 +10,7 @@ import pytest
 
 from mbd_sim.compiler.lists.instruction_list import instructions_of
 from mbd_sim.dynamics.math.spatial import constant, inlined, symmetric
-from mbd_sim.dynamics.recursion.transforms import _turned
+from mbd_sim.dynamics.recursion.articulated_body import _turned
 
 X = ca.SX.sym("x", 3, 3)
 Q = ca.SX.sym("q")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.dynamics.kinematics.tracing import trace
-from mbd_sim.dynamics.recursion.transforms import inboard_force, inboard_inertia, outboard_motion
+from mbd_sim.dynamics.recursion.articulated_body import inboard_force, inboard_inertia, outboard_motion
 from mbd_sim.files.load import parse_mechanism
 
 AXES = ("[0, -1, 0]", "[1, 0, 0]", "[0, 0, 1]", "[1, 2, 2]")

@@ -11,6 +11,7 @@ from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.text.library import shipped
 from mbd_sim.files.text.yaml_text import parse_source
 from test.generators.mechanism_texts import PENDULUM, changed, problems_of
+from test.mechanism.elements import test_actuator_kinds, test_constraints, test_forces, test_joint_types, test_sensors
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 
@@ -37,7 +38,18 @@ def test_shipped_files_satisfy_it(path):
     assert [error.message for error in VALIDATOR.iter_errors(data)] == []
 
 
-ALL_KEYS = """
+# A file with each kind of element: these tests have one of every kind.
+OF_EACH_KIND = [
+    *((kind, test_joint_types.FILE.format(type=kind, keys=keys)) for kind, keys in test_joint_types.KEYS.items()),
+    *(
+        (kind, test_forces.FILE.format(element=f"one: {{type: {kind}, {keys}}}"))
+        for kind, keys in test_forces.KEYS.items()
+    ),
+    *((kind, test_constraints.FILE.format(type=kind, keys=keys)) for kind, keys in test_constraints.KEYS.items()),
+    *((kind, test_sensors.FILE.format(type=kind, keys=keys)) for kind, keys in test_sensors.KEYS.items()),
+    *((kind, test_actuator_kinds.FILE.format(type=kind, keys=keys)) for kind, keys in test_actuator_kinds.KEYS.items()),
+]
+MANY_KEYS = """
 mechanism: all
 description: text
 parameters: {l: 2 m, k: "l/2", n: 3}
@@ -109,9 +121,16 @@ sensors:
 """
 
 
-def test_a_file_with_every_key_satisfies_it_and_loads():
-    assert [error.message for error in VALIDATOR.iter_errors(parse_source(ALL_KEYS).data)] == []
-    text = ALL_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n")
+@pytest.mark.parametrize(("kind", "text"), OF_EACH_KIND)
+def test_a_file_with_each_kind_of_element_satisfies_it(kind, text):
+    assert [error.message for error in VALIDATOR.iter_errors(parse_source(text).data)] == []
+    assert problems_of(text.replace(f"type: {kind}", f"type: {kind}s"))
+    assert not accepts(text.replace(f"type: {kind}", f"type: {kind}s"))
+
+
+def test_a_file_with_many_keys_satisfies_it_and_loads():
+    assert [error.message for error in VALIDATOR.iter_errors(parse_source(MANY_KEYS).data)] == []
+    text = MANY_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n")
     assert set(parse_mechanism(text).tree) == {"r", "p", "l", "h", "x", "f"}
 
 

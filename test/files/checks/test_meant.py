@@ -13,6 +13,8 @@ FILE = """\
 mechanism: machine
 parameters:
   l: 0.5 m
+ranges:
+  l: [0.2, 0.8]
 ground:
   points: {wall: [1, 0, 0]}
 parts:
@@ -50,6 +52,8 @@ integrator: {method: rk4, step: 1 ms}
 """
 # What is replaced in the file, each once; the key of the problem is that of a single mistake, or of its entry.
 MISTAKES = {
+    "[0.2, 0.8]": "[0.8, 0.2]",
+    "l: [0.2": "ll: [0.2",
     "mass: 1\n": "mas: 1\n",
     "[1, 1, 1]\n": "[1, 1, 9]\n",
     "{tip:": "{tipp:",
@@ -98,7 +102,7 @@ UNKNOWN = (
     {"{tip:", "at: rod.tip, vector"},
     {"{tip:", "at: rod.tip, rate"},
 )
-UNCONNECTED = {(13, "is not connected by any joint")}
+UNCONNECTED = {(15, "is not connected by any joint")}
 
 
 @cache
@@ -162,3 +166,29 @@ def test_a_missing_key_beside_an_unknown_one_of_another_meaning_stays_a_problem(
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(FILE.replace("vector: [0, 0, 1]", "tint: [0, 0, 1]"), "m.yaml")
     assert [problem.message for problem in caught.value.problems] == ["'vector' is missing", "unknown key 'tint'"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "key"),
+    [
+        ("forces: {f: {type: damper, between: [ground, rod], damping: 3}}", "coefficient"),
+        ("forces: {f: {type: couple, part: rod, vector: [0, 0, 1]}}", "on"),
+        ("forces: {f: {type: potential, expression: 3*hinge}}", "energy"),
+        ("forces: {f: {type: effort, joint: hinge, effort: 1}}", "coordinate"),
+        ("constraints: {c: {type: coupling, coefficients: {hinge: 1}}}", "terms"),
+        ("constraints: {c: {type: rolling, body: rod, radius: 0.2}}", "wheel"),
+        ("constraints: {c: {type: on_plane, body: rod}}", "point"),
+        ("constraints: {c: {type: cable, points: [rod, ground], length: 1}}", "through"),
+        ("actuators: {a: {type: dc_motor, joint: hinge, kt: 0.1, resistance: 2}}", "torque_constant"),
+    ],
+)
+def test_a_word_for_a_required_key_is_one_problem_that_names_the_key(entry, key):
+    """A damper's `damping` was answered with "Did you mean 'along'?"."""
+    text = (
+        "mechanism: m\nparts: {rod: {mass: 1, inertia: [1, 1, 1]}}\n"
+        "joints: {hinge: {type: revolute, between: [ground, rod], axis: [0, 1, 0]}}\n"
+    )
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(text + entry, "m.yaml")
+    (problem,) = caught.value.problems
+    assert f"'{key}" in problem.remedy

@@ -7,7 +7,7 @@ import pytest
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.text import units
-from mbd_sim.files.text.values import parse_value, split_unit
+from mbd_sim.files.text.units import parse_value, split_unit
 from test.generators.mechanism_texts import changed, part_of, problem_of
 
 FOOT, POUND, GRAVITY = 0.3048, 0.45359237, 9.80665  # their legal definitions, in SI

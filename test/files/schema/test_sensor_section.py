@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim import MechanismError, Simulation, load_mechanism, parse_mechanism
 from mbd_sim.cli.main import main
-from test.files.checks.test_json_schema import ALL_KEYS
+from test.files.checks.test_json_schema import MANY_KEYS
 from test.generators.changed_sections import changed_files, loaded_or_refused
 
 FILE = """mechanism: sensed
@@ -128,7 +128,7 @@ def test_check_lists_the_sensors(tmp_path, capsys):
 
 
 def test_random_sections_load_or_say_what_is_wrong_and_where():
-    lines = ALL_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n").splitlines()
+    lines = MANY_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n").splitlines()
     section = range(lines.index("sensors:") + 1, len(lines))
 
     def use(mechanism):

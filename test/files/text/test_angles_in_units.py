@@ -14,8 +14,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.files.checks.json_schema import json_schema
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import parse_mechanism
-from mbd_sim.files.schema.base import Spec
-from mbd_sim.files.schema.fields import ExpressionField, QuantityField
+from mbd_sim.files.schema.fields import ExpressionField, QuantityField, Spec
 from mbd_sim.many.sweep.plan import variation
 from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.kinematic_analysis.system import drive_speed, parameter_value

@@ -5,6 +5,7 @@ import pytest
 
 from mbd_sim import load_mechanism, parse_mechanism
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.positions import PositionBench
 
 LINKAGE = """
@@ -39,6 +40,30 @@ def test_the_grabbed_point_comes_closer_with_loops_closed(name):
     assert simulation.violation.position < 1e-9
     assert abs(simulation.energies.residual) < 1e-9
     assert simulation.time == 0.0
+
+
+def test_live_values_survive_what_a_hand_and_the_time_line_do():
+    """A drag restores a state alone, winding back a whole point of the run."""
+    session = OwnSession(Bench.of(load_mechanism("four_bar")), running=False)
+    session.step(10)
+    wound, simulation = simulation_values(session), session.bench.simulation
+    session.change("parameters.coupler", 1.3)
+    changed = simulation_values(session)
+    assert changed != wound
+    session.place("rocker", np.array([1.0, 0.0, 0.0]), np.array([1.2, 0.0, 1.2]))
+    assert simulation_values(session) == changed
+    simulation.set_state({simulation.coordinate_names[0]: 1.0})
+    assert simulation_values(session) == changed
+    session.wind_to(simulation.time)
+    assert simulation_values(session) == wound
+    assert simulation.violation.position < 1e-9
+
+
+def simulation_values(session):
+    """The live values by their keys, in the inputs of the equations, and in the mechanism."""
+    simulation = session.bench.simulation
+    places = simulation.inputs[simulation.model.input_layout.values].tolist()
+    return simulation.live, places, simulation.mechanism.parameters
 
 
 def test_a_free_body_is_dragged_onto_the_pointer():

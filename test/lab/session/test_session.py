@@ -1,7 +1,6 @@
 """The session: time, requests, winding back, pulling, and recordings of what users do."""
 
 import math
-import random
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from mbd_sim import Simulation, load_mechanism
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.session import MOST_REQUESTS
-from mbd_sim.recordings.run.verification import verify
 
 
 class Clock:
@@ -170,37 +168,6 @@ def test_pulling_is_the_same_wrench_from_a_script():
     assert np.array_equal(bench.simulation.state, script.state)
     assert bench.simulation.energies.work_applied != 0.0
     assert abs(bench.simulation.energies.residual) < 1e-9
-
-
-@pytest.mark.parametrize("name", ["four_bar", "bounce", "motor_drive", "six_axis_arm"])
-def test_a_recording_of_random_use_is_recomputed(name, tmp_path):
-    session, clock = session_of(name)
-    session.record(tmp_path / "run.mcap")
-    choose = random.Random(3)
-    simulation = session.bench.simulation
-    parts, live = list(simulation.wrench_map.slices), list(simulation.live)
-    actions = {
-        "play": OwnSession.play,
-        "pause": OwnSession.pause,
-        "step": lambda one: one.step(5),
-        "back": lambda one: one.wind_to(choose.uniform(*one.frame.span)),
-        "value": lambda one: one.change(key := choose.choice(live), one.frame.values[key] * choose.uniform(0.97, 1.03)),
-        "hold": lambda one: one.bench.take_hold(choose.choice(parts), np.full(3, 0.05), np.full(3, 0.3)),
-        "pull": lambda one: one.bench.pull_to(np.array([choose.uniform(-0.5, 0.5) for _ in range(3)])),
-        "let go": lambda one: one.bench.let_go(),
-        "drag": lambda one: one.running or one.bench.drag(choose.choice(parts), np.full(3, 0.05), np.full(3, 0.3)),
-        "reset": OwnSession.reset,
-    }
-    for _ in range(60):
-        action = choose.choice(list(actions))
-        session.ask(action, actions[action])
-        turns(session, clock, choose.randint(1, 4))
-    session.ask("end", OwnSession.end_recording_told)
-    turns(session, clock, 1)
-    (found,) = verify(tmp_path / "run.mcap")
-    assert found.agrees, (found.first, found.failure)
-    assert found.compared
-    assert found.tolerance is None
 
 
 def test_a_motion_that_becomes_infinite_pauses():

@@ -9,9 +9,9 @@ import pytest
 
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.constraints.rows import branch_checks, joint_frames, loop_equations
-from mbd_sim.dynamics.kinematics.bodies import BodySymbols
 from mbd_sim.dynamics.kinematics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.kinematics.links import build_links
+from mbd_sim.dynamics.kinematics.poses import BodySymbols
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.schema.joints import AnyJointSpec
 from mbd_sim.files.sdf.writer import to_sdf
@@ -32,6 +32,15 @@ KEYS = {
     "free": "",
     "fixed": "",
 }
+FILE = """
+mechanism: one_joint
+parts:
+  carrier: {{mass: 1, inertia: [1, 1, 1], shape: {{type: sphere, radius: 0.1}}}}
+  body: {{mass: 1, inertia: [1, 1, 1], shape: {{type: sphere, radius: 0.1}}}}
+joints:
+  base: {{type: revolute, between: [ground, carrier], axis: [0, 1, 0]}}
+  joint: {{type: {type}, between: [carrier, body], {keys}}}
+"""
 URDF_TYPES = {
     "revolute": ["continuous"],
     "prismatic": ["prismatic"],
@@ -56,16 +65,7 @@ EQUATIONS = {
 
 @pytest.fixture(scope="module")
 def simulations():
-    text = """
-mechanism: one_joint
-parts:
-  carrier: {{mass: 1, inertia: [1, 1, 1], shape: {{type: sphere, radius: 0.1}}}}
-  body: {{mass: 1, inertia: [1, 1, 1], shape: {{type: sphere, radius: 0.1}}}}
-joints:
-  base: {{type: revolute, between: [ground, carrier], axis: [0, 1, 0]}}
-  joint: {{type: {type}, between: [carrier, body], {keys}}}
-"""
-    return {type_: Simulation.from_text(text.format(type=type_, keys=KEYS[type_])) for type_ in JOINT_KINDS}
+    return {type_: Simulation.from_text(FILE.format(type=type_, keys=KEYS[type_])) for type_ in JOINT_KINDS}
 
 
 def test_the_schema_the_table_and_the_motions_have_the_same_types():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import dataclass, field
 
@@ -219,3 +220,76 @@ def urdf_and_loops(linkage, rng, digits):
         "joints": {"last": {"type": kind, "between": [f"{last}.end", "base.end"], "axis": [0, 0, 1]}},
     }  # fmt: skip
     return "\n".join([*lines, "</robot>"]), json.dumps(data)
+
+
+def cranks(rng, count):
+    """A coupler on parallel cranks of equal length."""
+    angle = rng.uniform(0.3, 1.2)
+    crank = rng.uniform(0.2, 0.5) * np.array([np.cos(angle), np.sin(angle), 0.0])
+    joints = []
+    for number in range(count):
+        at = np.array([*rng.uniform(-1.0, 1.0, 2), rng.uniform(-0.2, 0.2)])
+        joints += [
+            ("revolute", "ground", f"c{number}", frame(at)),
+            ("revolute", f"c{number}", "coupler", frame(at + crank)),
+        ]
+    return Linkage(joints, 1)
+
+
+def double_parallelogram(rng):
+    """Two bars with two rungs at different heights."""
+    angle = rng.uniform(0.3, 1.2)
+    along = np.array([np.cos(angle), np.sin(angle), 0.0])
+    ends = {name: np.array([*rng.uniform(-1.0, 1.0, 2), 0.0]) for name in ("left", "right")}
+    joints = [("revolute", "ground", name, frame(at)) for name, at in ends.items()]
+    for rung, height in (("a", rng.uniform(0.2, 0.4)), ("b", rng.uniform(0.5, 0.8))):
+        joints += [("revolute", name, rung, frame(at + height * along)) for name, at in ends.items()]
+    return Linkage(joints, 1)
+
+
+def bennett(rng):
+    """Four hinges in space: sin α / a = sin β / b, and tan(θ/2) tan(φ/2) = sin((β + α)/2) / sin((β - α)/2)."""
+    a, alpha, theta = rng.uniform(0.4, 0.8), rng.uniform(0.5, 1.2), rng.uniform(0.6, 1.4)
+    beta = alpha + rng.uniform(0.3, 0.8)
+    b = a * np.sin(beta) / np.sin(alpha)
+    phi = 2.0 * np.arctan(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(theta / 2))
+    frames = [Pose(np.zeros(3), np.eye(3))]
+    for angle, length, twist in [(theta, a, alpha), (phi, b, beta), (-theta, a, alpha), (-phi, b, beta)]:
+        turn, link = Pose(np.zeros(3), rot.about(Z, angle)), Pose(np.array([length, 0.0, 0.0]), rot.about(X, twist))
+        frames.append(frames[-1] @ turn @ link)
+    assert np.allclose(frames[-1].position, 0.0)
+    assert np.allclose(frames[-1].rotation, np.eye(3))
+    return _ring(["revolute"] * 4, frames[:4], 1)
+
+
+def sarrus_with_three_legs(rng):
+    """A platform that three chains of parallel hinges move straight."""
+    height, width, joints = rng.uniform(0.6, 0.9), rng.uniform(0.2, 0.4), []
+    for number, angle in enumerate(rng.uniform(-0.5, 0.5, 3) + np.arange(3) * 2 * np.pi / 3):
+        out, along = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+        knee = out * (1.0 + width) + Z * height / 2
+        ends = ["ground", f"a{number}", f"b{number}", "top"]
+        places = zip(itertools.pairwise(ends), (out, knee, out + Z * height), strict=True)
+        joints += [("revolute", first, second, frame(at, along)) for (first, second), at in places]
+    return Linkage(joints, 1)
+
+
+def spherical_legs(rng):
+    """A part that turns about a point on three legs, all axes through this point."""
+    center, joints = rng.uniform(-0.5, 0.5, 3), []
+    for number in range(3):
+        ends = ["ground", f"a{number}", f"b{number}", "top"]
+        for first, second in itertools.pairwise(ends):
+            along = rot.unit(rng.normal(size=3))
+            joints.append(("revolute", first, second, frame(center + along * rng.uniform(0.3, 0.8), along)))
+    return Linkage(joints, 3)
+
+
+TOGETHER = {
+    "three cranks": lambda rng: cranks(rng, 3),
+    "four cranks": lambda rng: cranks(rng, 4),
+    "double parallelogram": double_parallelogram,
+    "bennett": bennett,
+    "sarrus with three legs": sarrus_with_three_legs,
+    "spherical legs": spherical_legs,
+}  # of which loops are redundant only together, and not because their axes are parallel, or meet

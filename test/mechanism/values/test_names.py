@@ -22,8 +22,7 @@ from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.names import in_expression, is_name, reference, split_assignment, split_key, split_names
 from mbd_sim.mechanism.values.source import dotted
 from mbd_sim.recordings.run.reader import open_recording
-from mbd_sim.recordings.views.export import columns
-from mbd_sim.recordings.views.table import read_table
+from mbd_sim.recordings.views.table import columns, read_table
 from mbd_sim.studies.symbolic.equations import symbolic_equations
 from mbd_sim.studies.symbolic.latex import to_latex
 from test.generators.names import COUNT, named_mechanism, plain_names, random_name, random_names

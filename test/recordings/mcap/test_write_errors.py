@@ -9,7 +9,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from mbd_sim.recordings.mcap.check import FileCheck, check_file
-from mbd_sim.recordings.mcap.durable_file import DurableFile
+from mbd_sim.recordings.mcap.writer import DurableFile
 from mbd_sim.recordings.run.paths import RecordingError, new_recording_paths
 from mbd_sim.recordings.run.recovery import recover
 from test.recordings.recordings import count_and_last, messages, recorder_in
@@ -118,6 +118,7 @@ def test_closing_does_not_wait_for_a_disk_that_hangs(tmp_path):
     recorder = recorder_in(tmp_path, open_file=HangingFile)
     for number in range(10):
         recorder.put("vital", b"12345678", number, number)
+    wait_until(lambda: recorder.path.exists() and recorder.path.stat().st_size, "the begin of the file")
     assert not recorder.close(timeout=0.4)  # the disk hangs until it is released
     assert "lacks the last 10 messages" in recorder.state_on_disk and "mbd_sim recover" in recorder.state_on_disk
     released.set()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mbd_sim.recordings.messages.journal import publication_schedule, rate_remark
+from mbd_sim.recordings.messages.events import publication_schedule, rate_remark
 
 
 def due_ticks(rate: float, step_size: float, last: int) -> list[int]:

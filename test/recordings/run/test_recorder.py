@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2.writer import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
-from mbd_sim.recordings.mcap.durable_file import DurableFile
+from mbd_sim.recordings.mcap.writer import DurableFile
 from mbd_sim.recordings.run import recorder as module
 from mbd_sim.recordings.run.paths import RecordingPaths
 from mbd_sim.recordings.run.recorder import Recorder

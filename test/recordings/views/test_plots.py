@@ -12,9 +12,9 @@ from matplotlib.image import imread
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.cli.main import main
-from mbd_sim.cli.shared.plot_options import RUN_PLOTS
-from mbd_sim.cli.shared.plot_options import STYLES as STYLE_OPTIONS
-from mbd_sim.cli.shared.plot_options import THEMES as THEME_OPTIONS
+from mbd_sim.cli.shared.common import RUN_PLOTS
+from mbd_sim.cli.shared.common import STYLES as STYLE_OPTIONS
+from mbd_sim.cli.shared.common import THEMES as THEME_OPTIONS
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.views.panels import STYLES, THEMES, panels, plot_style, require_names
 from mbd_sim.recordings.views.plots import _align_labels

@@ -6,9 +6,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.cli.main import main
 from mbd_sim.recordings.run.reader import open_recording
-from mbd_sim.recordings.views.export import columns
 from mbd_sim.recordings.views.panels import panels
-from mbd_sim.recordings.views.table import read_table
+from mbd_sim.recordings.views.table import columns, read_table
 from test.pictures.rerun.test_viewer import Recorded
 
 CART = """

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from mbd_sim.cli.main import main
 from mbd_sim.recordings.messages.definitions import definition
 from mbd_sim.recordings.run.reader import open_recording
-from mbd_sim.recordings.views import export
+from mbd_sim.recordings.views import table as tables
 from mbd_sim.recordings.views.table import PlaybackError, read_table
 from test.recordings.runs import record_run
 
@@ -81,10 +81,10 @@ def test_a_truncated_run_gives_the_rows_before_the_cut(tmp_path):
 
 def test_exports_agree_with_the_table_and_with_each_other(recording, tmp_path):
     table = read_table(open_recording(recording))
-    columns = export.columns(table)
+    columns = tables.columns(table)
     assert list(columns)[:4] == ["time_s", "step", "shoulder.position_rad", "elbow.position_rad"]
     assert {"shoulder.velocity_rad_s", "elbow.effort_Nm", "energy.kinetic_J", "energy.residual_J"} < set(columns)
-    for kind in export.SUFFIXES:
+    for kind in tables.SUFFIXES:
         assert main(["export", str(recording), "--out", str(tmp_path / f"run{kind}"), "--quiet"]) == 0
     with (tmp_path / "run.csv").open(encoding="utf-8") as stream:
         header, *rows = csv.reader(stream)
@@ -111,7 +111,7 @@ def test_a_bag_without_a_mechanism_has_joints_only(tmp_path):
     np.testing.assert_array_equal(table.position[:, 0], np.arange(20.0))
     assert np.all(np.isnan(table.position[:10, 1]))
     np.testing.assert_array_equal(table.position[10:, 1], np.arange(20.0, 30.0))
-    assert list(export.columns(table)) == ["time_s", "a.position", "b.position"]
+    assert list(tables.columns(table)) == ["time_s", "a.position", "b.position"]
 
 
 def test_a_bag_without_joint_states_is_an_error_that_lists_its_topics(tmp_path):

@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.simulation.model.commands import EffortMap
 
@@ -110,3 +112,44 @@ def test_clear_forgets_the_efforts(buffer):
     assert buffer.due(0.0) == []
     buffer.by_name(["hip"], [1.0])
     assert buffer.due(0.0)[0].efforts.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_renewed_commands_do_not_expire_until_others_replace_them(buffer):
+    """A page renews what it has commanded for as long as it is open, but never what came after."""
+    buffer.by_name(["hip", "knee"], [1.0, 2.0])
+    buffer.due(0.0)
+    buffer.renew({"hip": 1.0, "knee": 3.0}, {})
+    assert buffer.due(0.3)[0].efforts.tolist() == [1.0, 2.0, 0.0]
+    (expired,) = buffer.due(0.5)
+    assert expired.expired == ("knee",)
+    buffer.by_name(["hip"], [4.0])
+    buffer.due(0.6)
+    buffer.renew({"hip": 1.0, "knee": 2.0}, {})
+    assert [one.expired for one in buffer.due(1.1)] == [("hip",)]
+
+
+def test_renewed_commands_of_actuators_do_not_end_a_trajectory():
+    simulation = Simulation.from_file("motor_drive")
+    buffer = CommandBuffer(simulation.effort_map, 0.5, simulation.command_map)
+    buffer.watch_actuators(0.5)
+    current = simulation.inputs[simulation.command_map.range]
+    (channel,) = simulation.command_map.names
+    buffer.actuators_by_name({"drive": {"velocity": 3.0}})
+    assert buffer.due_for_actuators(0.0, current).tolist() == [3.0]
+    buffer.renew({}, {channel: 3.0})
+    assert buffer.due_for_actuators(0.4, current) is None
+    assert buffer.due_for_actuators(0.8, current) is None
+    buffer.renew({}, {channel: 2.0})
+    assert buffer.due_for_actuators(0.9, current).tolist() == [0.0]
+    assert buffer.take_expired_actuators() == ["drive"]
+    with pytest.raises(CommandError, match="takes no position"):
+        buffer.actuators_by_name({"drive": {"position": 1.0}})
+    assert buffer.rejected == 1
+
+
+def test_commands_that_wait_can_be_shown(buffer):
+    layout = InputLayout(3)
+    inputs = np.zeros(layout.size)
+    buffer.by_name(["knee"], [7.0])
+    assert buffer.overlay(inputs, layout)[layout.efforts].tolist() == [0.0, 5.0, 0.0]
+    assert not inputs.any()

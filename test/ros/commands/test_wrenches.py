@@ -8,6 +8,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
 from mbd_sim.files.load import load_mechanism
+from mbd_sim.lab.session.hold import Hold
 from mbd_sim.ros.commands.wrenches import ExpiredWrench, WrenchBuffer, wrench_targets
 
 X = (1.0, 0.0, 0.0)
@@ -123,3 +124,42 @@ def test_what_takes_wrenches_is_chosen_by_name():
     assert wrench_targets(mechanism, []) == []
     with pytest.raises(ValueError, match="Did you mean 'upper'"):
         wrench_targets(mechanism, ["uper"])
+
+
+def hold(target, part="lower"):
+    return Hold(part, np.array([0.1, 0.0, 0.0]), np.array(target), 50.0, 2.0)
+
+
+def test_a_pull_follows_the_motion_until_it_is_no_longer_repeated(simulation, buffer):
+    """It sets the wrench every 2 ms of the run, and expires like that of a sender that has died."""
+    forces = []
+    for step in range(700):
+        if step % 20 == 0 and step < 100:
+            buffer.pull(hold([1.0, 0.0, 1.0]))
+        now = step * 1e-3
+        for due in buffer.due(now):
+            due.apply(simulation)
+        forces.append(simulation.inputs[simulation.wrench_map.slices["lower"]][:3].copy())
+        simulation.step(round(1e-3 / simulation.step_size))
+    changes = [step for step in range(1, 700) if np.any(forces[step] != forces[step - 1])]
+    assert changes == [*range(2, 581, 2), 581]  # 0.5 s after the last pull
+    assert not forces[581].any() and buffer.expired == 1
+    assert (buffer.steps_to_pull(1e-3, 100), buffer.accepted) == (100, 5)
+
+
+def test_a_pull_ends_with_the_next_wrench_on_the_part(simulation, buffer):
+    buffer.pull(hold([1.0, 0.0, 1.0]))
+    assert len(list(buffer.due(0.0))) == 1
+    assert buffer.steps_to_pull(1e-3, 100) == 2
+    buffer.take("lower", None, "", NONE, NONE)
+    (due,) = buffer.due(0.002)
+    assert not due.force.any()
+    assert list(buffer.due(0.004)) == []
+
+
+@pytest.mark.parametrize("bad", [hold([np.nan, 0.0, 0.0]), hold([1.0, 0.0, 0.0], "ground")])
+def test_a_bad_pull_is_rejected_whole_and_counted(buffer, bad):
+    with pytest.raises(CommandError):
+        buffer.pull(bad)
+    assert list(buffer.due(0.0)) == []
+    assert (buffer.accepted, buffer.rejected) == (0, 1)

@@ -1,11 +1,15 @@
 """A start that takes long says what it does, for how long so far, and when it is done."""
 
 import logging
+import subprocess
+import sys
+from types import SimpleNamespace
 
 import pytest
 
+from mbd_sim.base import packages
 from mbd_sim.ros.node import setup
-from mbd_sim.ros.node.setup import BuildProgress
+from mbd_sim.ros.node.setup import BuildProgress, lab_page
 from test.waiting import wait_until
 
 LOG = logging.getLogger("mbd_sim.simulation.any")
@@ -64,3 +68,19 @@ def test_a_short_start_says_nothing(node):
     with BuildProgress(node, "reading robot.urdf"):
         LOG.debug("deriving the equations of 'robot': 3 joints")
     assert not node.logged and not node.published
+
+
+def test_without_viser_the_node_says_how_to_install_it_and_goes_on(monkeypatch):
+    monkeypatch.setattr(packages, "_is_installed", lambda module: False)
+    said = []
+    node = SimpleNamespace(parameters={"lab": True}, get_logger=lambda: SimpleNamespace(error=said.append))
+    assert lab_page(node) is None
+    assert said == [
+        "The lab needs viser, which is not installed. Install it with: pip install viser. The run has no page."
+    ]
+
+
+def test_a_node_without_a_page_imports_nothing_of_it():
+    program = "import sys, mbd_sim.ros.node.sim_node; print([m for m in sys.modules if m.startswith('mbd_sim.lab')])"
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert found.stdout == "[]\n"

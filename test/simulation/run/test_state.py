@@ -83,6 +83,8 @@ def test_a_state_alone_needs_its_time(builds):
         sim.restore(state)
     with pytest.raises(TypeError, match="as a whole"):
         sim.restore(sim.snapshot(), steps=0)
+    with pytest.raises(TypeError, match="as a whole"):
+        sim.restore(sim.snapshot(), history=sim.history)
     assert everything(sim) == before
     sim.restore(state, steps=12)
     assert sim.steps == 12 and sim.state.tobytes() == state.tobytes()

@@ -1,4 +1,7 @@
-"""The inputs of the equations of motion: efforts, wrenches on parts, commands, parameters, and contact modes."""
+"""Places in the vectors of the equations: joints in q and u, the energies of the audit in y, and all inputs.
+
+The inputs are efforts, wrenches on parts, commands, parameters, and the modes of one-sided elements.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,48 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
+from mbd_sim.mechanism.contents import commanded_drives, has_one_sided
+from mbd_sim.mechanism.elements.joint_types import STATES
+from mbd_sim.mechanism.mechanism import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateLayout:
+    """The slices of each joint's coordinates in q (nq,) and speeds in u (nv,), in declared order.
+
+    The states of commanded `drives`, by the names of their joints, are the last coordinates in q.
+    """
+
+    q: dict[str, slice]
+    u: dict[str, slice]
+    nq: int
+    nv: int
+    drives: dict[str, slice]
+
+    __repr__ = short_repr
+
+
+def coordinate_layout(mechanism: Mechanism) -> CoordinateLayout:
+    """Assign slices of q and u to the joints of the tree; driven joints get empty ones."""
+    q: dict[str, slice] = {}
+    u: dict[str, slice] = {}
+    nq = nv = 0
+    for joint in mechanism.joints.values():
+        joint_nq, joint_nv = (0, 0) if joint.drive else (joint.kind.nq, joint.kind.nv)
+        q[joint.name], u[joint.name] = slice(nq, nq + joint_nq), slice(nv, nv + joint_nv)
+        nq, nv = nq + joint_nq, nv + joint_nv
+    drives = {name: slice(nq + STATES * i, nq + STATES * (i + 1)) for i, name in enumerate(commanded_drives(mechanism))}
+    return CoordinateLayout(q, u, nq + STATES * len(drives), nv, drives)
+
+
+AUDIT_STATES = ("work_applied", "work_drives", "dissipated")  # J, at the end of the integrated state y in this order
+LOSS_STATES = ("impact_loss", "friction_loss")  # J, parts of the dissipated energy, before them if there are contacts
+
+
+def audit_states(mechanism: Mechanism) -> tuple[str, ...]:
+    """The energies in J that are integrated with the state: its last components, in their order."""
+    return (*LOSS_STATES, *AUDIT_STATES) if has_one_sided(mechanism) else AUDIT_STATES
+
 
 WRENCH_SIZE = 15  # the numbers of an `ExternalWrench`
 UNDRIVEN = 4  # disturbances besides those of drives: their time, and the acceleration of ground

@@ -1,0 +1,72 @@
+"""Every kind of actuator has all that the package needs to know of it: a new one fails here until it is complete."""
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation, parse_mechanism
+from mbd_sim.analysis.linear.outputs import ACTUATOR_UNITS
+from mbd_sim.cli.mechanisms.convert import WRITERS
+from mbd_sim.dynamics.actuators.functions import reading_names
+from mbd_sim.files.schema.actuators import AnyActuatorSpec
+from mbd_sim.mechanism.elements.actuators import Machine
+from mbd_sim.studies.report.elements import actuator_report
+
+ROOT = Path(__file__).parents[3]
+CYLINDER = "areas: [4 cm^2, 3 cm^2], stroke: 1, retracted: -0.5, dead_volumes: [1e-5, 1e-5]"
+KEYS = {
+    "effort": "joint: rail, effort_limit: 50",
+    "dc_motor": "joint: rail, lead: 20 mm, torque_constant: 0.5, resistance: 2, inductance: 0.01",
+    "hydraulic_cylinder": f"joint: rail, {CYLINDER}, rated_flow: 20 L/min, supply: 150 bar",
+    "pneumatic_cylinder": f"joint: rail, {CYLINDER}, conductance: 2e-8, supply: 7 bar",
+}
+FILE = """
+mechanism: actuated
+parts: {{cart: {{mass: 20, inertia: [1, 1, 1]}}}}
+joints: {{rail: {{type: prismatic, between: [ground, cart], axis: [1, 0, 0], damping: 200}}}}
+actuators: {{one: {{type: {type}, {keys}}}}}
+"""
+
+
+def actuated(kind):
+    return parse_mechanism(FILE.format(type=kind, keys=KEYS[kind]))
+
+
+def test_the_schema_the_records_and_these_tests_have_the_same_kinds():
+    in_files = [get_args(spec.model_fields["type"].annotation)[0] for spec in get_args(get_args(AnyActuatorSpec)[0])]
+    assert sorted(in_files) == sorted(KEYS)
+    assert {type(actuated(kind).actuators[0].motor) for kind in KEYS} == set(get_args(Machine))
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_account_of_energies_closes_while_it_is_commanded(kind):
+    """A power that is left out of its account or of the mechanism's would be missing in one of the two."""
+    simulation = Simulation(actuated(kind), step=1e-4)
+    (actuator,) = simulation.mechanism.actuators
+    for share in (0.5, -0.3):
+        simulation.set_commands({"one": {actuator.control: share * min(actuator.output_limit, 20.0)}})
+        simulation.run(until=simulation.time + 0.05)
+    (state,) = simulation.actuators().values()
+    accounts = [*vars_of(state.energies), *simulation.energies]
+    assert np.all(np.isfinite(accounts)) and max(map(abs, accounts)) > 1e-3
+    assert abs(state.energies.residual) < 1e-8 * max(map(abs, accounts))
+    assert abs(simulation.energies.residual) < 1e-8 * max(map(abs, accounts))
+
+
+def vars_of(record):
+    return [getattr(record, name) for name in record.__dataclass_fields__]
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_readings_have_units_and_it_is_reported_exported_and_described(kind):
+    mechanism = actuated(kind)
+    (actuator,) = mechanism.actuators
+    assert set(reading_names(actuator.motor)) <= set(ACTUATOR_UNITS)
+    report = actuator_report(actuator)
+    assert (report["name"], report["type"]) == ("one", kind) and report["commands"] == list(actuator.channels)
+    for write in WRITERS.values():
+        found = write(mechanism)
+        assert 'name="one"' in found.text or any("one" in sentence for sentence in found.left_out)
+    assert f"`{kind}`" in (ROOT / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
