@@ -50,7 +50,7 @@ class BrowserPage:
         self.page.get_by_label(label, exact=True).dispatch_event("click")
 
     def tab(self, name):
-        self.page.get_by_role("tab", name=name).click(force=True)  # tabs can be dragged
+        self.page.get_by_role("tab", name=name).press("Enter")
 
     def folder(self, name):
         """Open or close a folder."""
@@ -58,7 +58,7 @@ class BrowserPage:
 
     def choose(self, label, option):
         """Choose in a list."""
-        self.page.get_by_label(label, exact=True).first.dispatch_event("click")
+        self.page.get_by_label(label, exact=True).first.press("ArrowDown")
         self.page.get_by_role("option", name=option, exact=True).dispatch_event("click")
 
     def type(self, label, text):

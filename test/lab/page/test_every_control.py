@@ -42,7 +42,7 @@ class Controls:
                     self._opened.button(option)
             case "GuiDropdownHandle":
                 option = next(one for one in handle.options if one != handle.value)
-                element.dispatch_event("click")
+                element.press("ArrowDown")
                 self._opened.page.get_by_role("option", name=option, exact=True).dispatch_event("click")
             case _:
                 element.dispatch_event("click")
