@@ -1,4 +1,4 @@
-"""The split of the inertia forces against closed forms, against drives that stand still, and against its power."""
+"""The split of the inertia forces against Lagrange's equations, against drives that stand still, and against its power."""
 
 from __future__ import annotations
 
