@@ -32,8 +32,8 @@ from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
