@@ -16,6 +16,7 @@ from mbd_sim.dynamics.constraints.errors import undefined_constraints
 from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
@@ -211,7 +212,7 @@ class _CarriedInertia:
         return self.trace + 2.0 * self.mass * float(arm @ arm)
 
 
-COINCIDENT = 1e-12  # m
+COINCIDENT = 1e-12  # of the natural length
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +234,9 @@ def require_defined_forces(mechanism: Mechanism, start: StartOfForces) -> None:
     :raises MechanismError: the elements are named.
     """
     problems = list(_undefined_expressions(mechanism, start))
+    least = COINCIDENT * natural_units(mechanism, mechanism.step).length
     for element, length in zip(mechanism.two_point_elements, start.lengths, strict=True):
-        if not element.needs_line or length > COINCIDENT:
+        if not element.needs_line or length > least:
             continue
         match element:
             case Spring():

@@ -14,7 +14,7 @@ from mbd_sim import parse_mechanism
 from mbd_sim.lab.scene.camera import aim
 from mbd_sim.pictures.shapes.extent import extent_of
 from test.docs.site_browser import browser
-from test.lab.page.test_page import FLAGS, SIZE
+from test.lab.page.browser_page import FLAGS, SIZE
 from test.system.growing_recordings import STEP_NS, stop_recording, verified
 from test.system.nodes import as_in_the_node, nanoseconds, running
 from test.waiting import wait_until

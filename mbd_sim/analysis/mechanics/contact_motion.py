@@ -122,7 +122,9 @@ class OneSidedMotion:
             except np.linalg.LinAlgError:
                 raise self._error(t, "no forces of its contacts are determined") from None
             forces = forces - change
-            if np.max(np.abs(change), initial=0.0) <= CONVERGED * (1.0 + np.max(np.abs(forces), initial=0.0)):
+            if np.max(np.abs(change), initial=0.0) <= CONVERGED * (
+                self._contact.contacts.units.force + np.max(np.abs(forces), initial=0.0)
+            ):
                 return forces
         raise self._error(t, "friction and the loads on which it depends do not balance")
 

@@ -57,7 +57,8 @@ def analyze(wanted: Wanted) -> Analysis:
     joint = next(one for one in mechanism.joints.values() if name in one.coordinate_names)
     (start,), (coordinate,) = joint.position, joint.kind.coordinates
     limits = joint.limits_of(0)
-    low, high = (start, start + 2.0 * math.pi) if coordinate.rotation else (start - wanted.reach, start + wanted.reach)
+    reach = math.pi if coordinate.rotation else wanted.reach
+    low, high = start - reach, start + reach
     if limits is not None and math.isfinite(limits.upper - limits.lower):
         low, high = limits.lower, limits.upper
     try:

@@ -22,6 +22,7 @@ from mbd_sim.dynamics.kinematics.state_variables import StateVariables
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
 from mbd_sim.dynamics.lagrange import MassMoments, spatial_inertia, with_springs
+from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.measurements import exact_values, measured_values
 from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs, transmitted_wrenches
 from mbd_sim.dynamics.terms import link_accelerations, weight
@@ -266,6 +267,8 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
         derived.inputs_without_commands,
         np.random.default_rng(3),
     )
+    units = natural_units(derived.mechanism, derived.step)
+    least = units.force * np.array([1.0, units.length])
     number, nq = [*derived.mechanism.all_joints].index(sensor.joint), derived.layout.nq
     for t, q in derived.start.nearby[:NEARBY]:
         free = derived.constraints.free_directions(t, q)
@@ -277,7 +280,7 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
         found = np.array(function(t, y, inputs, u_rates, multipliers, efforts)).ravel()
         expected = sharing.reactions(t, y, inputs)[number]
         sizes, others = (np.linalg.norm(np.reshape(load, (2, 3)), axis=1) for load in (found, expected))
-        if not np.allclose(sizes, others, rtol=SAME, atol=SAME * (1.0 + np.max(others))):
+        if not np.allclose(sizes, others, rtol=SAME, atol=SAME * np.maximum(least, np.max(others))):
             return True
     return False
 
