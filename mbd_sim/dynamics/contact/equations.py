@@ -276,10 +276,10 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
     return None
 
 
-def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
+def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:
     """Add the contact numbers to the inputs of a mechanism."""
     return replace(
         traced,
-        inputs=ca.vertcat(traced.inputs, contacts.numbers),
-        input_layout=replace(traced.input_layout, one_sided_count=contacts.layout.size),
+        inputs=ca.vertcat(traced.inputs, one_sided.numbers),
+        input_layout=replace(traced.input_layout, one_sided_count=one_sided.layout.size),
     )
