@@ -62,7 +62,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 if TYPE_CHECKING:
     from mbd_sim.dynamics.actuators.functions import ActuatorFunctions
     from mbd_sim.dynamics.contact.compliant import CushionFunctions
-    from mbd_sim.dynamics.contact_functions import OneSidedFunctions
+    from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions
 
 
 @dataclass(frozen=True)
@@ -303,7 +303,7 @@ def derive(
     rows = None
     if has_one_sided(mechanism):
         # Contacts are imported only where they are needed: their modules take a fifth of the time of a start.
-        from mbd_sim.dynamics.contact.equations import one_sided_equations, with_one_sided_inputs
+        from mbd_sim.dynamics.contact.one_sided_equations import one_sided_equations, with_one_sided_inputs
 
         rows = one_sided_equations(traced)
         traced = with_one_sided_inputs(traced, rows)
@@ -322,7 +322,7 @@ def derive(
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuator_rates, audit)
     one_sided = None
     if rows is not None:
-        from mbd_sim.dynamics.contact_functions import OneSidedDynamics
+        from mbd_sim.dynamics.one_sided_functions import OneSidedDynamics
 
         dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, rows, assembly.functions.size)
         one_sided, motion = dynamics.functions(), dynamics.motion(rows.given_forces)

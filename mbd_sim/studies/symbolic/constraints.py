@@ -15,7 +15,7 @@ from mbd_sim.studies.symbolic.algebra.names import escaped
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.constraints.rows import ConstraintRow
-    from mbd_sim.dynamics.contact.equations import OneSidedEquations
+    from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
     from mbd_sim.dynamics.equations import Equations
 
 

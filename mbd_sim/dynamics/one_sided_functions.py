@@ -22,9 +22,9 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
 )
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, joined
-from mbd_sim.dynamics.contact.equations import OneSidedEquations
-from mbd_sim.dynamics.contact.readings import gap_values, one_sided_readings
-from mbd_sim.dynamics.contact.rows import JointLoad, transmitted_force
+from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
+from mbd_sim.dynamics.contact.one_sided_readings import gap_values, one_sided_readings
+from mbd_sim.dynamics.contact.one_sided_rows import JointLoad, transmitted_force
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import separated

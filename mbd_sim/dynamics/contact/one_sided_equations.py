@@ -14,7 +14,7 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times, rheonomic
-from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units

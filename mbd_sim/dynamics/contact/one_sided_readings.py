@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.dynamics.contact.equations import RELEASED, SLIDING, FrictionElement, OneSidedEquations
-from mbd_sim.dynamics.contact.rows import JointLoad
+from mbd_sim.dynamics.contact.one_sided_equations import RELEASED, SLIDING, FrictionElement, OneSidedEquations
+from mbd_sim.dynamics.contact.one_sided_rows import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
 UNMOVED = 5e-10  # of the natural speed, up to which a closed gap that depends on others does not move: above `RESTING`

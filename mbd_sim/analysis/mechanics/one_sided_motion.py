@@ -13,9 +13,9 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.contact.equations import SLIDING, FrictionElement
-from mbd_sim.dynamics.contact_functions import OneSidedFunctions
+from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, FrictionElement
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions
 
 BARELY = 1e-9  # gaps, speeds and forces in natural units that count as zero
 ITERATIONS, CONVERGED, SETTLED = 60, 1e-14, 1e-13

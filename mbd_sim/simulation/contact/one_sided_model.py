@@ -20,11 +20,11 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
-from mbd_sim.dynamics.contact.equations import SLIDING, OneSidedEquations, OneSidedLayout
-from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
+from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
