@@ -19,7 +19,6 @@ from mbd_sim.mechanism.elements.forces import (
     Spring,
 )
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
@@ -141,6 +140,8 @@ def divergence(
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
     """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s; 0 if it cannot be found."""
+    from mbd_sim.simulation.model.method_choice import fastest_mode
+
     return fastest_mode(model.equations, time, y, inputs).rate
 
 

@@ -177,9 +177,9 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     functions = model.equations.one_sided
     assert functions is not None
     readings = model.one_sided.readings(time, y, inputs)
-    contacts, found = functions.contacts, []
-    limit = DEPTH * max(1.0, model.equations.constraints.size / contacts.units.length)
-    gaps = zip(contacts.gaps, readings.gaps.tolist(), contacts.gap_units, strict=True)
+    one_sided, found = functions.equations, []
+    limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
+    gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
     for gap, distance, unit in gaps:
         if gap.clutch or not distance < -limit * unit:
             continue

@@ -76,9 +76,9 @@ def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: flo
 
 def _driven_through(model: Model, time: float, y: Array, inputs: Array) -> Iterator[str]:
     """A sentence on gaps that drives have closed, and that no force can open."""
-    if model.one_sided is None or (functions := model.equations.one_sided) is None or not functions.contacts.driven:
+    if model.one_sided is None or (functions := model.equations.one_sided) is None or not functions.equations.driven:
         return
-    found = zip(functions.contacts.driven, evaluated(functions.driven, time, y, inputs).ravel(), strict=True)
+    found = zip(functions.equations.driven, evaluated(functions.driven, time, y, inputs).ravel(), strict=True)
     least = STILL * natural_units(model.mechanism, model.equations.step).length
     if names := [f"'{name}'" for name, gap in found if gap < -least]:
         yield (

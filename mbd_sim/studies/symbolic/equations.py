@@ -183,6 +183,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     (mass, inertial, forces), *rows = (simplified(mechanism, algebra, function, inputs) for function in functions)
     energies = energies_if_short(mechanism, algebra, traced.energies, [*inputs[:3], *inputs[4:]])
     derived = traced.derived
+    one_sided = None if derived is None else derived.one_sided
     actuators = symbolic_actuators(traced.actuators, algebra, inputs, names) if traced.actuators else ()
     equations = SymbolicEquations(
         mechanism=mechanism.name,
@@ -194,7 +195,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
         left_out=_left_out(derived) if derived else (),
-        contacts=symbolic_contacts(derived.one_sided.contacts, rows[1], names) if derived and derived.one_sided else (),
+        contacts=symbolic_contacts(one_sided.equations, rows[1], names) if one_sided else (),
         energies=energies,
         actuators=actuators,
         parameters=() if values is None else values.symbols,

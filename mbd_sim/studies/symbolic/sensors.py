@@ -212,7 +212,7 @@ def _rows(traced: TracedMechanism, derived: Equations | None) -> ConstraintEquat
     rows = derived.measurements.constraints.select(derived.start.independent)
     if derived.one_sided is None:
         return rows
-    contacts = derived.one_sided.contacts
+    contacts = derived.one_sided.equations
     return joined(rows, contacts.equations.select(row_order(contacts)))
 
 

@@ -14,7 +14,7 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times, rheonomic
-from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
@@ -276,10 +276,10 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
     return None
 
 
-def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
+def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:
     """Add the contact numbers to the inputs of a mechanism."""
     return replace(
         traced,
-        inputs=ca.vertcat(traced.inputs, contacts.numbers),
-        input_layout=replace(traced.input_layout, one_sided_count=contacts.layout.size),
+        inputs=ca.vertcat(traced.inputs, one_sided.numbers),
+        input_layout=replace(traced.input_layout, one_sided_count=one_sided.layout.size),
     )
