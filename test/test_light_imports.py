@@ -26,7 +26,7 @@ def test_a_first_step_from_the_cache_traces_and_compiles_nothing(file, live, tmp
     needed = {name for name in own if name.partition(".")[0] in ("dynamics", "compiler", "integrators")}
     assert needed == {
         "compiler", "compiler.code", "compiler.code.machine_code", "compiler.code.object_code", "compiler.python",
-        "compiler.python.bound_kernel", "compiler.python.callable", "dynamics", "dynamics.layouts",
+        "compiler.python.bound_kernel", "dynamics", "dynamics.layouts",
         "dynamics.layouts.vectors",
     }  # fmt: skip
     assert not {"casadi", "pydantic", "yaml", "logging"} & set(warm)

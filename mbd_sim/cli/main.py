@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim import __version__
 from mbd_sim.base.errors import MbdSimError, nearest, quoted
 from mbd_sim.base.packages import missing_package
-from mbd_sim.cli.shared.command import Command
-from mbd_sim.cli.shared.progress import Waiting, find_temporary_folder
+from mbd_sim.cli.shared.command import Command, Waiting, find_temporary_folder
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.mechanism import Mechanism
@@ -159,8 +158,8 @@ COMMANDS = {  # in the order of --help: the module, and what the command does
     "recover": ("runs.verify", "repair recordings with a truncated end or a damaged index"),
     "rerun-with": ("runs.verify", "recompute a recorded run with changed values, and compare the two runs"),
     "view": ("runs.view", "show a run in Rerun"),
-    "plot": ("runs.export", "plot energies, joints, residual, measurements and phase portrait of a run"),
-    "export": ("runs.export", "export a run as a table, for example for pandas"),
+    "plot": ("runs.view", "plot energies, joints, residual, measurements and phase portrait of a run"),
+    "export": ("runs.view", "export a run as a table, for example for pandas"),
     "urdf": ("mechanisms.convert", "print the spanning tree of a mechanism as URDF"),
     "convert": (
         "mechanisms.convert",

@@ -100,6 +100,15 @@ def compile_kernel(
     return Kernel(compile_module(module), signature)
 
 
+def unfit(method: Method, rates: ca.Function, name_of: Callable[[int], str]) -> str:
+    """Why a method cannot integrate these rates, such as "cannot treat …", or ""; `name_of` names a row of them."""
+    if not method.uses_series:
+        return ""
+    from mbd_sim.compiler.taylor.step import without_expansion
+
+    return without_expansion(rates, method.order, name_of)
+
+
 def _emit_advance(
     module: Module,
     system: System,

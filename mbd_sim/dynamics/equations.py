@@ -32,7 +32,7 @@ from mbd_sim.dynamics.accelerations import (
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly, assemble
-from mbd_sim.dynamics.forces.distant_springs import DistantSprings, distant_springs
+from mbd_sim.dynamics.forces.joints import DistantSprings, distant_springs
 from mbd_sim.dynamics.joint_linearization import JointLinearization
 from mbd_sim.dynamics.kernel_functions import (
     KernelFunctions,
@@ -44,6 +44,7 @@ from mbd_sim.dynamics.kernel_functions import (
     without_commands,
 )
 from mbd_sim.dynamics.kinematics.drives import hold_drives
+from mbd_sim.dynamics.kinematics.links import like_branches
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout
@@ -52,7 +53,6 @@ from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, CoordinateLayout, Inp
 from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
-from mbd_sim.dynamics.recursion.like_branches import like_branches
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver, TypicalMatrices, typical_matrices
 from mbd_sim.dynamics.regular_start import require_regular_start, start_with_actuators
 from mbd_sim.mechanism.contents import has_one_sided

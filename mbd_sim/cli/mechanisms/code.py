@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.base.errors import InputError, counted
-from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.command import Command, Waiting
 from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, print_notes
-from mbd_sim.cli.shared.progress import Waiting
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 from mbd_sim.exports.c_code.model import ExportedModel, export_model
 from mbd_sim.exports.c_code.module import c_module

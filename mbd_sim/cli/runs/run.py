@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from mbd_sim.base.errors import counted
-from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.command import SECONDS, Command, ProgressBar
 from mbd_sim.cli.shared.common import add_duration, add_mechanism, add_method_and_step, add_quiet, rounded
-from mbd_sim.cli.shared.progress import SECONDS, ProgressBar
 from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes, energy_size

@@ -10,7 +10,7 @@ from pathlib import Path
 from mbd_sim import __version__
 from mbd_sim.base.errors import counted
 from mbd_sim.base.packages import require_packages
-from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.command import COUNT, Command, ProgressBar
 from mbd_sim.cli.shared.common import (
     add_duration,
     add_mechanism,
@@ -21,7 +21,6 @@ from mbd_sim.cli.shared.common import (
     seed_number,
     text_table,
 )
-from mbd_sim.cli.shared.progress import COUNT, ProgressBar
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation

@@ -8,7 +8,7 @@ from pathlib import Path
 from shlex import quote
 
 from mbd_sim.base.errors import InputError, counted, listed
-from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.command import Command, ProgressBar
 from mbd_sim.cli.shared.common import (
     MCAP_OR_BAG,
     add_method_and_step,
@@ -18,7 +18,6 @@ from mbd_sim.cli.shared.common import (
     chosen_style,
     positive_number,
 )
-from mbd_sim.cli.shared.progress import ProgressBar
 from mbd_sim.cli.shared.recorded_run import add_run, is_recording, recorded_run
 from mbd_sim.cli.shared.setup_options import add_set, changes_of
 from mbd_sim.recordings.run.changed_run import ChangedRun, ChangedRunFile, compute_changed_run

@@ -1,4 +1,4 @@
-"""`mbd_sim view` and `mbd_sim lab`: a recorded run in Rerun, and a mechanism on a page in the browser."""
+"""`mbd_sim view`, `plot`, `export` and `lab`: runs in Rerun, as pictures and tables, and a mechanism in the browser."""
 
 from __future__ import annotations
 
@@ -9,14 +9,26 @@ from pathlib import Path
 
 from mbd_sim.base.errors import CommandError, MechanismError, NoInertiaError, counted
 from mbd_sim.base.packages import require_packages
-from mbd_sim.cli.shared.command import Command
-from mbd_sim.cli.shared.common import add_mechanism, add_quiet, positive_in, print_notes
-from mbd_sim.cli.shared.progress import ProgressBar
-from mbd_sim.cli.shared.recorded_run import add_run, recorded_run
+from mbd_sim.cli.shared.command import Command, ProgressBar
+from mbd_sim.cli.shared.common import (
+    add_coordinates,
+    add_mechanism,
+    add_plot_style,
+    add_quiet,
+    add_show,
+    chosen_style,
+    plotted_coordinates,
+    positive_in,
+    print_notes,
+    shown_plots,
+)
+from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 from mbd_sim.recordings.run.reader import Recording, open_recording
 from mbd_sim.recordings.run.recomputation import Recomputation, RecomputeError
-from mbd_sim.recordings.views.table import read_table
+from mbd_sim.recordings.views import plots
+from mbd_sim.recordings.views.panels import panels, require_names
+from mbd_sim.recordings.views.table import export, read_table, require_table
 
 RATE = 200.0  # states per second shown by default
 
@@ -165,6 +177,47 @@ def _lab(options: argparse.Namespace) -> int:
     return 0
 
 
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    add_run(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .csv, .parquet or .npz")
+    add_quiet(parser)
+
+
+def _export(options: argparse.Namespace) -> int:
+    """Write the table."""
+    require_table(options.out)
+    with recorded_run(options.recording, options) as path:
+        table = read_run_table(path, options.quiet, options.recording)
+    columns = export(options.out, table)
+    print(f"wrote {options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
+    return 0
+
+
+def _add_plot(parser: argparse.ArgumentParser) -> None:
+    add_run(parser)
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="file to write: .png, .svg, .pdf or .html"
+    )
+    add_show(parser)
+    add_coordinates(parser)
+    add_plot_style(parser)
+    add_quiet(parser)
+
+
+def _plot(options: argparse.Namespace) -> int:
+    """Draw the plots."""
+    plots.require_plot(options.out)
+    style = chosen_style(options, options.out)
+    names = shown_plots(options, options.out)
+    require_names(names)  # before anything is run
+    with recorded_run(options.recording, options, reactions="reactions" in names) as path:
+        table = read_run_table(path, options.quiet, options.recording)
+    chosen = panels(table, names, plotted_coordinates(options, options.out), degrees=options.deg)
+    plots.draw(options.out, table, chosen, style)
+    print(f"wrote {options.out}: {', '.join(dict.fromkeys(panel.title.lower() for panel in chosen))}")
+    return 0
+
+
 COMMANDS = {
     "view": Command(
         "Show a recorded run, or the run of a mechanism, in Rerun: the moving mechanism with plots and events. If a"
@@ -178,5 +231,16 @@ COMMANDS = {
         "only, unless --host is given; then the printed address contains a token. Ctrl-C ends it.",
         _add_lab,
         _lab,
+    ),
+    "export": Command(
+        "Export a recorded run, or the run of a mechanism, as a flat table: one row per state, with the units in "
+        "the column names.",
+        _add_export,
+        _export,
+    ),
+    "plot": Command(
+        "Plot a recorded run, or the run of a mechanism, as a picture or as an HTML page with zoomable plots.",
+        _add_plot,
+        _plot,
     ),
 }

@@ -1,10 +1,20 @@
-"""A subcommand of `mbd_sim`."""
+"""A subcommand of `mbd_sim`, what it shows while it is at work, and where it puts files that are removed at its end."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import os
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -17,3 +27,135 @@ class Command:
     description: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
     execute: Callable[[argparse.Namespace], int]
+
+
+PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints the completed amount
+SECONDS = "{task.completed:.1f} s"
+COUNT = "{task.completed:.0f}/{task.total:.0f}"
+PATIENCE = 2.0  # s after which a command shows that it is at work
+
+
+class Waiting:
+    """A line with the stage and the time that has passed, shown on a terminal while a `with` block takes over 2 s.
+
+    It makes room for a `ProgressBar`, and returns at the next `stage`.
+    """
+
+    _active: Waiting | None = None
+
+    def __init__(self, title: str, quiet: bool) -> None:
+        self._command = self._title = title
+        self._lock = threading.Lock()
+        self._display: Progress | None = None
+        self._timer: threading.Timer | None = None
+        self._hidden = quiet or not sys.stdout.isatty()
+
+    def __enter__(self) -> Self:
+        Waiting._active = self
+        self._start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        Waiting._active = None
+        self._end()
+
+    def _start(self) -> None:
+        if not self._hidden:
+            self._timer = threading.Timer(PATIENCE, self._show)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _show(self) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        with self._lock:
+            if self._timer is None:
+                return
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+            self._display = Progress(*columns, transient=True)
+            self._display.add_task(self._title, total=None)
+            self._display.start()
+
+    def _end(self) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = None
+            if self._display is not None:
+                self._display.stop()
+            self._display = None
+
+    @classmethod
+    def stage(cls, name: str) -> None:
+        """Say what the command does from now on, such as "compile"."""
+        if (line := cls._active) is not None:
+            with line._lock:
+                line._title = f"{line._command}: {name}"
+                if line._display is not None:
+                    line._display.update(line._display.task_ids[0], description=line._title)
+                elif line._timer is None:
+                    line._start()
+
+    @classmethod
+    def make_room(cls) -> None:
+        """End what is shown at present."""
+        if cls._active is not None:
+            cls._active._end()
+
+
+class ProgressBar:
+    """A progress bar on the terminal, shown while its `with` block runs; with `quiet`, nothing is shown."""
+
+    def __init__(self, title: str, quiet: bool, *, total: float = 1.0, amount: str = PERCENT) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(amount), TimeRemainingColumn())
+        self._display = Progress(*columns, disable=quiet, transient=True)
+        self._task = self._display.add_task(title, total=total)
+
+    def __enter__(self) -> Self:
+        Waiting.make_room()
+        self._display.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._display.stop()
+
+    def show(self, completed: float) -> None:
+        """Show how much of the total is completed."""
+        self._display.update(self._task, completed=completed)
+
+    def advance(self, amount: float) -> None:
+        """Add to the completed amount."""
+        self._display.advance(self._task, amount)
+
+
+def find_temporary_folder(options: argparse.Namespace) -> None:
+    """Where the usual folders for temporary files cannot be written, use memory, or the folder of a file to write."""
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError:
+        written = [value.absolute().parent for value in vars(options).values() if isinstance(value, Path)]
+        for folder in (Path("/dev/shm"), *written):  # noqa: S108  (files in it have names of their own)
+            tempfile.tempdir = str(folder)
+            try:
+                with tempfile.TemporaryFile():
+                    return
+            except OSError:
+                tempfile.tempdir = None
+
+
+@contextmanager
+def temporary_file(name: str) -> Iterator[Path]:
+    """The path of a file that is removed at the end; it is in memory where no folder can be written."""
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="mbd_sim_")
+    except FileNotFoundError:
+        in_memory = os.memfd_create(name)
+        try:
+            yield Path(f"/proc/self/fd/{in_memory}")
+        finally:
+            os.close(in_memory)
+        return
+    with folder:
+        yield Path(folder.name, name)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mbd_sim.base.errors import InputError, nearest
+from mbd_sim.cli.shared.command import SECONDS, ProgressBar, temporary_file
 from mbd_sim.cli.shared.common import (
     ANY_RECORDING,
     DURATION,
@@ -17,7 +18,6 @@ from mbd_sim.cli.shared.common import (
     positive_in,
     print_notes,
 )
-from mbd_sim.cli.shared.progress import SECONDS, ProgressBar, temporary_file
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 from mbd_sim.files.text.library import SUFFIXES, shipped
 from mbd_sim.recordings.run.reader import open_recording

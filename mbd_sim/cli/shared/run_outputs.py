@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.cli.shared.command import COUNT, ProgressBar, temporary_file
 from mbd_sim.cli.shared.common import (
     add_coordinates,
     add_plot_style,
@@ -22,7 +23,6 @@ from mbd_sim.cli.shared.common import (
     require_styled,
     shown_plots,
 )
-from mbd_sim.cli.shared.progress import COUNT, ProgressBar, temporary_file
 from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.simulation.run.simulation import BaseSimulation

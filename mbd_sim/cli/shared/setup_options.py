@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, nearest
-from mbd_sim.cli.shared.progress import Waiting
+from mbd_sim.cli.shared.command import Waiting
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.units import parse_value, split_unit

@@ -9,8 +9,8 @@ import sys
 from mbd_sim.analysis.equilibria.equilibrium import Equilibrium
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.cli.shared.command import SECONDS, ProgressBar, Waiting
 from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, rounded
-from mbd_sim.cli.shared.progress import SECONDS, ProgressBar, Waiting
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
 from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
 from mbd_sim.files.text.units import parse_value

@@ -15,9 +15,8 @@ import numpy as np
 from mbd_sim.analysis.linear.state_space import StateSpace
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.command import COUNT, Command, ProgressBar, Waiting
 from mbd_sim.cli.shared.common import add_quiet, positive_in, print_notes, print_written
-from mbd_sim.cli.shared.progress import COUNT, ProgressBar, Waiting
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.cli.shared.working_point import (
     EQUILIBRIUM,

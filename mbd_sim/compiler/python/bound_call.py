@@ -20,7 +20,7 @@ from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.code.machine_code import load_code
 from mbd_sim.compiler.lists.lowering import export, lower
-from mbd_sim.compiler.python.callable import function_of_addresses
+from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 
 Clock = tuple[NDArray[np.int64], NDArray[np.float64]]
 Call = Callable[[], NDArray[np.float64]]

@@ -15,8 +15,8 @@ from mbd_sim.compiler.code.machine_code import NONE, MachineCode
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.module import POINTER, Function, FunctionType, Value
 from mbd_sim.compiler.ir.vectors import load, loop, store
-from mbd_sim.compiler.python import callable
-from mbd_sim.compiler.python.callable import TYPE, callable_of
+from mbd_sim.compiler.python import bound_kernel
+from mbd_sim.compiler.python.bound_kernel import TYPE, callable_of
 from mbd_sim.compiler.python.step_call import linked
 
 Write = Callable[..., None]
@@ -107,24 +107,25 @@ class _Emitter:
 
     def _read_array(self, given: Value) -> None:
         b = self._b
-        self._require(b.icmp_unsigned("==", self._field(given, callable.DIMENSIONS, "i32"), Value("i32", "1")))
+        self._require(b.icmp_unsigned("==", self._field(given, bound_kernel.DIMENSIONS, "i32"), Value("i32", "1")))
         lengths, strides, dtype = (
-            self._field(given, offset, POINTER) for offset in (callable.LENGTHS, callable.STRIDES, callable.DTYPE)
+            self._field(given, offset, POINTER)
+            for offset in (bound_kernel.LENGTHS, bound_kernel.STRIDES, bound_kernel.DTYPE)
         )
         self._require(b.icmp_unsigned("==", b.load(lengths, typ=INT), self._size))
-        aligned = b.and_(self._field(given, callable.FLAGS, "i32"), Value("i32", str(callable.ALIGNED)))
+        aligned = b.and_(self._field(given, bound_kernel.FLAGS, "i32"), Value("i32", str(bound_kernel.ALIGNED)))
         self._require(b.icmp_unsigned("!=", aligned, Value("i32", "0")))
-        order = self._field(dtype, callable.BYTE_ORDER, "i8")
-        self._require(b.icmp_unsigned("==", order, Value("i8", str(callable.NATIVE))))
-        data, stride = self._field(given, callable.DATA, POINTER), b.load(strides, typ=INT)
-        number_type = self._field(dtype, callable.TYPE_NUMBER, "i32")
+        order = self._field(dtype, bound_kernel.BYTE_ORDER, "i8")
+        self._require(b.icmp_unsigned("==", order, Value("i8", str(bound_kernel.NATIVE))))
+        data, stride = self._field(given, bound_kernel.DATA, POINTER), b.load(strides, typ=INT)
+        number_type = self._field(dtype, bound_kernel.TYPE_NUMBER, "i32")
 
         def entry(i: Value, type_: str) -> Value:
             return b.load(b.gep(data, b.mul(i, stride), "i8"), typ=type_)
 
-        with b.if_then(b.icmp_unsigned("==", number_type, Value("i32", str(callable.DOUBLE)))):
+        with b.if_then(b.icmp_unsigned("==", number_type, Value("i32", str(bound_kernel.DOUBLE)))):
             self._check(lambda i: entry(i, DOUBLE))
-        self._require(b.icmp_unsigned("==", number_type, Value("i32", str(callable.SINGLE))))
+        self._require(b.icmp_unsigned("==", number_type, Value("i32", str(bound_kernel.SINGLE))))
         self._check(lambda i: b.convert("fpext", entry(i, "float"), DOUBLE))
 
     def _read_sequence(self, name: str, given: Value) -> None:

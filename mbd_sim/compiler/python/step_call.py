@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from mbd_sim.compiler.code.machine_code import NONE
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer
 from mbd_sim.compiler.ir.module import POINTER, VOID, BasicBlock, Function, FunctionType, Module, Value
-from mbd_sim.compiler.python.callable import LARGEST
+from mbd_sim.compiler.python.bound_kernel import LARGEST
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -16,10 +17,11 @@ from mbd_sim.compiler.steps.emitter import StepEmitter, System
 from mbd_sim.compiler.steps.loop import emit_is_finite, emit_plain_advance
 from mbd_sim.compiler.steps.runge_kutta import CalledStep
 from mbd_sim.compiler.taylor.expansion import TaylorExpansion, expansion
-from mbd_sim.compiler.taylor.recursion import emit_recursion
-from mbd_sim.compiler.taylor.rules import series_of, turning_points
+from mbd_sim.compiler.taylor.recursion import emit_recursion, stack_size
+from mbd_sim.compiler.taylor.rules import NotAnalyticError, series_of, turning_points
 from mbd_sim.integrators.taylor import Taylor
 
+LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
 SPAN, POSITION, NEXT, SIZE, VECTORS = range(5)  # the numbers at the start of a history
 
 
@@ -102,6 +104,20 @@ class TaylorHistory:
 
 
 UNROLLED = 1000  # products of an expansion up to which it has no loops over the order
+
+
+def without_expansion(rates: ca.Function, order: int, name_of: Callable[[int], str]) -> str:
+    """Why the solution has no expansion, or one that is too long, or ""; `name_of` names a row of the rates."""
+    try:
+        size = stack_size(series_of(rates), order)
+    except NotAnalyticError as error:
+        return (
+            f"cannot treat forces and laws that are not smooth: {name_of(error.result)} depends on "
+            f"{error.operation}(…), as of stops, tables and 'where'"
+        )
+    if size > LARGEST_EXPANSION:
+        return f"cannot treat so many parts: an expansion would need {size / 1e6:.1f} MB of the stack"
+    return ""
 
 
 def emit_taylor_advance(module: Module, system: System, method: Taylor, rates: ca.Function) -> Function:

@@ -1,23 +1,30 @@
 """Generalized forces of joints: efforts, springs, dampers, friction and stops, their potential and their powers.
 
-They include the efforts and potentials of the file that act along joint coordinates.
+They include the efforts and potentials of the file that act along joint coordinates. The potential of some springs,
+those of points too, has a part that is added in Python: see `DistantPotential`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.state_variables import StateVariables, function_of_coordinates
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.kinematics.wrenches import PowerSplit
-from mbd_sim.dynamics.math.laws import elastic, friction, power_law
+from mbd_sim.dynamics.math.laws import distant_potential, elastic, friction, power_law
 from mbd_sim.dynamics.math.spatial import is_absent
 from mbd_sim.mechanism.elements.parts import Joint, Limits
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Linear, Varying
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.math.distant_potentials import DistantPotential
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,3 +184,44 @@ def stop_forces(limits: Limits, coordinate: ca.SX, speed: ca.SX) -> tuple[ca.SX,
 
 def _stop_stiffness(limits: Limits) -> float:
     return 0.0 if limits.stiffness is None else limits.stiffness
+
+
+@dataclass(frozen=True, eq=False)
+class DistantSprings:
+    """`elongations(t, y)` (n,) in m or rad, of the springs with these potentials (n,)."""
+
+    elongations: ca.Function
+    potentials: tuple[DistantPotential, ...]
+
+    def __len__(self) -> int:
+        return len(self.potentials)
+
+    def potential(self, elongations: Array) -> float:
+        """What they add to V, in J."""
+        return sum(
+            potential(elongation) for potential, elongation in zip(self.potentials, elongations.tolist(), strict=True)
+        )
+
+
+def distant_springs(traced: TracedMechanism, lengths: ca.SX, inputs: Sequence[ca.SX]) -> DistantSprings | None:
+    """Those of all joints and springs; None if there are none.
+
+    :param lengths: (springs and dampers,) the distances between the ends in m.
+    :param inputs: of the function `elongations`.
+    """
+    found = list(_found(traced, lengths))
+    if not found:
+        return None
+    elongations, potentials = zip(*found, strict=True)
+    return DistantSprings(ca.Function("elongations", list(inputs), [ca.densify(ca.vertcat(*elongations))]), potentials)
+
+
+def _found(traced: TracedMechanism, lengths: ca.SX) -> Iterator[tuple[ca.SX, DistantPotential]]:
+    for link in traced.links:
+        joint = link.joint
+        for offset in range(link.u.stop - link.u.start):
+            if joint.spring is not None and (potential := distant_potential(joint.spring)) is not None:
+                yield traced.state.q[link.q.start + offset] - joint.rest[offset], potential
+    for index, spring in enumerate(traced.mechanism.springs):
+        if (potential := distant_potential(spring.law)) is not None:
+            yield lengths[index] - spring.length, potential

@@ -16,8 +16,7 @@ from typing import Any
 from mbd_sim.base.errors import listed, nearest, quoted
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, text_of
-from mbd_sim.files.urdf.joints import joint_of, mimic_of
-from mbd_sim.files.urdf.links import MOMENTS, Origins, color_of, part_of
+from mbd_sim.files.urdf.elements import MOMENTS, Origins, color_of, joint_of, mimic_of, part_of
 from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.values.names import LONGEST_NAME, accepted_names, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin, Source

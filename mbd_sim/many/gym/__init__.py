@@ -1,6 +1,6 @@
 """Gymnasium environments of mechanisms, without ROS: `pip install "mbd_sim[gym]"`.
 
-Importing this package registers the tasks of `mbd_sim.many.gym.tasks` with Gymnasium:
+Importing this package registers the tasks of `mbd_sim.many.gym.environment` with Gymnasium:
 
 import gymnasium, mbd_sim.many.gym
 
@@ -9,8 +9,7 @@ env = gymnasium.make("mbd_sim/CartPendulumSwingUp-v0")
 
 from __future__ import annotations
 
-from mbd_sim.many.gym.environment import MechanismEnv
-from mbd_sim.many.gym.tasks import TASKS, register_tasks
+from mbd_sim.many.gym.environment import TASKS, MechanismEnv, register_tasks
 from mbd_sim.many.gym.vector_environment import MechanismVectorEnv
 
 __all__ = ["TASKS", "MechanismEnv", "MechanismVectorEnv", "register_tasks"]

@@ -207,7 +207,7 @@ Machine = Motor | FluidCylinder
 
 @dataclass(frozen=True)
 class Servo:
-    """A controller of the port's position or velocity, with the motor's command: `mbd_sim.dynamics.actuators.servos`.
+    """A controller of the port's position or velocity, with the motor's command: `mbd_sim.dynamics.actuators.forces`.
 
     Gains are in units of the output for 1 rad or m, or 1 rad/s or m/s, and per second (`ki`) or times a second (`kd`).
     `feedforward` multiplies the commanded velocity. The output stays within `limit`; beyond it, the integral follows

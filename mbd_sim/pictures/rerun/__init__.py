@@ -8,8 +8,7 @@ Importing this package does not import Rerun; creating a `Viewer` does. Rerun ru
 | `worker` | the viewer's process, and the messages that it takes |
 | `scene` | the data sent: the mechanism, and rows of numbers; what an entity is |
 | `paths` | the paths of the entities |
-| `stream`, `sinks` | the recording with its events; where it goes |
-| `parts` | the primitives, which move with the parts |
+| `stream`, `sinks` | the recording: parts, which move, and events; where it goes |
 | `forces`, `constraints` | connectors and arrows; contacts, constrained points and traces |
 | `plots` | plots, and the layout of the window |
 """

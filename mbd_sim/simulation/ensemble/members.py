@@ -20,9 +20,10 @@ from mbd_sim.simulation.ensemble.variants import Variants
 from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
 from mbd_sim.simulation.model.builder import partial_system
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.advice import advice_on_step, divergence, undefined_expression
+from mbd_sim.simulation.run.advice import advice_on_step, divergence
 from mbd_sim.simulation.run.changes import require_outside
 from mbd_sim.simulation.run.state import MemberFailure
+from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
 
 def member_steppers(model: Model, variants: Variants, count: int) -> tuple[OneSidedStepper, ...]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import InputError, MechanismError, counted, nearest, quoted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.python.callable import LARGEST
+from mbd_sim.compiler.python.bound_kernel import LARGEST
 from mbd_sim.mechanism.mechanism import Mechanism
 
 

@@ -6,9 +6,9 @@ import sys
 import pytest
 
 from mbd_sim.cli.main import main
-from mbd_sim.cli.shared import progress
+from mbd_sim.cli.shared import command
+from mbd_sim.cli.shared.command import ProgressBar, Waiting
 from mbd_sim.cli.shared.common import text_table
-from mbd_sim.cli.shared.progress import ProgressBar, Waiting
 from test.waiting import wait_until
 
 
@@ -19,7 +19,7 @@ class Terminal(io.StringIO):
 
 def terminal(monkeypatch, patience=0.0):
     """Not a fixture: pytest sets its own standard output before a test begins."""
-    monkeypatch.setattr(progress, "PATIENCE", patience)
+    monkeypatch.setattr(command, "PATIENCE", patience)
     monkeypatch.setattr(sys, "stdout", Terminal())
     return sys.stdout
 

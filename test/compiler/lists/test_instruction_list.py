@@ -7,7 +7,7 @@ from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.lists.instruction_list import passed_on
 from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.python.callable import function_of_addresses
+from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 
 
 def test_components_that_are_passed_on_can_be_left_as_they_are():

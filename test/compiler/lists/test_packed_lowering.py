@@ -26,7 +26,7 @@ from mbd_sim.compiler.lists.packed_lowering import lower_packed
 from mbd_sim.compiler.lists.packing import in_order
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.python.bound_call import export
-from mbd_sim.compiler.python.callable import function_of_addresses
+from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.integrators.methods import METHODS

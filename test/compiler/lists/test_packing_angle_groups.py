@@ -13,7 +13,7 @@ from mbd_sim.compiler.lists.instruction_list import Instruction, instructions_of
 from mbd_sim.compiler.lists.lowering import lower
 from mbd_sim.compiler.lists.packing import angle_groups, packed_angles, vector_size
 from mbd_sim.compiler.python.bound_call import export
-from mbd_sim.compiler.python.callable import function_of_addresses
+from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 
 
 def taking_sines_of(*places, name="f"):

@@ -13,7 +13,6 @@ from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.taylor import step
 from mbd_sim.compiler.taylor.step import SPAN
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.simulation.model import method_choice
 
 METHOD = "taylor"
 ACCURATE = ("double_rod", "four_bar", "moving_support_pendulum", "upright_wheel",
@@ -150,7 +149,7 @@ def test_what_has_no_series_is_refused(name, reason):
 
 
 def test_an_expansion_that_would_need_too_much_of_the_stack_is_refused(monkeypatch, own_builds):
-    monkeypatch.setattr(method_choice, "LARGEST_EXPANSION", 1000)
+    monkeypatch.setattr(step, "LARGEST_EXPANSION", 1000)
     with pytest.raises(MechanismError, match=r"taylor cannot treat so many parts: .* 0.0 MB of the stack.*adams11"):
         built(step=1.1e-3)
 

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 
 from mbd_sim import CommandError, Simulation
 from mbd_sim.many.gym import TASKS, MechanismEnv
-from mbd_sim.many.gym.tasks import upright
+from mbd_sim.many.gym.environment import upright
 
 IDS = [f"mbd_sim/{name}-v0" for name in TASKS]
 

@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from mbd_sim import CommandError, Ensemble
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.many.gym import TASKS, MechanismEnv, MechanismVectorEnv
-from mbd_sim.many.gym.tasks import upright
+from mbd_sim.many.gym.environment import upright
 
 ENVS, ACTIONS = 9, 25  # one more than a vector
 

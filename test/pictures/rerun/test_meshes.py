@@ -6,8 +6,8 @@ import numpy as np
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.files.text.mesh_files import mesh_path, resource_uri
-from mbd_sim.pictures.rerun.parts import RERUN_READS, part_entities
 from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
+from mbd_sim.pictures.rerun.stream import RERUN_READS, part_entities
 from mbd_sim.pictures.shapes.meshes import undrawn_meshes
 from test.generators import mesh_files
 

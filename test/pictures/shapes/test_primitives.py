@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import identity_pose
-from mbd_sim.pictures.rerun.parts import archetype
+from mbd_sim.pictures.rerun.stream import archetype
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.pictures.shapes.primitives import Lines, connectors, primitives, wires
 from mbd_sim.ros.publishing.markers import fixed_markers

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from mbd_sim.dynamics.layouts.inputs import InputLayout
 
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
+from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.simulation.model.commands import EffortMap
 

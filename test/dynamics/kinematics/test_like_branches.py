@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from mbd_sim.dynamics.kinematics.links import build_links
+from mbd_sim.dynamics.kinematics.links import build_links, like_branches
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
-from mbd_sim.dynamics.recursion.like_branches import like_branches
 from mbd_sim.files.load import parse_mechanism
 from test.generators.legged_robots import legged
 
