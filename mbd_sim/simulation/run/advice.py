@@ -19,6 +19,7 @@ from mbd_sim.mechanism.elements.forces import (
     Spring,
 )
 from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
