@@ -175,7 +175,7 @@ class LabPage:
         return str(result.reason)
 
     def _command_effort(self, name: str, value: float) -> str:
-        self._node.commands.by_name([name], [value])
+        self._node.commands.efforts_by_name({name: value})
         self._efforts[name] = value
         self._node.step_on_command()
         return ""
