@@ -52,7 +52,7 @@ types: $(VENV)/ready
 
 gallery: $(VENV)/ready
 	$(BIN)/python docs/gallery_pictures.py docs $(ARGS)
-	$(if $(ARGS),,$(BIN)/python scripts/animations)
+	$(if $(ARGS),,$(BIN)/python scripts/lab_pictures)
 
 # Warnings are errors. NOTEBOOKS=off leaves out the outputs of the tutorials, which `make test` executes as well.
 NOTEBOOKS ?= force

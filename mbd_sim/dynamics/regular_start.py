@@ -24,6 +24,7 @@ from mbd_sim.mechanism.elements.forces import Damper, Spring
 from mbd_sim.mechanism.elements.parts import Joint, Part
 from mbd_sim.mechanism.mass_properties import state_numbers
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import TIME
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
 
@@ -211,7 +212,7 @@ class _CarriedInertia:
         return self.trace + 2.0 * self.mass * float(arm @ arm)
 
 
-COINCIDENT = 1e-12  # m
+COINCIDENT = 1e-12  # of the natural length
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +234,9 @@ def require_defined_forces(mechanism: Mechanism, start: StartOfForces) -> None:
     :raises MechanismError: the elements are named.
     """
     problems = list(_undefined_expressions(mechanism, start))
+    least = COINCIDENT * natural_units(mechanism, mechanism.step).length
     for element, length in zip(mechanism.two_point_elements, start.lengths, strict=True):
-        if not element.needs_line or length > COINCIDENT:
+        if not element.needs_line or length > least:
             continue
         match element:
             case Spring():

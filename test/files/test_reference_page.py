@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
@@ -19,9 +19,9 @@ BROKEN = next(text for text in FILES if text.startswith("mechanism: arm\n"))
 
 @pytest.mark.parametrize("text", [text for text in FILES if text != BROKEN])
 def test_its_examples_load(text):
-    simulation = Simulation.from_text(text)
-    simulation.run(until=0.1)
-    assert np.all(np.isfinite(simulation.state))
+    equations = derive(parse_mechanism(text))
+    rates = equations.rates.call([0.0, equations.start_state, equations.inputs_without_commands])[0]
+    assert np.all(np.isfinite(np.array(rates)))
 
 
 def test_its_errors_are_those_of_its_broken_example():

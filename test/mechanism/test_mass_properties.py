@@ -32,18 +32,6 @@ PARTICLES = """{shapes: [
   {type: particle, mass: 4, at: [0, 5, 2]}]}"""
 
 
-def test_three_particles():
-    part = part_of(PARTICLES)
-    about_center = matrix(352, 172, 304, xy=98, xz=-58, yz=22) / 9
-    assert_part(part, 9.0, np.array([8, 28, 22]) / 9, about_center)
-    about_origin = MassProperties(part.mass, part.center, part.inertia).about(np.zeros(3))
-    assert about_origin == pytest.approx(matrix(180, 80, 128, xy=-14, xz=-26, yz=-66), rel=1e-14)
-
-
-def test_block_of_twelve_kilograms():
-    assert_part(part_of("{mass: 12, shape: {type: block, size: [2, 4, 3]}}"), 12.0, [0, 0, 0], matrix(25, 13, 20))
-
-
 def test_parallel_axes_of_a_body_at_1_3_2():
     body = MassProperties(0.5, np.array([1.0, 3.0, 2.0]), np.zeros((3, 3)))
     assert body.about(np.zeros(3)).tolist() == matrix(6.5, 2.5, 5.0, xy=-1.5, xz=-1.0, yz=-3.0).tolist()

@@ -4,6 +4,7 @@ import urllib.request
 
 import numpy as np
 import pytest
+import rich
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.lab.lab import Lab
@@ -51,10 +52,15 @@ def test_back_to_the_file_is_not_back_to_the_start_of_the_page():
         assert lab.session.frame.values["parameters.density"] == 2.0
 
 
-def test_a_notebook_shows_the_page_inline():
+def test_a_notebook_shows_the_page_inline(monkeypatch):
+    """Nothing else is shown: in a notebook, rich displays what it prints, whatever becomes of the standard output."""
+    shown = []
+    monkeypatch.setattr("rich.jupyter.display", lambda segments, text: shown.append(text))
+    monkeypatch.setattr(rich.get_console(), "is_jupyter", True)
     with Lab(load_mechanism("double_rod"), port=0, running=False) as lab:
         assert f'<iframe src="{lab.url}"' in lab._repr_html_()
         assert lab.url in repr(lab)
         with urllib.request.urlopen(lab.url) as answer:  # what a browser may show in a frame
             assert "X-Frame-Options" not in answer.headers
             assert "frame-ancestors" not in (answer.headers["Content-Security-Policy"] or "")
+    assert not shown

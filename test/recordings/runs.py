@@ -14,6 +14,7 @@ from mcap.writer import Writer
 from mbd_sim.recordings.messages.cdr import Message
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.ros.node.sim_node import SimNode
+from test.system.nodes import new_domain
 
 Action = Callable[[SimNode, random.Random], None]
 
@@ -28,7 +29,7 @@ def stepped_node(folder: Path, mechanism: str, **parameters: Any) -> Iterator[Si
     arguments = ["--ros-args", "--log-level", "ERROR"]
     for name, value in given.items():
         arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-    rclpy.init(args=arguments, domain_id=101)
+    rclpy.init(args=arguments, domain_id=new_domain())
     try:
         node = SimNode(lambda: None)
         node.start()

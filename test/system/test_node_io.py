@@ -126,7 +126,7 @@ def test_pauses_resets_and_changes_of_the_rate_are_not_warned_of_as_lost_time(tm
 
         listener.node.create_subscription(DiagnosticArray, "/diagnostics", take, 100)
         listener.until(lambda: statuses, "diagnostics")
-        for number, factor in enumerate((5.0, 0.02, 1.0)):
+        for number, factor in enumerate((5.0, 0.02)):
             listener.pause(True)
             listener.spin(0.3)
             listener.pause(False)

@@ -53,7 +53,7 @@ def test_a_follower_takes_its_steps_on_the_leaders_clock_and_both_recordings_ver
     simulation = as_in_the_node("rod_pendulum")
     simulation.step(nanoseconds(message.header.stamp) // 1_000_000)
     assert list(message.position) == simulation.q.tolist()
-    left.until(lambda: nanoseconds(left.states[-1].header.stamp) > 0, "states of the leader")
+    left.until(lambda: left.clocks and nanoseconds(left.states[-1].header.stamp) > 0, "states and clock of the leader")
     assert left.node.count_publishers("/clock") == 1
 
     left.pause(True)
@@ -128,6 +128,7 @@ def test_several_mechanisms_in_one_program_run_on_one_clock_each_in_its_namespac
         left.pause(False)
         for listener in listeners.values():
             listener.until(lambda listener=listener: nanoseconds(listener.states[-1].header.stamp) > 500e6, "states")
+        left.until(lambda: left.clocks, "the clock")
         assert left.node.count_publishers("/clock") == 1
         left.pause(True)
         right.pause(False)

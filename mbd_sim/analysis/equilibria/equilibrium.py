@@ -22,7 +22,7 @@ from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.dynamics.layouts.actuators import require_continuous
-from mbd_sim.dynamics.layouts.state_scales import natural_units
+from mbd_sim.mechanism.natural_units import natural_units
 
 FLAT = 1e-10  # singular values up to this fraction of the largest, or this, count as zero
 BALANCED, CORRECTED = 1e-9, 1e-7  # what may remain of the balance at an equilibrium, and along the path
@@ -274,11 +274,14 @@ def is_autonomous(equations: Equations) -> bool:
     return all(np.all(np.abs(other.ravel() - first.ravel()) <= least) for other in others)
 
 
-def growth_of(matrix: Array) -> float:
-    """The largest real part in 1/s of the eigenvalues of a matrix (n, n); zero where none is positive."""
+def growth_of(matrix: Array, rate: float) -> float:
+    """The largest real part in 1/s of the eigenvalues of a matrix (n, n); zero where none is positive.
+
+    :param rate: the natural rate in 1/s.
+    """
     values = np.linalg.eigvals(matrix)
     growth = float(np.max(values.real, initial=0.0))
-    return growth if growth > size_of_zeros(values) else 0.0
+    return growth if growth > size_of_zeros(values, rate) else 0.0
 
 
 class _EquilibriumSearch:
@@ -341,7 +344,7 @@ class _EquilibriumSearch:
         efforts, zeros = self._inputs[equations.inputs.efforts], np.zeros(equations.layout.nv)
         small = linearize(equations, rest.q, zeros, efforts, inputs=self._inputs, states=rest.states)
         displacement = displacement_between(equations, balance.start.q, rest.q)
-        return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth_of(small.a))
+        return Equilibrium(rest.q, rest.states, displacement, balance.distance(rest), growth_of(small.a, small.rate))
 
     def _unwound(self, rest: Rest) -> Rest:
         """A configuration without whole turns since the start, if that is an equilibrium as well."""

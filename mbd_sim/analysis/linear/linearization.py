@@ -20,9 +20,13 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.mechanism.contents import channel_names
+from mbd_sim.mechanism.natural_units import natural_units
 
-ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:
-LEAST_EIGENVALUE, SPLIT = 1e-6, 1e-5  # the same in 1/s, √(ε g/r) of a balanced r = 1 mm, and relative to the largest
+ZERO_EIGENVALUE = 1e-4  # of the natural rate; smaller ones are zeros that round-off has split, unless all are small:
+LEAST_EIGENVALUE, SPLIT = (
+    1e-6,
+    1e-5,
+)  # the same, at rates of 1/s √(ε g/r) of a balanced r = 1 mm, and relative to the largest
 BRIEF, VARIES = 1e-4, 1e-3  # of the time scale of A, after which A is computed again, and its relative change by then
 BALANCED = 1e-9  # relative rate of a state that counts as constant
 UNDAMPED = 1e-12  # damping ratios of round-off
@@ -43,7 +47,8 @@ class Linearization:
 
     `states` are the names of s, such as `drive.current`, and `commands` those of c, such as `drive.voltage`, in their
     order and in SI units. Drives that follow commands move on as they do at the state: neither their states nor their
-    commands are among these. A `remark` says that A changes along the motion, if it does.
+    commands are among these. A `remark` says that A changes along the motion, if it does. Eigenvalues that are tiny
+    beside the natural `rate` in 1/s are zeros.
     """
 
     a: Array
@@ -54,6 +59,7 @@ class Linearization:
     states: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     remark: str = ""
+    rate: float = 1.0
 
     __repr__ = short_repr
 
@@ -120,7 +126,8 @@ def linearize_at(
     actuators = equations.mechanism.actuators
     states, commands = equations.actuator_layout.core_names(actuators), channel_names(actuators)
     b, by_commands = small.b[:, :nv], small.b[:, nv : nv + len(commands)]
-    return Linearization(small.a, b, small.displacements, small.speeds, by_commands, states, commands)
+    rate = natural_units(equations.mechanism, equations.step).rate
+    return Linearization(small.a, b, small.displacements, small.speeds, by_commands, states, commands, rate=rate)
 
 
 def variation_remark(equations: Equations, t: float, y: Array, inputs: Array, a: Array) -> str:
@@ -160,14 +167,17 @@ def modes(linearization: Linearization) -> list[Mode]:
     if not isinstance(linearization, Linearization):
         raise TypeError(f"{quoted(linearization)} is not a Linearization. Give simulation.linearize().")
     values = np.linalg.eigvals(linearization.a)
-    zero = float(size_of_zeros(values))
+    zero = float(size_of_zeros(values, linearization.rate))
     return sorted((mode_of(value, zero) for value in values.tolist() if not is_second_of_pair(value)), key=mode_order)
 
 
-def size_of_zeros(values: NDArray[Any]) -> Array:
-    """The sizes (…) in 1/s below which eigenvalues (…, n) of matrices are zeros that round-off has split."""
+def size_of_zeros(values: NDArray[Any], rate: float) -> Array:
+    """The sizes (…) in 1/s below which eigenvalues (…, n) of matrices are zeros that round-off has split.
+
+    :param rate: the natural rate in 1/s.
+    """
     largest = np.max(np.abs(values), axis=-1, initial=0.0)
-    return np.asarray(np.clip(SPLIT * largest, LEAST_EIGENVALUE, ZERO_EIGENVALUE))
+    return np.asarray(np.clip(SPLIT * largest, LEAST_EIGENVALUE * rate, ZERO_EIGENVALUE * rate))
 
 
 def is_second_of_pair(value: complex) -> bool:
@@ -181,7 +191,7 @@ def mode_of(value: complex, zero: float) -> Mode:
     size = abs(value)
     if size < zero:
         return Mode(0.0, 0.0, 0j)
-    if abs(value.imag) > 1e-7 * max(size, 1e-9):
+    if abs(value.imag) > 1e-7 * size:
         damping = -value.real / size
         return Mode(size / (2.0 * math.pi), damping if abs(damping) > UNDAMPED else 0.0, value)
     return Mode(0.0, -math.copysign(1.0, value.real), complex(value.real))

@@ -259,7 +259,7 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     weighted = np.linalg.solve(effort_cost, b.T)
     hamiltonian = np.block([[a, -b @ weighted], [-state_cost, -a.T]])
     values, vectors = np.linalg.eig(hamiltonian)
-    stable = vectors[:, values.real < -1e-9 * np.max(np.abs(values), initial=1.0)]
+    stable = vectors[:, values.real < -1e-9 * np.max(np.abs(values), initial=0.0)]
     if stable.shape[1] != n or np.linalg.matrix_rank(stable[:n]) < n:
         raise InputError(
             "no regulator stabilizes this system: these efforts cannot control an unstable mode, or a mode that does "

@@ -22,6 +22,7 @@ from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import two_sided
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 
 PARALLEL = 1e-9  # the difference of two unit vectors that count as parallel
 
@@ -180,7 +181,7 @@ def integrable_rows(equations: Equations) -> dict[int, bool]:
     values = [
         [np.array(value) for value in function(time, configuration)] for time, configuration in equations.start.nearby
     ]
-    scales = equations.constraints.scales
+    scales, rate = equations.constraints.scales, natural_units(equations.mechanism, equations.step).rate
     row_sizes = [equations.constraints.row_sizes(time, configuration) for time, configuration in equations.start.nearby]
     left, removed = set(rows), set(rows)
     while removed:
@@ -189,25 +190,29 @@ def integrable_rows(equations: Equations) -> dict[int, bool]:
             index
             for sizes, (g, b, n, *jacobians) in zip(row_sizes, values, strict=True)
             for index, jacobian in zip(rows, jacobians, strict=True)
-            if index in left and not _closed(jacobian, _directions(g[kept], b[kept], n, sizes[kept], scales))
+            if index in left
+            and not _closed(jacobian, _directions(g[kept], b[kept], n, sizes[kept], scales, rate), sizes[index])
         }
         left -= removed
     return {index: index in left for index in rows}
 
 
-def _closed(jacobian: Array, allowed: Array) -> bool:
-    """Whether dω, the skew-symmetric part of the form's Jacobian, vanishes on the allowed directions."""
+def _closed(jacobian: Array, allowed: Array, size: float) -> bool:
+    """Whether dω, the skew-symmetric part of the form's Jacobian, vanishes on the allowed directions.
+
+    :param size: the natural size of the row.
+    """
     skew = allowed.T @ (jacobian - jacobian.T) @ allowed
-    size = _largest(jacobian) * max(_largest(allowed), 1.0) ** 2
-    return _largest(skew) <= VANISHING * max(size, 1.0)
+    terms = np.abs(allowed.T) @ np.abs(jacobian) @ np.abs(allowed)
+    return _largest(skew) <= VANISHING * max(_largest(terms), size)
 
 
 def _largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _directions(gradient: Array, drift: Array, to_rates: Array, row_sizes: Array, scales: Array) -> Array:
+def _directions(gradient: Array, drift: Array, to_rates: Array, row_sizes: Array, scales: Array, rate: float) -> Array:
     """A basis (nq + 1, k) of the directions in coordinates and time that the constraints allow."""
-    both, units = np.hstack([gradient, drift.reshape(-1, 1)]), np.append(scales, 1.0)
+    both, units = np.hstack([gradient, drift.reshape(-1, 1)]), np.append(scales, 1.0 / rate)
     basis = units[:, None] * null_space(scaled(both, row_sizes, units))
     return np.vstack([to_rates @ basis[:-1], basis[-1:]])

@@ -37,10 +37,11 @@ from mbd_sim.dynamics.math.rank import dependent_rows, independent_rows, least_s
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.constraints import expressions_of
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import names_in
 
 COMPATIBLE = 1e-7  # error of the rates of redundant rows, relative to those of drives
-LATER = (1e-3, 0.1, 0.25, 0.5)  # s, times after the start at which constraints that depend on time are examined
+LATER = (1e-3, 0.1, 0.25, 0.5)  # natural times after the start, at which constraints that depend on it are examined
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +150,7 @@ def assembled_start(
     if not rows:
         return AssembledStart(q, u)
     q = _closed(mechanism, constraints, rows, q)
-    nearby = nearby_configurations(constraints, q, LATER if rheonomic(mechanism) else ())
+    nearby = nearby_configurations(constraints, q, later_times(mechanism) if rheonomic(mechanism) else ())
     nearby += configurations_of_drives(constraints, q, [states.start for states in layout.drives.values()])
     gradients = [constraints.scaled_gradient(t, at) for t, at in nearby]
     independent, ranks = independent_rows(gradients)
@@ -227,6 +228,11 @@ def _flags(flags_of_joints: Sequence[Sequence[bool]]) -> NDArray[Any]:
     return np.array([flag for flags in flags_of_joints for flag in flags], dtype=bool)
 
 
+def later_times(mechanism: Mechanism) -> tuple[float, ...]:
+    """Times in s after the start, at which constraints that depend on time are examined."""
+    return tuple(time / natural_units(mechanism, mechanism.step).rate for time in LATER)
+
+
 def rheonomic(mechanism: Mechanism) -> bool:
     """Whether the constraints depend on time."""
     expressions = [expression for constraint in mechanism.constraints for expression in expressions_of(constraint)]
@@ -253,7 +259,8 @@ def _require_compatible_drives(
     if all(t == 0.0 for t, _ in nearby):
         q = nearby[0][1]
         all_free = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool)
-        raise conflict_with_drives(mechanism, rows, close_loops(constraints, LATER[0], q, all_free).gaps)
+        later, *_ = later_times(mechanism)
+        raise conflict_with_drives(mechanism, rows, close_loops(constraints, later, q, all_free).gaps)
     kept = list(independent)
     dropped = [index for index in range(len(rows)) if index not in independent]
     for t, q in nearby:

@@ -132,8 +132,9 @@ def _outward(at: Callable[[Array], Array], start: float) -> list[float]:
 
 def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
     """The ends of the panels on one side of 0, from 0 outward."""
+    least = MIN_WIDTH * abs(end)
     while end and not np.all(np.isfinite(at(np.linspace(0.0, end, 65)[:-1]))):
-        end = 0.5 * end if abs(end) > 1e-9 else 0.0
+        end = 0.5 * end if abs(end) > least else 0.0
     if not end:
         return []
     edges, found = [0.0, end], [_refined(at, 0.0, end)]

@@ -33,10 +33,15 @@ def coupled_joints(constraints: Iterable[c.Constraint], joints: Mapping[str, Joi
     owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
     found: list[str] = []
     for constraint in constraints:
-        if isinstance(constraint, c.Coupling | c.Clutch):
-            found += constraint.factors
-        if isinstance(constraint, c.Coupling):
-            found += [name.coordinate for name in constraint.value.state]
+        match constraint:
+            case c.Coupling(factors=factors, value=value):
+                found += [*factors, *(name.coordinate for name in value.state)]
+            case c.Clutch(factors=factors):
+                found += factors
+            case c.Distance() | c.Flat() | c.Surface() | c.Rolling() | c.KnifeEdge() | c.Cable():
+                pass
+            case _:
+                assert_never(constraint)
     return [owners[name] for name in found]
 
 

@@ -17,8 +17,12 @@ their force, counted as applied work). While it is paused, the mechanism follows
 
 **Keys:** space plays and pauses · right arrow takes a step · left arrow goes back · Home returns to the start.
 
-**Change:** move a slider or type a number. *Copy as YAML* shows what to write into the file. Save the file in any
-editor: the page follows, and parts of the same names stay where they are.
+**Change:** move a slider or type a number. Lengths and gains have sliders if they are `parameters` of the file; its
+`ranges` are their ends. *Copy as YAML* has what to write into the file. Save the file in any editor: the page follows,
+and what has the same names goes on.
+
+**Curves of points:** *Show* has the trace of any point. *Kinematics* draws the whole path of a point while a joint
+turns, which follows changed lengths.
 
 **Keep:** a recording contains every change, and `mbd_sim verify` recomputes it bit for bit. The page *with motion* is
 one file that opens anywhere, without a network.

@@ -57,7 +57,8 @@ def analyze(wanted: Wanted) -> Analysis:
     joint = next(one for one in mechanism.joints.values() if name in one.coordinate_names)
     (start,), (coordinate,) = joint.position, joint.kind.coordinates
     limits = joint.limits_of(0)
-    low, high = (start, start + 2.0 * math.pi) if coordinate.rotation else (start - wanted.reach, start + wanted.reach)
+    reach = math.pi if coordinate.rotation else wanted.reach
+    low, high = start - reach, start + reach
     if limits is not None and math.isfinite(limits.upper - limits.lower):
         low, high = limits.lower, limits.upper
     try:
@@ -99,7 +100,8 @@ class KinematicsTab:
             visible=False,
         )
         self._asked: tuple[Mechanism | None, str, str] = (None, NONE, NONE)
-        self._busy, self._found, self._shown = False, Analysis(""), Analysis("")
+        self._busy = False
+        self._found = self._shown = Analysis("")
 
     def show(self, frame: Frame) -> None:
         """Show the analysis of the present lengths, and the transmission angles of the present configuration."""

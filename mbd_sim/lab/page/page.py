@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
+from mbd_sim.base.errors import listed
 from mbd_sim.lab.page.change_tab import ChangeTab
 from mbd_sim.lab.page.help_tab import HelpTab
 from mbd_sim.lab.page.keep_tab import KeepTab
@@ -29,12 +30,13 @@ from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.meshes import undrawn_meshes
 
 Theme = Literal["light", "dark"]
 
 PICTURES = 60.0  # a second
 NUMBERS = 6.0  # updates of texts, plots and sliders a second
-PANEL = 360.0  # px of width
+PANEL = 370.0  # px of width
 
 
 class Page:
@@ -53,10 +55,9 @@ class Page:
         self._preparer = Preparer(session) if isinstance(session, OwnSession) else None
         self._touched, self._stopped = Touched(), threading.Event()
         self._problem = self._note = ""
+        self._build()
         self.server.on_client_connect(self._opened)
         self.server.on_client_disconnect(self._closed)
-        self._build()
-        self.server.on_client_connect(lambda client: self._aim(client.camera))
         self._thread = threading.Thread(target=self._run, name="lab_page", daemon=True)
         self._thread.start()
 
@@ -86,7 +87,7 @@ class Page:
     def _build(self) -> None:
         """Build the scene and the panel of the present mechanism."""
         server, simulation = self.server, self.session.bench.simulation
-        self._generation, self._note = self.session.frame.generation, ""
+        self._generation, self._outdated, self._note = self.session.generation, False, ""
         server.scene.reset()
         server.gui.reset()
         server.gui.configure_theme(
@@ -103,14 +104,13 @@ class Page:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL)
 
-    def _aim(self, camera: Any) -> None:
-        aim(camera, self._extent, camera.aspect, camera.image_width)
-
     def _build_panel(self, gui: Any, size: float) -> None:
         session, mechanism = self.session, self.session.bench.simulation.mechanism
-        settings = settings_of(session.bench, size)
+        settings = settings_of(session.bench, size, with_state=not session.of_node)
         css = gui.add_html(style(large=False))
-        gui.add_markdown(f"**{mechanism.name}** · {mechanism.description or ''}")
+        gui.add_markdown(" · ".join([f"**{mechanism.name}**", *filter(None, [mechanism.description])]))
+        if missing := undrawn_meshes(mechanism):
+            gui.add_markdown(f"Not drawn: {listed(missing)}.")
         self._run_bar = RunBar(gui, session, self._touched)
         self._told = gui.add_markdown("")
         tabs = gui.add_tab_group()
@@ -128,13 +128,15 @@ class Page:
             self._help = HelpTab(gui, self._check, of_node=session.of_node)
 
     def _darken(self, dark: bool) -> None:
-        self._dark, self._generation = dark, 0  # the page is built again
+        self._dark, self._outdated = dark, True
 
     def _dragged(self, page: int, phase: str, part: str, point: Any, target: Any) -> None:
         # A start and an end are never replaced by a move.
         self.session.ask(f"drag {phase}", lambda session: session.drag(page, phase, part, point, target))
 
     def _opened(self, client: Any) -> None:
+        camera = client.camera
+        aim(camera, self._extent, camera.aspect, camera.image_width)
         self.session.ask(f"page {client.client_id}", lambda session: session.enter(client.client_id))
 
     def _closed(self, client: Any) -> None:
@@ -143,12 +145,11 @@ class Page:
     def _run(self) -> None:
         last, told = -1, 0.0
         while not self._stopped.wait(1.0 / PICTURES):
-            frame = self.session.frame
-            if frame.generation != self._generation:
+            frame, now = self.session.frame, time.monotonic()
+            if self._outdated or frame.generation > self._generation:
                 self._build()
-                last = -1
-            now = time.monotonic()
-            if frame.number == last and now - told < 1.0 / NUMBERS:
+                continue
+            if frame.generation < self._generation or (frame.number == last and now - told < 1.0 / NUMBERS):
                 continue
             last = frame.number
             with self.server.atomic():

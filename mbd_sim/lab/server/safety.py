@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import hmac
 import http
-import io
 import secrets
 import threading
 import time
@@ -106,8 +105,7 @@ def guarded(gate: Gate) -> Iterator[None]:
     with _PATCH:
         websocket_server.serve = serve  # type: ignore[assignment, misc]
         try:
-            with contextlib.redirect_stdout(io.StringIO()):  # viser prints a frame around the address
-                yield
+            yield
         finally:
             websocket_server.serve = original  # type: ignore[misc]
     if not used:

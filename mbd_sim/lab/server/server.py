@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 from mbd_sim.lab.server.safety import Gate, guarded
@@ -15,19 +17,26 @@ def started(gate: Gate, host: str, port: int, label: str | None = None) -> Any:
     import viser
     from viser import _messages
 
-    with guarded(gate):
+    with guarded(gate), _quiet():
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     server._websock_server.unregister_handler(_messages.ShareUrlRequest)  # it would open a tunnel
     return server
 
 
 def stop(server: Any) -> None:
-    """Stop a server without the line that viser prints."""
+    """Stop a server."""
+    with _quiet():
+        server.stop()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without what viser prints through rich, which notebooks would show even where the output is redirected."""
     import rich
 
     console = rich.get_console()
     before, console.quiet = console.quiet, True
     try:
-        server.stop()
+        yield
     finally:
         console.quiet = before

@@ -79,8 +79,11 @@ class Setting:
                 session.drive_to(value)
 
 
-def settings_of(bench: Bench, size: float) -> list[Setting]:
-    """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m."""
+def settings_of(bench: Bench, size: float, *, with_state: bool = True) -> list[Setting]:
+    """All numbers that can change, in the order of the file; `size` is the length of the mechanism in m.
+
+    :param with_state: also the positions and speeds of joints.
+    """
     if isinstance(bench, PositionBench):
         return [_drive(bench, size), *(one for one in _values(bench.simulation, size) if one.group == "Parameters")]
     simulation = bench.simulation
@@ -88,7 +91,7 @@ def settings_of(bench: Bench, size: float) -> list[Setting]:
         *_commands(simulation),
         *_values(simulation, size),
         *_efforts(simulation, size),
-        *_states(simulation, size),
+        *(_states(simulation, size) if with_state else ()),
     ]
 
 

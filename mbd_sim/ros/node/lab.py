@@ -14,7 +14,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -25,11 +25,16 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.session.hold import Hold
 from mbd_sim.lab.session.link import Link, NodeState, PageOrder
 from mbd_sim.mechanism.elements.joint_types import Channel
-from mbd_sim.ros.node.subscriptions import LAB
+from mbd_sim.ros.commands.command_buffer import CommandBuffer
+from mbd_sim.ros.commands.wrenches import WrenchBuffer
+from mbd_sim.ros.node.parameters import NodeParameters
+from mbd_sim.ros.node.services import RunServices
+from mbd_sim.ros.node.subscriptions import LAB, Subscriptions
+from mbd_sim.ros.publishing.recordings import NodeRecordings
+from mbd_sim.ros.stepping.clock import Rates
+from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.changes import StateValues
-
-if TYPE_CHECKING:
-    from mbd_sim.ros.node.sim_node import SimNode
+from mbd_sim.simulation.run.simulation import BaseSimulation
 
 PERIOD = 0.01  # s between two looks for requests
 CLOSE_TIMEOUT = 2.0  # s
@@ -38,10 +43,30 @@ ZERO = (0.0, 0.0, 0.0)
 FARTHEST, STIFFEST = 1e6, 1e9  # m, and N/m for each m: beyond, forces would not be finite
 
 
+class PagedNode(Protocol):
+    """What the page needs of a `SimNode`, besides what it is as an `rclpy.node.Node`."""
+
+    simulation: BaseSimulation
+    parameters: NodeParameters
+    stepping_thread: SteppingThread
+    commands: CommandBuffer
+    wrenches: WrenchBuffer
+    rates: Rates
+    subscribed: Subscriptions
+    run_services: RunServices
+    recordings: NodeRecordings
+    create_timer: Any
+    set_parameters: Any
+    get_logger: Any
+
+    def step_on_command(self) -> None:
+        """Take steps that a command triggers."""
+
+
 class LabPage:
     """Serves the page of a node. What pages have commanded is repeated while one is open, until others command it."""
 
-    def __init__(self, node: SimNode) -> None:
+    def __init__(self, node: PagedNode) -> None:
         """Start the process of the page; its address is logged when it is open.
 
         :raises MissingPackageError: viser is not installed.

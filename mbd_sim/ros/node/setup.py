@@ -63,8 +63,7 @@ from mbd_sim.simulation.run.simulation import BaseSimulation
 
 if TYPE_CHECKING:
     from mbd_sim.pictures.rerun.viewer import Viewer
-    from mbd_sim.ros.node.lab import LabPage
-    from mbd_sim.ros.node.sim_node import SimNode
+    from mbd_sim.ros.node.lab import LabPage, PagedNode
 
 
 LEAST_STEP = 1e-9  # s
@@ -234,7 +233,7 @@ def rerun_viewer(parameters: NodeParameters, simulation: BaseSimulation, log: An
     return viewer
 
 
-def lab_page(node: SimNode) -> LabPage | None:
+def lab_page(node: PagedNode) -> LabPage | None:
     """The page of the node; None if it is not requested, or if viser is not installed, which is logged."""
     if not node.parameters["lab"]:
         return None

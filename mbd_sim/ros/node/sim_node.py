@@ -174,7 +174,6 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             parameters["stamped_cmd_vel"],
         )
         self.diagnostics = Diagnostics(self, self.stepping_thread, subscriptions, self.publishing_thread)
-        self.lab = lab_page(self)
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._serve(end)
@@ -188,6 +187,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.trajectory_action = None
         if parameters["follow_joint_trajectory"]:
             self.trajectory_action = serve_trajectory_action(self, thread, self.subscribed.reject)
+        self.lab = lab_page(self)
 
     def start(self) -> None:
         """Start to record, to publish and to step; first the nodes that follow."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 _PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that depend on it
-_PROBES_OF_ZERO = (1e-3, -1e-3)
+_PROBES_OF_ZERO = (1e-3, -1e-3, 1e-9, -1e-9)  # the latter where ranges are narrow, as in µm
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ def _probed(mechanism: Mechanism, key: str, value: float | None, base: EquationD
     raise StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal
 
 
-LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
+LARGEST_GAP = 1e-6  # of the natural length, or 1: the violation of constraints that a change of live values may leave
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,10 +388,11 @@ class LiveValues:
         )
 
 
-def opens_loops(gap: float, before: float) -> bool:
+def opens_loops(gap: float, before: float, length: float) -> bool:
     """Whether a change of live values opens loops too far for the next step to close them.
 
     :param gap: the largest violation of the constraints in position with the change, m or 1.
     :param before: the same without it.
+    :param length: the natural length in m.
     """
-    return gap > max(LARGEST_GAP, 10.0 * before)
+    return gap > max(LARGEST_GAP * length, 10.0 * before)

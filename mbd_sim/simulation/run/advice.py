@@ -71,7 +71,7 @@ def open_share(model: Model, energies: Energies, start_energy: float, step: floa
     :param step: the step size in s.
     """
     changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
-    from mbd_sim.dynamics.layouts.state_scales import energy_size
+    from mbd_sim.mechanism.natural_units import energy_size
 
     potentials = start_energy, energies.potential, energy_size(model.mechanism, step)
     largest = max(energies.kinetic, *map(abs, changes), *map(abs, potentials))
@@ -141,6 +141,8 @@ def divergence(
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
     """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s; 0 if it cannot be found."""
+    from mbd_sim.simulation.model.method_choice import fastest_mode
+
     return fastest_mode(model.equations, time, y, inputs).rate
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
@@ -25,7 +26,7 @@ from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.state import recorded_state
 
 DIGITS = 1e-3  # of all speeds, in the metric of the mass matrix, by which given ones may be rounded
-ROUNDING = 1e-6  # by how much a given value may change so that loops close, as for positions printed with six digits
+ROUNDING = 1e-6  # in natural units, by how much a value may change so that loops close, as one printed with six digits
 
 
 class StateValues(NamedTuple):
@@ -78,6 +79,7 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     from mbd_sim.dynamics.constraints.singular_start import speeds_of_a_branch
 
     constraints = model.equations.constraints.with_values(values)
+    sizes = dict(zip(names, constraints.scales.tolist(), strict=True))
     fixed = np.array([name in given.positions for name in names])
     q = moved[model.q_range]
     closure = close_loops(constraints, time, q, ~fixed)
@@ -89,7 +91,7 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         if not free.closed:
             gap = f"a gap of {np.max(np.abs(free.gaps)):.3g} remains"
             raise CommandError(f"the loops cannot be closed near these positions: {gap}", "Give others.")
-        if any(abs(found[name] - value) > ROUNDING for name, value in given.positions.items()):
+        if any(abs(found[name] - value) > ROUNDING * sizes[name] for name, value in given.positions.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.positions)
             raise CommandError(
                 "the loops cannot be closed with these positions", f"Name fewer joints, or give {nearby}."
@@ -102,7 +104,9 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     if np.any(np.abs(errors) > tolerated_errors(constraints, time, closure.q, u)):
         u = nearest_speeds(constraints, time, closure.q, moved[model.u_range])
         found = dict(zip(names, u, strict=True))
-        if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
+        rate = natural_units(model.mechanism, model.equations.step).rate
+        allowed = {name: ROUNDING * (sizes[name] * rate + abs(value)) for name, value in given.speeds.items()}
+        if any(abs(found[name] - value) > allowed[name] for name, value in given.speeds.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
             raise CommandError("the constraints do not allow these speeds", f"Name fewer joints, or give {nearby}.")
     if u.any() and constraints.rank(time, closure.q) < model.equations.start.rank:
@@ -173,9 +177,9 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     functions = model.equations.one_sided
     assert functions is not None
     readings = model.one_sided.readings(time, y, inputs)
-    contacts, found = functions.contacts, []
-    limit = DEPTH * max(1.0, model.equations.constraints.size / contacts.units.length)
-    gaps = zip(contacts.gaps, readings.gaps.tolist(), contacts.gap_units, strict=True)
+    one_sided, found = functions.equations, []
+    limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
+    gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
     for gap, distance, unit in gaps:
         if gap.clutch or not distance < -limit * unit:
             continue
@@ -280,7 +284,7 @@ def reassembled(model: Model, time: float, y: Array, inputs: Array, new: Array) 
     :raises CommandError: parts would be inside each other or beyond a stop.
     """
     from mbd_sim.dynamics.constraints.assembly import close_nearby, nearest_speeds
-    from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
+    from mbd_sim.mechanism.natural_units import coordinate_sizes
 
     constraints, where = model.equations.constraints, model.input_layout.values
     sizes, first, last = np.array(coordinate_sizes(model.mechanism, model.mechanism.step)), inputs[where], new[where]
@@ -316,7 +320,8 @@ def with_live(
     inputs = before.copy()
     inputs[model.input_layout.values] = prepared.inputs
     gap = model.violation(time, y, inputs).position
-    if not opens_loops(gap, model.violation(time, y, before).position):
+    length = natural_units(model.mechanism, model.equations.step).length
+    if not opens_loops(gap, model.violation(time, y, before).position, length):
         return y.copy(), inputs, ""
     names = ", ".join(prepared.changes)
     if not prepared.reassemble:

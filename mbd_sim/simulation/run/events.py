@@ -1,17 +1,22 @@
 """The events of a run: commands, pauses, resets, changed values, warnings, failures.
 
 The node publishes and records the text of each event (`~/events`); programs work with its kind and payload.
-`parse_event` reads a recorded text back.
+`parse_event` reads a recorded text back. A listener follows the events of a simulation.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
+import numpy as np
+
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.run.state import RunPoint
 
 
@@ -165,3 +170,58 @@ def _parse_changes(text: str) -> dict[str, float]:
         changes[found[1]] = float(found[2])
         position = found.end()
     return changes
+
+
+class RunListener(Protocol):
+    """Follows a simulation; all methods are called between two steps."""
+
+    def parts_of(self, steps: int) -> Iterator[int]:
+        """Divide steps into parts, each of which is taken before the next is requested."""
+        ...
+
+    def report(self, kind: EventKind, payload: Payload = None) -> object:
+        """Follow what acts from here on: a command that changes an input, a changed value, a reset, a new state.
+
+        Changes of contacts are reported when the part of the steps has been taken in which they happened.
+        """
+        ...
+
+
+class RunReports:
+    """The `listener` of a run, if there is one; `unobserved` (1,) says for compiled code: 1 without a listener."""
+
+    def __init__(self, memory: KernelMemory) -> None:
+        self.listener: RunListener | None = None
+        self.unobserved = np.ones(1, dtype=np.int64)
+        self._memory, self._contacts_seen = memory, 0
+
+    def listen(self, listener: RunListener | None) -> None:
+        """Report to a listener from here on; see `Simulation.listen`."""
+        if listener is not None and self.listener is not None:
+            raise InputError("this simulation is being recorded already", "Close the other recording first.")
+        self.listener, self._contacts_seen = listener, self._memory.contact_count
+        self.unobserved[0] = listener is None
+
+    def parts_of(self, steps: int) -> Iterator[int] | Sequence[int]:
+        """Steps in the parts that the listener wants."""
+        return (steps,) if self.listener is None else self.listener.parts_of(steps)
+
+    def report_contacts(self) -> None:
+        """Report what has happened at contacts since the last report."""
+        stepper = self._memory.stepper
+        if self.listener is not None and stepper is not None:
+            new, self._contacts_seen = stepper.count - self._contacts_seen, stepper.count
+            for event in list(stepper.events)[-new:] if new > 0 else ():
+                self.listener.report(EventKind.CONTACT, event.text)
+
+    def report(self, kind: EventKind, payload: Payload = None) -> None:
+        """Report an event."""
+        if self.listener is not None:
+            self.listener.report(kind, payload)
+
+    def replace(self, inputs: Array, new: Array, payload: Payload, kind: EventKind = EventKind.COMMAND) -> None:
+        """Replace inputs in place; a command that changes no bit of them is not reported."""
+        repeated = self.listener is None or inputs.tobytes() == new.tobytes()
+        inputs[:] = new
+        if not repeated:
+            self.report(kind, payload)

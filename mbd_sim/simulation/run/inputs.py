@@ -1,81 +1,28 @@
-"""What a simulation exchanges with its caller: inputs from the next step on, and reports of a recorded run.
+"""The inputs of a run that act from the next step on: efforts, wrenches and commands of actuators and drives.
 
-The inputs written here are efforts, wrenches and commands of actuators and drives. `Simulation.apply_live` writes live
-values.
+`Simulation.apply_live` writes live values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.model.commands import CommandMap, EffortMap, Efforts, WrenchMap
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.arguments import ReadOnlyView
-from mbd_sim.simulation.run.events import AppliedCommands, AppliedEfforts, AppliedWrench, EventKind, Payload
-
-
-class RunListener(Protocol):
-    """Follows a simulation; all methods are called between two steps."""
-
-    def parts_of(self, steps: int) -> Iterator[int]:
-        """Divide steps into parts, each of which is taken before the next is requested."""
-        ...
-
-    def report(self, kind: EventKind, payload: Payload = None) -> object:
-        """Follow what acts from here on: a command that changes an input, a changed value, a reset, a new state.
-
-        Changes of contacts are reported when the part of the steps has been taken in which they happened.
-        """
-        ...
-
-
-class RunReports:
-    """The `listener` of a run, if there is one; `unobserved` (1,) says for compiled code: 1 without a listener."""
-
-    def __init__(self, memory: KernelMemory) -> None:
-        self.listener: RunListener | None = None
-        self.unobserved = np.ones(1, dtype=np.int64)
-        self._memory, self._contacts_seen = memory, 0
-
-    def listen(self, listener: RunListener | None) -> None:
-        """Report to a listener from here on; see `Simulation.listen`."""
-        if listener is not None and self.listener is not None:
-            raise InputError("this simulation is being recorded already", "Close the other recording first.")
-        self.listener, self._contacts_seen = listener, self._memory.contact_count
-        self.unobserved[0] = listener is None
-
-    def parts_of(self, steps: int) -> Iterator[int] | Sequence[int]:
-        """Steps in the parts that the listener wants."""
-        return (steps,) if self.listener is None else self.listener.parts_of(steps)
-
-    def report_contacts(self) -> None:
-        """Report what has happened at contacts since the last report."""
-        stepper = self._memory.stepper
-        if self.listener is not None and stepper is not None:
-            new, self._contacts_seen = stepper.count - self._contacts_seen, stepper.count
-            for event in list(stepper.events)[-new:] if new > 0 else ():
-                self.listener.report(EventKind.CONTACT, event.text)
-
-    def report(self, kind: EventKind, payload: Payload = None) -> None:
-        """Report an event."""
-        if self.listener is not None:
-            self.listener.report(kind, payload)
-
-    def replace(self, inputs: Array, new: Array, payload: Payload, kind: EventKind = EventKind.COMMAND) -> None:
-        """Replace inputs in place; a command that changes no bit of them is not reported."""
-        repeated = self.listener is None or inputs.tobytes() == new.tobytes()
-        inputs[:] = new
-        if not repeated:
-            self.report(kind, payload)
-
+from mbd_sim.simulation.run.events import (
+    AppliedCommands,
+    AppliedEfforts,
+    AppliedWrench,
+    EventKind,
+    RunReports,
+)
 
 EffortWriter = Callable[[Efforts], None]
 

@@ -149,9 +149,9 @@ class PresentState(ReadOnlyAttributes):
 
         Jumps of drives are sought in the time of the run, and before its first step in the first 10 s.
         """
-        from mbd_sim.simulation.run.remarks import LOOK_AHEAD, remarks
+        from mbd_sim.simulation.run.remarks import remarks
 
-        return remarks(self.model, *self._memory.now, self.step_size, self.time or LOOK_AHEAD)
+        return remarks(self.model, *self._memory.now, self.step_size, self.time)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""

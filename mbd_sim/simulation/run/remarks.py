@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -20,14 +21,24 @@ import numpy as np
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.passing import PassingFunctions
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.math.expressions import function_of, time_functions
 from mbd_sim.files.checks.bare_angles import bare_angle_remarks
 from mbd_sim.mechanism.contents import expressions_of_forces
-from mbd_sim.mechanism.elements.constraints import Coupling, Distance, expressions_of
+from mbd_sim.mechanism.elements.constraints import (
+    Cable,
+    Clutch,
+    Coupling,
+    Distance,
+    Flat,
+    KnifeEdge,
+    Rolling,
+    Surface,
+    expressions_of,
+)
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 from mbd_sim.simulation.contact.complementarity import independent
 from mbd_sim.simulation.model.contact_pairs import endless_remarks
@@ -40,6 +51,7 @@ STILL = 1e-6  # of the natural length, by which a place may move while its part 
 
 def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: float) -> Iterator[str]:
     """A sentence on the contacts that steps of `step` s may miss in this state, with a step that does not."""
+    yield from _driven_through(model, time, y, inputs)
     if (functions := model.passing) is None:
         return
     given = inputs[: model.input_layout.values.start]
@@ -59,6 +71,19 @@ def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: flo
             f"bodies at {listed(names)} move by up to {farthest:.3g} m in a step of {step:g} s, "
             f"and can pass each other within it, as the contact is compliant. Try step {round_down(0.1 * shortest):g}, "
             "or make the contact rigid."
+        )
+
+
+def _driven_through(model: Model, time: float, y: Array, inputs: Array) -> Iterator[str]:
+    """A sentence on gaps that drives have closed, and that no force can open."""
+    if model.one_sided is None or (functions := model.equations.one_sided) is None or not functions.equations.driven:
+        return
+    found = zip(functions.equations.driven, evaluated(functions.driven, time, y, inputs).ravel(), strict=True)
+    least = STILL * natural_units(model.mechanism, model.equations.step).length
+    if names := [f"'{name}'" for name, gap in found if gap < -least]:
+        yield (
+            f"drives move bodies into each other at {listed(names)}: these gaps depend on prescribed motions alone, "
+            "and no force can keep them open. Remove these contacts, or change the drives."
         )
 
 
@@ -105,10 +130,17 @@ def _prescribed(mechanism: Mechanism) -> Iterator[tuple[str, TimeExpression, str
             for motion, expression, kind in zip(joint.motion_names, joint.drive, joint.kind.coordinates, strict=False):
                 yield f"the drive of '{motion if len(joint.drive) > 1 else name}'", expression, kind.unit
     for constraint in mechanism.constraints:
-        if isinstance(constraint, Distance | Coupling):
-            for expression in expressions_of(constraint):
-                unit = "m" if isinstance(constraint, Distance) else "units"
-                yield f"the constraint '{constraint.name}'", expression, unit
+        match constraint:
+            case Distance() | Cable():
+                unit = "m"
+            case Coupling() | Surface():
+                unit = "units"
+            case Clutch() | Flat() | Rolling() | KnifeEdge():
+                continue
+            case _:
+                assert_never(constraint)
+        for expression in expressions_of(constraint):
+            yield f"the constraint '{constraint.name}'", expression, unit
 
 
 def jumps(expression: TimeExpression, step: float, end: float) -> list[Jump]:
@@ -166,7 +198,7 @@ def _located(function: ca.Function, index: int, low: float, high: float) -> tupl
 
 SAMPLES = 64  # in a step
 SEARCHED = 1024  # steps from the start on; later ones are searched near the numbers of the expression
-LATEST = 1e6  # s, to which numbers of an expression may be times
+LATEST = 1e9  # steps, to which numbers of an expression may be times
 MISSED = 0.01  # of the largest value, that the mean over a step may differ from that of its ends
 NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -190,7 +222,7 @@ def _missed(expression: TimeExpression, step: float) -> float | None:
     t = ca.SX.sym("t")
     function = ca.Function("force", [t], [function_of(expression, {TIME: t})])
     named = [*map(float, NUMBER.findall(expression.text)), *expression.names.values()]
-    near = [np.floor(time / step) + np.array([-1.0, 0.0, 1.0]) for time in named if SEARCHED * step < time < LATEST]
+    near = [np.floor(time / step) + np.array([-1.0, 0.0, 1.0]) for time in named if SEARCHED < time / step < LATEST]
     starts = np.unique(np.concatenate([np.arange(SEARCHED, dtype=float), *near]))
     times = step * (starts[:, None] + np.arange(SAMPLES + 1) / SAMPLES)
     values = np.array(function(times.reshape(1, -1)), dtype=float).reshape(times.shape)
@@ -203,19 +235,17 @@ def _missed(expression: TimeExpression, step: float) -> float | None:
     return float(times[unseen[0], 0]) if len(unseen) else None
 
 
-LOOK_AHEAD = 10.0  # s after the start in which jumps of drives are sought
+LOOK_AHEAD = 10_000  # steps after the start in which jumps of drives are sought
 
 
-def remarks(
-    model: Model, time: float, y: Array, inputs: Array, step: float, end: float = LOOK_AHEAD
-) -> tuple[str, ...]:
+def remarks(model: Model, time: float, y: Array, inputs: Array, step: float, end: float = 0.0) -> tuple[str, ...]:
     """Sentences on what acts in another way than a reader of the file may expect.
 
     An unusual method, limits that do not act, undetermined friction, forces shorter than a step, contacts that a
     step may miss, cams without ends, drives that jump, and angles beyond a full turn.
 
     :param step: in s.
-    :param end: the time in s until which jumps of drives are sought.
+    :param end: the time in s until which jumps of drives are sought, by default that of `LOOK_AHEAD`.
     """
     found = (
         *model.mechanism.source.remarks,
@@ -227,7 +257,7 @@ def remarks(
         *passing_advice(model, time, y, inputs, step),
         *pulse_remarks(model.mechanism, step),
         *bare_angle_remarks(model.mechanism.source),
-        *_jump_remarks(model.mechanism, end),
+        *_jump_remarks(model.mechanism, end or LOOK_AHEAD * step),
     )
     return tuple(remark for remark in found if remark)
 

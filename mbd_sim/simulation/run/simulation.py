@@ -30,8 +30,8 @@ from mbd_sim.simulation.run.arguments import (
     step_size,
 )
 from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started, with_live
-from mbd_sim.simulation.run.events import ChangedValues, EventKind
-from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs, RunListener, RunReports
+from mbd_sim.simulation.run.events import ChangedValues, EventKind, RunListener, RunReports
+from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs
 from mbd_sim.simulation.run.present_state import PresentState
 from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layout
 

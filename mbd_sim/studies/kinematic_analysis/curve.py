@@ -288,9 +288,11 @@ def _between(line: DriveLine, start: CurvePoint | SingularPoint, stop: CurvePoin
     part = (s - start.s) / (stop.s - start.s)
     near, far = (start, stop) if part < 0.5 else (stop, start)
     guesses = [start.q + part * (stop.q - start.q), near.q, far.q]
+    scales = line.system.constraints.coordinate_scales
+    farthest = 3.0 * np.max(np.abs(stop.q - start.q) / scales) + VANISHING
     for guess in guesses:
         q = line.system.closed_at(line.system.displaced(guess, np.zeros(line.system.layout.nv)), line.drives(s))
-        if q is not None and np.max(np.abs(q - near.q)) <= 3.0 * np.max(np.abs(stop.q - start.q)) + 1e-6:
+        if q is not None and np.max(np.abs(q - near.q) / scales) <= farthest:
             return q
     raise MbdSimError(f"{line.system.mechanism.name}: no configuration is found at {line.described(s)}.")
 

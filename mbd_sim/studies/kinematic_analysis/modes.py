@@ -19,7 +19,7 @@ LEAST, MOST = 200, 4000  # starts
 ENOUGH = 6  # times that each mode is found, after which the search ends
 ITERATIONS = 25  # of Newton's method, from each start
 REACH = 2.0  # sizes of the mechanism, up to which displacements are drawn
-SAME = 1e-6  # difference of two configurations that are one
+SAME = 1e-6  # difference of two configurations that are one, in natural units
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,4 +122,4 @@ def _principal(system: KinematicSystem, q: Array) -> Array:
 def _is_same(system: KinematicSystem, one: Array, other: Array) -> bool:
     difference = one - other
     difference[system.angles] = np.mod(difference[system.angles] + np.pi, 2.0 * np.pi) - np.pi
-    return bool(np.max(np.abs(difference)) <= SAME * max(1.0, system.constraints.size))
+    return bool(np.max(np.abs(difference) / system.constraints.coordinate_scales) <= SAME)

@@ -411,7 +411,8 @@ def _first(system: KinematicSystem, line: DriveLine, mode: int | None, *, follow
     curve = traced_curve(approach, approach.forward(system.start, 0.0, 1.0), through=False)
     if not _is_complete(curve):
         along = (given - line.start) @ (line.stop - line.start) / float(np.sum((line.stop - line.start) ** 2))
-        if follow and 0.0 <= along <= 1.0 and np.allclose(line.drives(float(along)), given, atol=1e-12):
+        off = np.abs(line.drives(float(along)) - given) / system.scale[system.u_driven]
+        if follow and 0.0 <= along <= 1.0 and np.max(off) <= 1e-12:
             return system.start, float(along)
         require_reached(system, approach, curve)
     return curve.points[-1].q, 0.0

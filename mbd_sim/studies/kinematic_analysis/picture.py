@@ -281,7 +281,7 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> Comp
     axes = np.column_stack([view.right, view.up])
     own = bounding_points(mechanism, poses) @ axes
     every = np.vstack([own, dots @ axes, *(path @ axes for path in paths)])
-    size = max(float(np.max(np.ptp(own, axis=0))), 1e-9)
+    size = float(np.max(np.ptp(own, axis=0))) or motion.system.constraints.size
     scale = float(np.min((DRAWN - 8.0 * MARGIN) / np.maximum(np.ptp(every, axis=0), 0.2 * size)))
     page = ScaledView(view, scale)
     sheet = _sheet(page, motion, poses, size, points, paths)

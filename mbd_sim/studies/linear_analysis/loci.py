@@ -28,6 +28,7 @@ from mbd_sim.base.errors import CommandError, DivergedError, InputError, MbdSimE
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.simulation.run.changes import require_outside
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
@@ -161,7 +162,7 @@ def _described(simulation: BaseSimulation, balance: RestBalance) -> Equilibrium:
     """The configuration of a simulation at rest as an equilibrium, with its distance from that of a balance."""
     rest = Rest(simulation.q.copy(), _states(simulation), 0.0, balance.start.holding)
     try:
-        growth = growth_of(simulation.linearize().a)
+        growth = growth_of((linear := simulation.linearize()).a, linear.rate)
     except MbdSimError:  # a contact is about to change
         growth = math.nan
     displacement = displacement_between(simulation.model.equations, balance.start.q, rest.q)
@@ -217,12 +218,14 @@ class EigenvalueLocus:
     """The `eigenvalues` (…, n) in 1/s for all combinations of `values` (each (k,), in SI units) at the keys `names`.
 
     The first axes are those of the values, in their order; eigenvalues are sorted by their imaginary and then their
-    real parts. They are nan where there is no equilibrium.
+    real parts. They are nan where there is no equilibrium. Those that are tiny beside the natural `rate` in 1/s are
+    zeros.
     """
 
     names: tuple[str, ...]
     values: tuple[Array, ...]
     eigenvalues: NDArray[np.complex128]
+    rate: float = 1.0
 
     __repr__ = short_repr
 
@@ -230,7 +233,7 @@ class EigenvalueLocus:
     def growth(self) -> Array:
         """The largest real part (…,) in 1/s: motions grow where it is positive. Round-off is zero."""
         size = np.abs(self.eigenvalues)
-        neutral = (size < size_of_zeros(self.eigenvalues)[..., None]) | (
+        neutral = (size < size_of_zeros(self.eigenvalues, self.rate)[..., None]) | (
             np.abs(self.eigenvalues.real) < NEUTRAL_SHARE * size
         )
         return np.asarray(np.max(np.where(neutral, 0.0, self.eigenvalues.real), axis=-1))
@@ -266,7 +269,8 @@ def eigenvalue_locus(
     rows = [one if len(one) else np.full(size, np.nan + 0j) for one in found]
     if any(len(row) != size for row in rows):
         raise InputError("the number of eigenvalues changes with the values", "Vary them within a smaller range.")
-    return EigenvalueLocus(names, axes, np.array(rows).reshape(*map(len, axes), size))
+    rate = natural_units(mechanism, mechanism.step).rate
+    return EigenvalueLocus(names, axes, np.array(rows).reshape(*map(len, axes), size), rate)
 
 
 class _WorkingPoint:

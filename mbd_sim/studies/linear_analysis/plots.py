@@ -138,7 +138,7 @@ class ModeShape:
 def mode_shapes(linearization: Linearization) -> list[ModeShape]:
     """The natural modes with their shapes, in the order of `modes`."""
     values, vectors = np.linalg.eig(linearization.a)
-    zero, found = float(size_of_zeros(values)), []
+    zero, found = float(size_of_zeros(values, linearization.rate)), []
     for value, vector in zip(values, vectors.T, strict=True):
         if is_second_of_pair(value):
             continue
@@ -196,13 +196,14 @@ def _visible_amplitude(simulation: BaseSimulation, shape: ModeShape) -> float:
     small, equations = 1e-6, simulation.model.equations
     rest, moved = (_poses(simulation, shape, amplitude, 0.0) for amplitude in (0.0, small))
     quarter = _poses(simulation, shape, small, 0.5 * math.pi)
-    lengths, angles = [1e-9], [1e-9]
+    lengths, angles = [0.0], [0.0]
     for other in (moved, quarter):
         for name, pose in rest.items():
             lengths.append(float(np.linalg.norm(other[name].position - pose.position)) / small)
             angles.append(float(np.linalg.norm(other[name].rotation - pose.rotation)) / math.sqrt(2.0) / small)
     size = equations.constraints.size
-    return min(LARGEST * _extent(rest, size) / max(lengths), LARGEST_ANGLE / max(angles))
+    share = max(max(lengths) / (LARGEST * _extent(rest, size)), max(angles) / LARGEST_ANGLE)
+    return 1.0 / share if share else 1.0
 
 
 def _extent(poses: Mapping[str, Pose], least: float) -> float:

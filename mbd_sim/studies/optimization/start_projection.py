@@ -19,7 +19,7 @@ from mbd_sim.dynamics.constraints.functions import ConstraintFunctions, scaled
 from mbd_sim.dynamics.math.rank import least_solution, row_is_zero
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 
-CLOSED = 1e-13  # change of a state, relative to 1 + |x|, below which it satisfies the constraints
+CLOSED = 1e-13  # change of a state below which it satisfies the constraints, relative to its scale + |x|
 
 
 class StartProjection:
@@ -59,7 +59,7 @@ class StartProjection:
             after[q] = closure.q
             after[u] = nearest_speeds(constraints, t, closure.q, x[u])
             by_x[u], by_p[u] = self._speeds(t, p, x[u], after, by_x, by_p)
-        stays = np.all(np.abs(after - x) <= CLOSED * (1.0 + np.abs(x)))
+        stays = np.all(np.abs(after - x) <= CLOSED * (np.array(equations.scales)[: len(x)] + np.abs(x)))
         return x if stays else after, by_x, by_p
 
     def _with_numbers(self, p: Array) -> ConstraintFunctions:

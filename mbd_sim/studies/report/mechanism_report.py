@@ -24,6 +24,7 @@ from mbd_sim.mechanism.elements.actuators import Base
 from mbd_sim.mechanism.elements.joint_types import STATES, CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint, Part
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.simulation.contact.complementarity import independent
 from mbd_sim.simulation.contact.readings import compliant_names
 from mbd_sim.simulation.run.simulation import BaseSimulation
@@ -204,6 +205,9 @@ def _kinetic(simulation: BaseSimulation, speeds: Array) -> float:
     return simulation.model.energies(0.0, y).kinetic
 
 
+GYROSCOPIC = 1e-12  # of the natural unit, up to which an entry of the gyroscopic matrix is round-off
+
+
 def _inertia_forces(simulation: BaseSimulation) -> dict[str, Any] | None:
     """The inertia forces at the start by origin, or None if nothing is driven."""
     model = simulation.model
@@ -212,9 +216,12 @@ def _inertia_forces(simulation: BaseSimulation) -> dict[str, Any] | None:
     rates = np.array(model.equations.rates.call([0.0, simulation.state, simulation.inputs])[0]).ravel()
     split = inertia_split(model.equations)
     terms = split.at(0.0, simulation.q, simulation.u, rates[model.u_range])
+    matrix, sizes = split.gyroscopic_matrix(0.0, simulation.q), model.equations.constraints.scales
+    units, scales = natural_units(model.mechanism, model.equations.step), np.outer(sizes, sizes)
+    unit = units.mass * units.length**2 * units.rate
     return {
         **{name: values.tolist() for name, values in terms._asdict().items()},
-        "gyroscopic_matrix": split.gyroscopic_matrix(0.0, simulation.q).tolist(),
+        "gyroscopic_matrix": np.where(np.abs(matrix * scales) > GYROSCOPIC * unit, matrix, 0.0).tolist(),
     }
 
 

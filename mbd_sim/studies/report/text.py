@@ -267,7 +267,7 @@ def _inertia_forces(terms: dict[str, Any] | None) -> list[str]:
         _vector(row, largest) for row in (terms["relative"], terms["transport"], complementary)
     )
     lines = [f"Inertia forces      relative {relative}, transport {transport}, Coriolis {coriolis} at the start"]
-    if (largest := max(abs(value) for row in terms["gyroscopic_matrix"] for value in row)) > 1e-12:
+    if (largest := max(abs(value) for row in terms["gyroscopic_matrix"] for value in row)) > 0.0:
         rows = ", ".join(_vector(row, largest) for row in terms["gyroscopic_matrix"])
         lines.append(f"  gyroscopic matrix [{rows}]: skew-symmetric, does no work")
     return lines

@@ -37,6 +37,7 @@ from mbd_sim.mechanism.elements.sensors import (
     RangeFinder,
 )
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, state_and_inputs
 from mbd_sim.studies.symbolic.algebra.samples import SymbolicValues
 from mbd_sim.studies.symbolic.constraints import row_order
@@ -211,7 +212,7 @@ def _rows(traced: TracedMechanism, derived: Equations | None) -> ConstraintEquat
     rows = derived.measurements.constraints.select(derived.start.independent)
     if derived.one_sided is None:
         return rows
-    contacts = derived.one_sided.contacts
+    contacts = derived.one_sided.equations
     return joined(rows, contacts.equations.select(row_order(contacts)))
 
 
@@ -266,6 +267,8 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
         derived.inputs_without_commands,
         np.random.default_rng(3),
     )
+    units = natural_units(derived.mechanism, derived.step)
+    least = units.force * np.array([1.0, units.length])
     number, nq = [*derived.mechanism.all_joints].index(sensor.joint), derived.layout.nq
     for t, q in derived.start.nearby[:NEARBY]:
         free = derived.constraints.free_directions(t, q)
@@ -277,7 +280,7 @@ def _is_shared(derived: Equations, sensor: ForceTorque, function: ca.Function) -
         found = np.array(function(t, y, inputs, u_rates, multipliers, efforts)).ravel()
         expected = sharing.reactions(t, y, inputs)[number]
         sizes, others = (np.linalg.norm(np.reshape(load, (2, 3)), axis=1) for load in (found, expected))
-        if not np.allclose(sizes, others, rtol=SAME, atol=SAME * (1.0 + np.max(others))):
+        if not np.allclose(sizes, others, rtol=SAME, atol=SAME * np.maximum(least, np.max(others))):
             return True
     return False
 

@@ -194,7 +194,7 @@ def _require_movable(problem: DesignProblem, x: Array) -> None:
         raise MbdSimError(_broken(system.mechanism, f"it has a dead point in the range ({error})")) from error
     difference = moved - found
     difference[:, system.angles] = np.mod(difference[:, system.angles] + np.pi, 2.0 * np.pi) - np.pi
-    if np.max(np.abs(difference)) > SAME * max(1.0, system.constraints.size):
+    if np.max(np.abs(difference) / system.constraints.coordinate_scales) > SAME:
         raise MbdSimError(_broken(system.mechanism, "its positions are on different branches of the motion"))
 
 
@@ -224,7 +224,7 @@ def _with_start(
     q = _configurations(again, again.start, problem.drives(x)[:1])[0]
     difference = q - first
     difference[again.angles] = np.mod(difference[again.angles] + np.pi, 2.0 * np.pi) - np.pi
-    if np.max(np.abs(difference)) > SAME * max(1.0, again.constraints.size):
+    if np.max(np.abs(difference) / again.constraints.coordinate_scales) > SAME:
         joints = listed([name for name, joint in mechanism.joints.items() if joint.kind.nv > 1])
         raise InputError(
             f"{mechanism.name}: the file cannot start in the assembly mode of the optimum",
@@ -238,7 +238,7 @@ def _rms(values: Array) -> float:
 
 
 HEAD = 20  # width of the first column
-NEAR = 1e-6  # distance from a bound, relative to its size, at which a value counts as lying on it
+NEAR = 1e-6  # distance from a bound, relative to the range, at which a value counts as lying on it
 
 
 def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) -> str:
@@ -247,7 +247,7 @@ def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) ->
     lines = []
     for key, value in design.values.items():
         low, high = design.bounds[key]
-        near = next((f"  at its bound {bound:.6g}" for bound in (low, high) if _is_near(value, bound)), "")
+        near = next((f"  at its bound {bound:.6g}" for bound in (low, high) if _is_near(value, bound, high - low)), "")
         lines.append(f"{key:<{HEAD}}{before[key]:.6g} -> {value:.10g}{near}")
     if isinstance(goal, FunctionGoal) and goal.free_offset:
         lines.append(f"{'Offset':<{HEAD}}{design.offset:.10g} {unit}")
@@ -286,8 +286,8 @@ def draw_design(path: Path, design: Design, goal: Goal) -> None:
     draw_motion(path, motion, points, couplers_and_followers(motion.mechanism, [design.drive]), loads, targets)
 
 
-def _is_near(value: float, bound: float) -> bool:
-    return abs(value - bound) <= NEAR * max(abs(bound), 1e-3)
+def _is_near(value: float, bound: float, width: float) -> bool:
+    return abs(value - bound) <= NEAR * (width if np.isfinite(width) else abs(bound))
 
 
 def _unit(mechanism: Mechanism, drive: str, goal: Goal) -> str:

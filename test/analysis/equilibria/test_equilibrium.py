@@ -210,24 +210,25 @@ def test_the_search_begins_at_the_present_coordinates_and_changes_nothing_if_it_
     falling = Simulation.from_file("projectile")
     falling.run(until=0.1)
     before = falling.state.copy()
-    with pytest.raises(InputError, match="no equilibrium"):
+    with patch.object(equilibrium, "ATTEMPTS", 3), pytest.raises(InputError, match="no equilibrium"):
         to_equilibrium(falling)
     assert np.array_equal(falling.state, before) and falling.time == 0.1
     with pytest.raises(InputError, match="equilibria of 'cart' were found"):
         to_equilibrium(sim, number=9)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(random_mechanisms())
 def test_random_mechanisms_come_back_to_an_equilibrium_that_was_left_a_little(drawn):
     """Forces vanish there by Kane's equations; the mechanism returns to it, stable or not, from near by."""
     text, rng = drawn
     mechanism = parse_mechanism(text.replace("*t)", "*0)"))  # drives stand still
+    assume(0 < len(mechanism.coordinate_names) <= 6)  # a search among more speeds takes seconds
     try:
         equations = derive(mechanism)
     except MechanismError:  # nothing can move
         reject()
-    assume(0 < equations.layout.nv <= 4 and is_autonomous(equations))  # a search among more speeds takes seconds
+    assume(is_autonomous(equations))
     with patch.object(equilibrium, "ATTEMPTS", 3):  # those from which no path leads to one would take seconds
         found = nearest_equilibrium(equations)
     assume(found is not None)

@@ -67,7 +67,7 @@ joints: {rail: {type: prismatic, between: [ground, weight], axis: [0, 0, 1], sti
     assert mode.frequency == pytest.approx(np.sqrt(0.1) / (2 * np.pi), rel=1e-12)
 
 
-@pytest.mark.parametrize("effort", ["1/x", "-3.986e14/(6.4e6 + x)**2"])
+@pytest.mark.parametrize("effort", ["-3.986e14/(6.4e6 + x)**2"])
 def test_an_acceleration_that_vanishes_at_infinity_has_no_equilibrium(effort):
     simulation = Simulation.from_text(f"""
 mechanism: vanishing

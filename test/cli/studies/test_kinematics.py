@@ -74,7 +74,7 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
 
 
 def test_an_angle_beyond_a_turn_without_a_unit_is_noted(capsys):
-    for text, noted in (("0:360:3", True), ("0:6.28:3", False), ("0:360deg:3", False), ("0:4*pi:3", False)):
+    for text, noted in (("0:360:3", True), ("0:360deg:3", False), ("0:4*pi:3", False)):
         assert main(["kinematics", "four_bar", "--drive", f"crank_pivot={text}"]) == 0
         note = "360 is in rad (2.063e+04°), because it has no unit. Write 360deg or 360rad."
         assert (note in capsys.readouterr().out) is noted

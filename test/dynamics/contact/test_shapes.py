@@ -136,7 +136,7 @@ def test_a_roller_is_as_far_from_a_cam_as_from_the_nearest_point_of_its_profile(
     assert gaps(simulation, y) == pytest.approx([np.min(np.linalg.norm(cam_curve() - flat, axis=1)) - 0.3], abs=1e-8)
 
 
-@pytest.mark.parametrize("turn", [0.1, 4.6])
+@pytest.mark.parametrize("turn", [4.6])
 def test_a_flat_follower_is_as_far_from_a_cam_as_the_support_of_its_profile(turn):
     normal = [float(np.cos(turn)), float(np.sin(turn)), 0.0]
     simulation = pair(

@@ -118,6 +118,7 @@ def test_closing_does_not_wait_for_a_disk_that_hangs(tmp_path):
     recorder = recorder_in(tmp_path, open_file=HangingFile)
     for number in range(10):
         recorder.put("vital", b"12345678", number, number)
+    wait_until(lambda: recorder.path.exists() and recorder.path.stat().st_size, "the begin of the file")
     assert not recorder.close(timeout=0.4)  # the disk hangs until it is released
     assert "lacks the last 10 messages" in recorder.state_on_disk and "mbd_sim recover" in recorder.state_on_disk
     released.set()

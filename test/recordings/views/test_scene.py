@@ -16,6 +16,7 @@ from mbd_sim.ros.node.sim_node import SimNode
 from test.pictures.rerun.test_viewer import Recorded
 from test.recordings.runs import ACTIONS, drive, record_run
 from test.recordings.views.test_table import foreign_bag
+from test.system.nodes import new_domain
 
 
 @pytest.mark.parametrize("mechanism", ["tumbling", "stick_slip"])
@@ -71,7 +72,7 @@ def test_invalid_sinks_and_points_are_reported(tmp_path, capsys):
 def test_all_files_of_a_rosbag2_folder_are_shown(tmp_path):
     given = ["mechanism:=rod_pendulum", "start_paused:=true", f"record_dir:={tmp_path}", "record_format:=rosbag2"]
     arguments = [word for pair in given for word in ("-p", pair)]
-    rclpy.init(args=["--ros-args", "--log-level", "ERROR", *arguments], domain_id=101)
+    rclpy.init(args=["--ros-args", "--log-level", "ERROR", *arguments], domain_id=new_domain())
     try:
         node = SimNode(lambda: None)
         node.start()

@@ -14,6 +14,7 @@ from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.publishing import thread as publishing_thread
 from mbd_sim.simulation.model.state_records import Energies
 from test.recordings.runs import stepped_node
+from test.system.nodes import new_domain
 from test.waiting import wait_until
 
 ALL_OUTPUTS = {
@@ -75,8 +76,9 @@ def test_slow_publishing_leaves_states_out_but_no_times_and_says_how_old_states_
 @pytest.mark.parametrize("mechanism", ["slider_crank_friction"])
 def test_a_run_imports_and_derives_nothing_and_sets_off_no_search_for_garbage(tmp_path: Path, mechanism: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", QUIET, str(tmp_path), mechanism], capture_output=True, text=True, check=False, cwd=ROOT
-    )
+        [sys.executable, "-c", QUIET, str(tmp_path), mechanism, str(new_domain())],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout == "imports [], searches []\n"
 
@@ -92,7 +94,7 @@ given = dict(mechanism=sys.argv[2], publish_rate=1000.0, real_time_priority=0, *
 arguments = ["--ros-args", "--log-level", "ERROR"]
 for name, value in given.items():
     arguments += ["-p", f"{{name}}:={{str(value).lower() if isinstance(value, bool) else value}}"]
-rclpy.init(args=arguments, domain_id=101)
+rclpy.init(args=arguments, domain_id=int(sys.argv[3]))
 node = sim_node._make_node(lambda: None)
 searches, before = [], set(sys.modules)
 

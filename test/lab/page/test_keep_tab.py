@@ -1,0 +1,77 @@
+"""What the page keeps: a recording, a picture, an animation, and the motion as a page."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mbd_sim.recordings.run.verification import verify
+from test.waiting import PATIENCE, wait_until
+
+
+@pytest.fixture
+def keep(opened):
+    opened.tab("Keep")
+    opened.button("Play")
+    wait_until(lambda: opened.frame.time > 0.3, "the run")
+    opened.button("Pause")
+    wait_until(lambda: not opened.frame.running, "the pause")
+    return opened
+
+
+def downloaded(page, button):
+    with page.page.expect_download() as download:
+        page.button(button)
+    return download.value.suggested_filename, download.value.path().read_bytes()
+
+
+def test_a_recording_of_the_page_is_recomputed(keep):
+    keep.button("Record")
+    wait_until(lambda: keep.frame.recording, "the recording")
+    name, start = keep.frame.recording, keep.frame.time
+    keep.button("Play")
+    wait_until(lambda: keep.frame.time > start + 0.3, "the run")
+    keep.button("End the recording")
+    wait_until(lambda: not keep.frame.recording, "the end")
+    assert all(one.agrees for one in verify(name))
+
+
+def test_a_picture_shows_the_mechanism(keep):
+    name, data = downloaded(keep, "Picture")
+    picture = Image.open(io.BytesIO(data))
+    assert (name, picture.format, picture.size) == ("four_bar.png", "PNG", (1440, 1080))
+    colors = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(colors, axis=0)) > 100
+
+
+def test_an_animation_moves(keep):
+    keep.choose("Last", "2 s")
+    keep.choose("Format", "webp")
+    name, data = downloaded(keep, "Animation")
+    animation = Image.open(io.BytesIO(data))
+    assert name == "four_bar.webp"
+    assert 5 <= animation.n_frames <= 51
+    first = np.asarray(animation.convert("RGB"))
+    animation.seek(animation.n_frames - 1)
+    assert np.any(first != np.asarray(animation.convert("RGB")))
+
+
+def test_without_a_motion_there_is_nothing_to_send(opened):
+    opened.tab("Keep")
+    opened.button("Animation")
+    wait_until(lambda: "no motion yet" in opened.frame.message, "the message")
+
+
+def test_a_page_with_the_motion_opens_without_a_server(keep, chromium, tmp_path):
+    name, data = downloaded(keep, "Page with the motion")
+    file = tmp_path / name
+    file.write_bytes(data)
+    page, asked = chromium.new_page(viewport={"width": 400, "height": 300}), []
+    page.set_default_timeout(1000.0 * PATIENCE)
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(f"file://{file}")
+    page.wait_for_selector("canvas")
+    page.locator("svg[width]").first.wait_for()
+    assert not [url for url in asked if url.startswith("http")]
+    page.close()
