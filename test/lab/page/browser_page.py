@@ -28,7 +28,7 @@ class BrowserPage:
         self.page.route(lambda url: not url.startswith((lab.url, "blob:", "data:")), lambda route: route.abort())
         known = set(lab.page.server.get_clients())
         self.page.goto(lab.url)
-        self.page.wait_for_selector("canvas")
+        self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name="Play").wait_for()
         wait_until(lambda: set(lab.page.server.get_clients()) - known, "the connection")
         (self.client,) = set(lab.page.server.get_clients()) - known
