@@ -100,7 +100,8 @@ class KinematicsTab:
             visible=False,
         )
         self._asked: tuple[Mechanism | None, str, str] = (None, NONE, NONE)
-        self._busy, self._found, self._shown = False, Analysis(""), Analysis("")
+        self._busy = False
+        self._found = self._shown = Analysis("")
 
     def show(self, frame: Frame) -> None:
         """Show the analysis of the present lengths, and the transmission angles of the present configuration."""

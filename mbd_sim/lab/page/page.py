@@ -36,7 +36,7 @@ Theme = Literal["light", "dark"]
 
 PICTURES = 60.0  # a second
 NUMBERS = 6.0  # updates of texts, plots and sliders a second
-PANEL = 360.0  # px of width
+PANEL = 370.0  # px of width
 
 
 class Page:

@@ -6,6 +6,7 @@ from __future__ import annotations
 STYLE = """<style>
 :root { --mantine-color-dimmed: #444c56 !important; font-size: %s; }
 :root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b8c0ca !important; }
+[role="tab"] { padding-left: 0.4em !important; padding-right: 0.4em !important; }
 [style*="max-height: 60%%"] { max-height: 45%% !important; width: 100%% !important; }
 [style*="max-height: 60%%"] [style*="width: 20em"] { width: 100%% !important; }
 </style>"""

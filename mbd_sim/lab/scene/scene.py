@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,8 @@ class Scene:
         """
         self._scene, self._model, self._extent = scene, model, extent
         self._mechanism, self._last_time, self.shown = model.mechanism, np.inf, Shown()
+        self._looks: tuple[Any, ...] = ()
+        self._last_poses = np.empty((0, 12))
         self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
         add_ground(scene, model.mechanism, extent, dark=dark)
         self._bodies = Bodies(scene, model, extent, dragged)
@@ -67,7 +69,9 @@ class Scene:
         self._path = scene.add_line_segments("/path", NOWHERE, palette.CURVE, thickness=0.6 * LINE_WIDTH * extent.size)
 
     def show(self, frame: Frame) -> None:
-        """Move everything to a frame."""
+        """Move everything to a frame; nothing is sent for one that looks like the last one."""
+        if self._shows(frame):
+            return
         if frame.mechanism is not self._mechanism:
             self._reshape(frame.mechanism)
         self._poses = np.vstack([frame.poses, pack_poses(np.zeros(3), np.eye(3))])
@@ -80,6 +84,14 @@ class Scene:
         if self.shown.traces:
             self.traces.extend(self._at)
         self._last_time = frame.time
+
+    def _shows(self, frame: Frame) -> bool:
+        """Whether the last frame and the choices of then look the same."""
+        new = frame.mechanism, frame.pull, replace(self.shown), self.traces.chosen
+        if frame.watched or frame.pull or new != self._looks or not np.array_equal(frame.poses, self._last_poses):
+            self._looks, self._last_poses = new, frame.poses
+            return False
+        return frame.time == self._last_time
 
     def draw_path(self, points: Array) -> None:
         """Draw a line through points (n, 3) that do not move."""

@@ -168,7 +168,8 @@ class BaseSimulation(PresentState):
         n = step_count(n)
         for part in self._sensors.divided(self._reports.parts_of(n)):
             if not self._memory.advance(part):
-                from mbd_sim.simulation.run.advice import divergence, undefined_expression
+                from mbd_sim.simulation.run.advice import divergence
+                from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)

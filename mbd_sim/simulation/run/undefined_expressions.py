@@ -1,4 +1,7 @@
-"""The expressions of a mechanism that have no finite value near a state: the cause of many steps that fail."""
+"""The expressions of a mechanism that have no finite value near a state: the cause of many steps that fail.
+
+A module of its own, as it needs CasADi: it is imported after a step has failed, and never by the start of a node.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.model.model import Model
 
 STEPS_AHEAD = (0.0, 0.25, 0.5, 1.0, 2.0)  # of the failing step, to which the motion is extrapolated
-MEANINGLESS = 1.0  # estimated error of a step, from which on the motion has diverged, whatever expressions give there
+LARGEST_VALUE = 1e6  # of a variable; beyond it the motion has diverged, whatever an expression gives there
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +70,7 @@ def undefined_expression(
             ahead = last.y.copy()
             ahead[moving] += steps * step * np.where(np.isfinite(rates), rates, 0.0)
             for used in _expressions(model, mechanism, time + steps * step, ahead, last.inputs):
-                if estimate < MEANINGLESS and not _is_finite(used):
+                if all(abs(value) < LARGEST_VALUE for value in used.variables.values()) and not _is_finite(used):
                     return UndefinedExpression(_problem(mechanism, used), estimate)
     return None
 

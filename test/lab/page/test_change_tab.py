@@ -58,11 +58,11 @@ def test_a_value_that_is_impossible_is_refused_with_the_reason(change):
 
 
 def test_a_position_and_a_speed_are_set_with_loops_closed(change):
-    change.page.get_by_text("Positions", exact=True).click()
+    change.folder("Positions")
     change.type("crank_pivot (deg)", "120")
     wait_until(lambda: abs(change.frame.positions[0] - np.radians(120.0)) < 1e-9, "the position")
-    change.page.get_by_text("Positions", exact=True).click()
-    change.page.get_by_text("Speeds", exact=True).click()
+    change.folder("Positions")
+    change.folder("Speeds")
     change.type("crank_pivot (deg/s)", "-90")
     wait_until(lambda: abs(change.frame.speeds[0] + np.radians(90.0)) < 1e-9, "the speed")
     violation = change.lab.session.bench.simulation.violation

@@ -13,14 +13,11 @@ from std_msgs.msg import Float64MultiArray
 from mbd_sim import parse_mechanism
 from mbd_sim.lab.scene.camera import aim
 from mbd_sim.pictures.shapes.extent import extent_of
-from test.docs.site_browser import browser
-from test.lab.page.browser_page import FLAGS, SIZE
 from test.system.growing_recordings import STEP_NS, stop_recording, verified
 from test.system.nodes import as_in_the_node, nanoseconds, running
 from test.waiting import wait_until
 
-pytest.importorskip("viser")
-playwright = pytest.importorskip("playwright.sync_api")
+browser_page = pytest.importorskip("test.lab.page.browser_page")
 
 BENCH = """
 mechanism: bench
@@ -37,38 +34,12 @@ actuators:
 """
 
 
-class NodePage:
-    """A page of the node in the browser."""
+class NodePage(browser_page.AnyPage):
+    """A page of the node; whoever waits for it takes messages meanwhile."""
 
     def __init__(self, chromium, url, listener):
-        self.listener, self.page = listener, chromium.new_page(viewport=SIZE)
-        self.page.set_default_timeout(6e4)
-        self.page.goto(url)
-        self.page.wait_for_selector("canvas")
-        self.page.get_by_role("button", name="Play").wait_for()
-
-    def until(self, condition, what):
-        """Wait in this process, for messages as well as for the page."""
-        self.listener.until(condition, what)
-
-    def button(self, name):
-        self.page.get_by_role("button", name=name, exact=True).first.click()
-
-    def field(self, label):
-        row = self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..")
-        return row.locator("input:not([type=hidden])").last
-
-    def type(self, label, text):
-        field = self.field(label)
-        field.fill(text)
-        field.press("Enter")
-
-    def choose(self, label, option):
-        """Choose from a list."""
-        self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..").locator(
-            "input"
-        ).first.click()
-        self.page.get_by_role("option", name=option, exact=True).click()
+        self.listener, self.until = listener, listener.until
+        super().__init__(chromium, url)
 
     def drag(self, condition, what):
         """Drag the middle of the arm upward until this has an effect, and hold it."""
@@ -102,16 +73,6 @@ class NodePage:
     def shows(self, label, value):
         """Wait until the number beside a slider is this one."""
         self.until(lambda: float(self.field(label).input_value() or "nan") == value, f"{label} = {value} on the page")
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if browser() is None:
-        pytest.skip("there is no browser: install chromium, or name one in MBD_SIM_TEST_BROWSER")
-    with playwright.sync_playwright() as program:
-        opened = program.chromium.launch(executable_path=browser(), args=list(FLAGS))
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")
