@@ -102,6 +102,10 @@ class Scene:
         self._mechanism = mechanism
         self._bodies.reshape(mechanism)
         found = connectors(mechanism, self._extent, self._start)
+        if len(found) != len(self._lines):  # a spring is drawn where there is a stiffness
+            for line in self._lines:
+                line.handle.remove()
+            self._lines = [self._connected(one) for one in found]
         for line, one in zip(self._lines, found, strict=True):
             line.ends = one.points
         self.traces.forget()
