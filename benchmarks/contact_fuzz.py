@@ -28,8 +28,8 @@ from mbd_sim import Simulation
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.dynamics.constraints.start import rheonomic
-from mbd_sim.simulation.contact.events import EventError
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
+from mbd_sim.simulation.contact.stepper import EventError
 from test.generators.contact_mechanisms import ALL_KINDS, LOOPS, contact_mechanism
 
 RESULTS = Path(__file__).parent / "results" / "contact_fuzz.jsonl"

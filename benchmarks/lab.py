@@ -113,18 +113,20 @@ def running(file: Path | str, *options: str) -> Iterator[tuple[psutil.Process, s
 
 def first_picture(browser: Any, rounds: int) -> None:
     """From the command to the address, and to the first picture of the mechanism."""
-    addresses, pictures = [], []
+    addresses, pictures, used_there = [], [], []
     for _ in range(rounds + 1):
         page = browser.new_page(viewport=SIZE)
         page.set_content("<body style='background: white'>")
         watched = Watched(page)
         blank = watched.settle()
-        with running("four_bar", "--paused") as (_, url, began):
+        with running("four_bar", "--paused") as (process, url, began):
             addresses.append(time.perf_counter() - began)
+            used_there.append(sum(process.cpu_times()[:2]))
             page.goto(url, wait_until="commit")
             pictures.append(watched.changed(blank, began))
         page.close()
     print(f"command to the address          {quantiles(addresses[1:])}", flush=True)  # the first one warms up
+    print(f"processor time until then       {quantiles(used_there[1:])}", flush=True)
     print(f"command to the first picture    {quantiles(pictures[1:])}", flush=True)
 
 

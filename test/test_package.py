@@ -196,7 +196,7 @@ def test_what_few_runs_need_is_loaded_by_them_alone():
         ],
         # The first build of a mechanism with joints alone.
         "import mbd_sim; from mbd_sim.dynamics.equations import derive; derive(mbd_sim.load_mechanism('double_rod'))": [
-            "mbd_sim.dynamics.actuators.forces", "mbd_sim.dynamics.contact.rows",
+            "mbd_sim.dynamics.actuators.forces", "mbd_sim.dynamics.contact.one_sided_rows",
         ],
         "import mbd_sim.ros.node.sim_node": [
             "mbd_sim.pictures.rerun", "mbd_sim.files.urdf.reader", "mbd_sim.recordings.mcap.check", "numpy.polynomial",

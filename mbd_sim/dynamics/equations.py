@@ -62,7 +62,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 if TYPE_CHECKING:
     from mbd_sim.dynamics.actuators.functions import ActuatorFunctions
     from mbd_sim.dynamics.contact.compliant import CushionFunctions
-    from mbd_sim.dynamics.contact_functions import OneSidedFunctions
+    from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class Equations:
         """Whether something is closed, sticks or slides."""
         if self.one_sided is None:
             return False
-        layout = self.one_sided.contacts.layout
+        layout = self.one_sided.equations.layout
         modes = inputs[self.inputs.one_sided]
         return bool(np.any(modes[: layout.signs.start] != 0.0))
 
@@ -300,13 +300,13 @@ def derive(
 
         require_followable_cams(mechanism)
     traced = trace(mechanism, loaded, parameters, step, disturb=disturb)
-    contacts = None
+    rows = None
     if has_one_sided(mechanism):
         # Contacts are imported only where they are needed: their modules take a fifth of the time of a start.
-        from mbd_sim.dynamics.contact.equations import one_sided_equations, with_contact_inputs
+        from mbd_sim.dynamics.contact.one_sided_equations import one_sided_equations, with_one_sided_inputs
 
-        contacts = one_sided_equations(traced)
-        traced = with_contact_inputs(traced, contacts)
+        rows = one_sided_equations(traced)
+        traced = with_one_sided_inputs(traced, rows)
     assembly = assemble(traced)
     forces = applied_forces(traced)
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv, traced.rotor_inertia)
@@ -321,11 +321,11 @@ def derive(
     audit = ca.vertcat(open_losses, audit_rates(constraints, forces, motion))
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuator_rates, audit)
     one_sided = None
-    if contacts is not None:
-        from mbd_sim.dynamics.contact_functions import OneSidedDynamics
+    if rows is not None:
+        from mbd_sim.dynamics.one_sided_functions import OneSidedDynamics
 
-        dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
-        one_sided, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
+        dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, rows, assembly.functions.size)
+        one_sided, motion = dynamics.functions(), dynamics.motion(rows.given_forces)
     linearized = JointLinearization(traced, mass_matrix, constraints, typical, assembly.dependent, forces)
     functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
     return _packaged(traced, assembly, forces, motion, functions, linearized, one_sided)

@@ -19,7 +19,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.dynamics.constraints.equations import coordinates_by_name
 from mbd_sim.dynamics.constraints.rows import constraint_rows
-from mbd_sim.dynamics.contact.compliant import PlacedFrame, cushion_force
+from mbd_sim.dynamics.contact.compliant import cushion_force
 from mbd_sim.dynamics.contact.shapes import touch
 from mbd_sim.dynamics.forces.bushings import bushing_potential
 from mbd_sim.dynamics.forces.elements import damper_force, force_vector, spring_force
@@ -313,7 +313,7 @@ def _add_bushing(energies: _Energies, kinematics: _Kinematics, bushing: Bushing)
 def _add_cushion(energies: _Energies, kinematics: _Kinematics, contact: Contact, law: Cushion) -> None:
     """Add the potential of a compliant contact, and its damping and friction."""
     ends = [contact.first.at, contact.second.at]
-    frames = [PlacedFrame(kinematics.point(at), kinematics.rotation(at.part)) for at in ends]
+    frames = [SymbolicPose(kinematics.point(at), kinematics.rotation(at.part)) for at in ends]
     touching = touch(contact, frames[0], frames[1])
     velocities = [
         kinematics.rate(frame.position)

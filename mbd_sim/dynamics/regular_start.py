@@ -16,7 +16,6 @@ from mbd_sim.dynamics.constraints.errors import undefined_constraints
 from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
@@ -25,6 +24,7 @@ from mbd_sim.mechanism.elements.forces import Damper, Spring
 from mbd_sim.mechanism.elements.parts import Joint, Part
 from mbd_sim.mechanism.mass_properties import state_numbers
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import TIME
 from mbd_sim.mechanism.values.laws import ELONGATION, ELONGATION_RATE
 

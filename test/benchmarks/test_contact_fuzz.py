@@ -37,15 +37,15 @@ def test_energies_and_depths_that_are_wrong_are_faults():
 
 
 def test_a_gain_of_energy_is_found(monkeypatch):
-    from mbd_sim.simulation.contact import events
+    from mbd_sim.simulation.contact import stepper
 
-    impact = events.impact
+    impact = stepper.impact
 
     def wrong(*arguments):
         found = impact(*arguments)
         return dataclasses.replace(found, u_change=found.u_change * 2.5)
 
-    monkeypatch.setattr(events, "impact", wrong)
+    monkeypatch.setattr(stepper, "impact", wrong)
     found = result("loop", 0, 1.0)
     assert found.gain > 1e-3 and not found.is_good
 

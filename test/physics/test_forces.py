@@ -115,21 +115,3 @@ def test_a_wrong_force_element_is_named_with_its_line_and_a_remedy(force, line, 
 def test_a_spring_whose_ends_coincide_at_the_start_is_refused():
     with pytest.raises(MechanismError, match="the ends coincide at the start"):
         ball("s: {type: spring, between: [ground, ball], stiffness: 1, length: 1}", start=("[3, 0, 0]", "[0, 0, 0]"))
-
-
-def test_force_elements_are_checked_together_with_other_mistakes():
-    text = BALL.replace(
-        "FORCE", "s: {type: spring, between: [ground.x, ball.rin], lenth: 3}\n  f: {type: force, at: bal}"
-    )
-    with pytest.raises(MechanismError) as caught:
-        parse_mechanism(text.replace("gravity", "gravty"))
-    message = str(caught.value)
-    for words in (
-        "'gravty'",
-        "'ground' has no point 'x'",
-        "Did you mean 'rim'?",
-        "'lenth'",
-        "'vector' is missing",
-        "'bal'",
-    ):
-        assert words in message

@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism
-from test.generators.mechanisms import consistent_state, random_state
+from test.generators.mechanisms import random_state
 
 G = 9.81
 
@@ -77,17 +77,3 @@ def test_contact_forces_in_the_spun_tube():
         assert found["spin"][3:] == near(moment)
         drive = equations(name).drives(t, np.concatenate([q, u, np.zeros(3)]), np.zeros(1))
         assert np.array(drive).ravel()[2] == pytest.approx(moment[2], rel=1e-11, abs=1e-11)
-
-
-def test_rod_of_the_constrained_pendulum():
-    """Géradin & Rixen, p. 34-40: the multiplier times the constraint's gradient is the force of the rod."""
-    derived, p = equations("constrained_pendulum"), load_mechanism("constrained_pendulum").parameters
-    rng = np.random.default_rng(91)
-    for _ in range(20):
-        q, u, _ = consistent_state(derived, rng)
-        y = np.concatenate([q, u, np.zeros(3)])
-        theta = np.arctan2(q[1], p["l"] + q[0])
-        tension = p["m"] * G * np.cos(theta) + p["m"] * (u @ u) / p["l"]
-        gradient = derived.constraints.gradient(0.0, q)[0]
-        force = float(derived.multipliers(0.0, y, np.zeros(2))) * gradient
-        assert force == near(-tension * np.array([np.cos(theta), np.sin(theta)]))

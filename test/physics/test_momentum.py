@@ -1,6 +1,6 @@
 """Linear and angular momentum of floating mechanisms with internal loops, constraints and forces.
 
-All forces between the parts are internal, including those of constraints and rolling. test_energy.py has an open chain.
+All forces between the parts are internal, including those of constraints and rolling.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.dynamics.layouts.actuators import require_continuous
-from mbd_sim.dynamics.layouts.state_scales import natural_units
+from mbd_sim.mechanism.natural_units import natural_units
 
 FLAT = 1e-10  # singular values up to this fraction of the largest, or this, count as zero
 BALANCED, CORRECTED = 1e-9, 1e-7  # what may remain of the balance at an equilibrium, and along the path

@@ -19,8 +19,8 @@ from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations, require_equations
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.mechanism.contents import channel_names
+from mbd_sim.mechanism.natural_units import natural_units
 
 ZERO_EIGENVALUE = 1e-4  # of the natural rate; smaller ones are zeros that round-off has split, unless all are small:
 LEAST_EIGENVALUE, SPLIT = (

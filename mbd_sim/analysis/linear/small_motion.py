@@ -26,7 +26,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from mbd_sim.analysis.mechanics.contact_motion import OneSidedMotion
+from mbd_sim.analysis.mechanics.one_sided_motion import OneSidedMotion
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.functions import scaled
 from mbd_sim.dynamics.equations import Equations

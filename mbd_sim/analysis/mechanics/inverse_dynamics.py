@@ -13,7 +13,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mbd_sim.analysis.mechanics.contact_motion import OneSidedMotion
+from mbd_sim.analysis.mechanics.one_sided_motion import OneSidedMotion
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.arrays import vector
 from mbd_sim.base.geometry.pose import Array

@@ -17,12 +17,12 @@ from mbd_sim.dynamics.constraints.functions import scaled
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import AssembledStart
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.math.rank import null_space
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import two_sided
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 
 PARALLEL = 1e-9  # the difference of two unit vectors that count as parallel
 

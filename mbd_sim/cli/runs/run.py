@@ -13,7 +13,7 @@ from mbd_sim.cli.shared.command import SECONDS, Command, ProgressBar
 from mbd_sim.cli.shared.common import add_duration, add_mechanism, add_method_and_step, add_quiet, rounded
 from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
-from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes, energy_size
+from mbd_sim.mechanism.natural_units import coordinate_sizes, energy_size
 from mbd_sim.pictures.rerun.viewer import Viewer
 from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.model import UNKNOWN_ENERGY

@@ -12,8 +12,8 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.cli.shared.command import SECONDS, ProgressBar, Waiting
 from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, rounded
 from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
-from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
 from mbd_sim.files.text.units import parse_value
+from mbd_sim.mechanism.natural_units import coordinate_sizes
 from mbd_sim.recordings.views.table import coordinate_units
 from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.linear_analysis.loci import set_to_equilibrium

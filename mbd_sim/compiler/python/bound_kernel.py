@@ -91,7 +91,7 @@ class KernelSignature:
 class OneSidedKernel:
     """`advance_to_event` and `part_step` as in `emit_one_sided_advance`, and `readings(t, y, inputs, out)`.
 
-    See `mbd_sim.dynamics.contact_functions.OneSidedFunctions`.
+    See `mbd_sim.dynamics.one_sided_functions.OneSidedFunctions`.
     """
 
     def __init__(self, code: MachineCode) -> None:

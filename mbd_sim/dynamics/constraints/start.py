@@ -32,12 +32,12 @@ from mbd_sim.dynamics.constraints.functions import ConstraintFunctions, constrai
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.singular_start import is_isolated, speeds_of_a_branch
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.dynamics.math.rank import dependent_rows, independent_rows, least_solution, nonzero_rows
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.constraints import expressions_of
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import names_in
 
 COMPATIBLE = 1e-7  # error of the rates of redundant rows, relative to those of drives

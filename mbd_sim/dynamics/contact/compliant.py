@@ -8,18 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 
 from mbd_sim.dynamics.contact.shapes import Touch, touch
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
 from mbd_sim.dynamics.math.spatial import is_absent
 from mbd_sim.mechanism.elements.contacts import Contact, ContactBody, Cushion
 from mbd_sim.mechanism.elements.parts import GROUND
-
-
-@dataclass(frozen=True, slots=True)
-class PlacedFrame:
-    """A frame in ground's axes: the position (3,) in m of its origin, and its axes (3, 3)."""
-
-    position: ca.SX
-    rotation: ca.SX
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +114,8 @@ def _reading(law: Cushion, touching: Touch, relative: ca.SX, normal: ca.SX, forc
     )
 
 
-def _frame(applied: AppliedWrenches, body: ContactBody) -> PlacedFrame:
-    return PlacedFrame(applied.motion_of(body.at).position, applied.rotation(body.at.part))
+def _frame(applied: AppliedWrenches, body: ContactBody) -> SymbolicPose:
+    return SymbolicPose(applied.motion_of(body.at).position, applied.rotation(body.at.part))
 
 
 def _velocity(applied: AppliedWrenches, body: ContactBody, point: ca.SX) -> ca.SX:

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -24,6 +23,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.rows import perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
 from mbd_sim.mechanism.elements.contacts import FIRST_RIM, Ball, Barrel, Cam, Contact, Face, Rim, RimPoint
 
@@ -85,18 +85,6 @@ ALONG = 1e-9  # of a tube's radius, by which a ball in the plane of a ring may b
 STEEP = 0.8  # component of a normal along y, from which on z is the reference for directions of slip
 
 
-class Frame(Protocol):
-    """A frame in ground's axes: the position (3,) of its origin, and its axes (3, 3)."""
-
-    @property
-    def position(self) -> ca.SX:
-        """(3,) m."""
-
-    @property
-    def rotation(self) -> ca.SX:
-        """(3, 3)."""
-
-
 Sides = Callable[[ca.SX], tuple[ca.SX, ca.SX]]
 
 
@@ -113,7 +101,7 @@ class Touch:
     sides: tuple[ca.SX, ca.SX]
 
 
-def touch(contact: Contact, first: Frame, second: Frame, still: int | None = None) -> Touch:
+def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:
     """The geometry of a contact; the frames are at the points of both bodies, with the axes of their parts.
 
     :param still: the axis of ground, 0, 1 or 2, along which no part moves; None if there is none.
@@ -176,16 +164,16 @@ def _seen_along(contact: Contact, axis: int) -> tuple[object, ...] | None:
     return contact.name, body.at.part, face.at.part, tuple(face.normal.tolist()), type(body), body.radius, *places
 
 
-def _turned(frame: Frame, direction: Array) -> ca.SX:
+def _turned(frame: SymbolicPose, direction: Array) -> ca.SX:
     return ca.sparsify(frame.rotation @ constant(direction))
 
 
-def _along(frame: Frame, face: Face) -> tuple[ca.SX, ca.SX]:
+def _along(frame: SymbolicPose, face: Face) -> tuple[ca.SX, ca.SX]:
     one, other = (_turned(frame, side) for side in perpendiculars(face.normal))
     return one, other
 
 
-def _rim_on_face(rim: Rim, face: Face, first: Frame, second: Frame, lies: bool) -> Touch:
+def _rim_on_face(rim: Rim, face: Face, first: SymbolicPose, second: SymbolicPose, lies: bool) -> Touch:
     """The lowest point of the circle; the directions of slip are forward and sideways."""
     normal, axis = _turned(second, face.normal), _turned(first, rim.axis)
     in_disc = normal - axis * ca.dot(normal, axis)
@@ -202,7 +190,7 @@ def _rim_on_face(rim: Rim, face: Face, first: Frame, second: Frame, lies: bool) 
     return Touch(distance, normal, point, (forward, ca.cross(normal, forward)))
 
 
-def _rim_point_on_face(rim: RimPoint, face: Face, first: Frame, second: Frame) -> Touch:
+def _rim_point_on_face(rim: RimPoint, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
     normal, axis = _turned(second, face.normal), _turned(first, rim.axis)
     in_disc = normal - axis * ca.dot(normal, axis)
     center = first.position + axis * (rim.length * (ca.dot(axis, normal) < 0.0))
@@ -211,7 +199,7 @@ def _rim_point_on_face(rim: RimPoint, face: Face, first: Frame, second: Frame) -
     return Touch(ca.dot(normal, point - second.position) - lift, normal, point, _along(second, face))
 
 
-def _round(contact: Contact, ball: Ball, radius: float, first: Frame, line: ca.SX, sides: Sides) -> Touch:
+def _round(contact: Contact, ball: Ball, radius: float, first: SymbolicPose, line: ca.SX, sides: Sides) -> Touch:
     """A ball and another one, or a barrel, with this `radius`; `line` (3,) leads to the ball, across a barrel's axis.
 
     A ball inside has (R² - l²) / 2R: as large as R - l near zero, and smooth where both centers coincide.
@@ -225,14 +213,14 @@ def _round(contact: Contact, ball: Ball, radius: float, first: Frame, line: ca.S
     return Touch(distance, normal, first.position - ball.radius * normal, sides(normal))
 
 
-def _cylindrical(barrel: Barrel, first: Frame, second: Frame) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _cylindrical(barrel: Barrel, first: SymbolicPose, second: SymbolicPose) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The axis (3,) of a barrel, what leads (3,) from there to the first frame, and how far along it that is in m."""
     axis, line = _turned(second, barrel.axis), first.position - second.position
     along = ca.dot(axis, line)
     return axis, line - axis * along, along
 
 
-def _ball_on_barrel(ball: Ball, barrel: Barrel, first: Frame, second: Frame) -> Touch:
+def _ball_on_barrel(ball: Ball, barrel: Barrel, first: SymbolicPose, second: SymbolicPose) -> Touch:
     """A ball at the side, on an end, or at an edge of a cylinder."""
     axis, across, along = _cylindrical(barrel, first, second)
     radial, up = ca.sqrt(ca.dot(across, across) + FLAT), ca.if_else(along < 0.0, -1.0, 1.0)
@@ -247,7 +235,7 @@ def _ball_on_barrel(ball: Ball, barrel: Barrel, first: Frame, second: Frame) -> 
     return Touch(distance, normal, first.position - ball.radius * normal, (side, ca.cross(normal, side)))
 
 
-def _ball_in_barrel(contact: Contact, ball: Ball, barrel: Barrel, first: Frame, second: Frame) -> Touch:
+def _ball_in_barrel(contact: Contact, ball: Ball, barrel: Barrel, first: SymbolicPose, second: SymbolicPose) -> Touch:
     """A ball inside a tube with a thin wall, or at the edge of one of its ends."""
     axis, across, along = _cylindrical(barrel, first, second)
     inner = _round(contact, ball, barrel.radius, first, across, lambda normal: (ca.cross(axis, normal), axis))
@@ -281,7 +269,7 @@ def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
     return side, ca.cross(normal, side)
 
 
-def _ball_on_cam(ball: Ball | Barrel, cam: Cam, first: Frame, second: Frame) -> Touch:
+def _ball_on_cam(ball: Ball | Barrel, cam: Cam, first: SymbolicPose, second: SymbolicPose) -> Touch:
     """The ball, or a roller, at the nearest point of the profile."""
     axes = ca.sparsify(second.rotation @ constant(cam.axes))
     center = axes.T @ (first.position - second.position)

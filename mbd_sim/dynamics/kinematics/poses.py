@@ -133,11 +133,9 @@ def normalized_quaternions(links: Sequence[Link], q: ca.SX) -> ca.SX:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyFrame:
-    """A frame fixed in a part, in ground's axes: its origin, its axes, the velocity of its origin, and ω."""
+class BodyFrame(SymbolicPose):
+    """A frame fixed in a part, with the `velocity` (3,) of its origin and `omega` (3,) of its axes in ground's axes."""
 
-    position: ca.SX
-    rotation: ca.SX
     velocity: ca.SX
     omega: ca.SX
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
+from mbd_sim.base.errors import listed
 from mbd_sim.lab.page.change_tab import ChangeTab
 from mbd_sim.lab.page.help_tab import HelpTab
 from mbd_sim.lab.page.keep_tab import KeepTab
@@ -29,6 +30,7 @@ from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.meshes import undrawn_meshes
 
 Theme = Literal["light", "dark"]
 
@@ -106,7 +108,9 @@ class Page:
         session, mechanism = self.session, self.session.bench.simulation.mechanism
         settings = settings_of(session.bench, size, with_state=not session.of_node)
         css = gui.add_html(style(large=False))
-        gui.add_markdown(f"**{mechanism.name}** · {mechanism.description or ''}")
+        gui.add_markdown(" · ".join([f"**{mechanism.name}**", *filter(None, [mechanism.description])]))
+        if missing := undrawn_meshes(mechanism):
+            gui.add_markdown(f"Not drawn: {listed(missing)}.")
         self._run_bar = RunBar(gui, session, self._touched)
         self._told = gui.add_markdown("")
         tabs = gui.add_tab_group()

@@ -34,7 +34,7 @@ class RunBar:
     def __init__(self, gui: Any, session: Session, touched: Touched) -> None:
         self._session, self._touched = session, touched
         buttons = gui.add_button_group("Run", tuple(ACTIONS))
-        buttons.on_click(lambda event: session.ask("run", ACTIONS[event.target.value]))
+        buttons.on_click(self._act)
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1", hint="Simulated seconds per second")
         self._speed.on_update(self._set_speed)
         keys = dict(KEYS)
@@ -62,10 +62,14 @@ class RunBar:
             self.time.min, self.time.max = round(low, 3), round(high, 3)
             self.time.value = round(min(max(frame.time, low), high), 3)
 
+    def _act(self, event: Any) -> None:
+        if action := ACTIONS.get(event.target.value):  # a hostile page may send any text
+            self._session.ask("run", action)
+
     def _set_speed(self, event: Any) -> None:
-        if event.client is not None:
+        speed = SPEEDS.get(self._speed.value)
+        if event.client is not None and speed is not None:
             self._touched.touch("speed")
-            speed = SPEEDS[self._speed.value]
             self._session.ask("speed", lambda session: session.set_speed(speed))
 
     def _wound(self, event: Any) -> None:

@@ -22,7 +22,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.many.sweep.plan import EFFORT, Statistics, column_names, coordinates, named_quantities
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.contact.events import EventError
+from mbd_sim.simulation.contact.stepper import EventError
 from mbd_sim.simulation.ensemble.ensemble import Ensemble
 
 CHUNK = 256  # runs

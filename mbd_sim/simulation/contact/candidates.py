@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.contact.equations import HELD, RELEASED
+from mbd_sim.dynamics.contact.one_sided_equations import HELD, RELEASED
 from mbd_sim.simulation.contact.centering import centered
 from mbd_sim.simulation.contact.complementarity import (
     best_conditioned,
@@ -24,9 +24,9 @@ from mbd_sim.simulation.contact.complementarity import (
     pivots,
     product,
 )
+from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.simulation.contact.search import STOPPED
-from mbd_sim.simulation.contact.terms import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero

@@ -16,8 +16,8 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.contact.complementarity import least_solution
+from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
-from mbd_sim.simulation.contact.terms import Mask, OneSidedModel, OneSidedReadings
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 HALVINGS = 50

@@ -19,7 +19,7 @@ from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.contact.compliant import CushionFunctions
-    from mbd_sim.simulation.contact.terms import OneSidedModel
+    from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 
 
 class ContactReadings:

@@ -15,7 +15,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
 from mbd_sim.simulation.contact.complementarity import solve
-from mbd_sim.simulation.contact.terms import OneSidedModel, OneSidedReadings, address
+from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, OneSidedReadings, address
 
 ITERATIONS = 80
 BACKTRACKS = 40  # halvings in search of a positive value after a start at zero

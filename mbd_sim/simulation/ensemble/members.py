@@ -15,7 +15,7 @@ from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.ensemble_kernel import Advance, MemberGroups, advance_lanes, advance_one_by_one, compile_members
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.contact.events import EventError, OneSidedStepper
+from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper
 from mbd_sim.simulation.ensemble.variants import Variants
 from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
 from mbd_sim.simulation.model.builder import partial_system

@@ -15,7 +15,7 @@ from mbd_sim.simulation.model.model import Model
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.python.bound_call import CompiledFunction
-    from mbd_sim.simulation.contact.events import OneSidedStepper
+    from mbd_sim.simulation.contact.stepper import OneSidedStepper
 
 Result = TypeVar("Result")
 
@@ -146,8 +146,8 @@ class KernelMemory:
 def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
     from mbd_sim.dynamics.constraints.start import rheonomic
-    from mbd_sim.simulation.contact.events import OneSidedStepper
-    from mbd_sim.simulation.contact.terms import guard_tolerance
+    from mbd_sim.simulation.contact.one_sided_model import guard_tolerance
+    from mbd_sim.simulation.contact.stepper import OneSidedStepper
 
     assert model.one_sided is not None
 

@@ -19,7 +19,7 @@ from mbd_sim.simulation.model.method_choice import MethodChoice, choose_method, 
 from mbd_sim.simulation.model.prepared import PreparedModel
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.contact.terms import OneSidedModel
+    from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 
 
 MANY_JOINTS = 10  # from which on the derivation takes a second or more
@@ -78,7 +78,7 @@ def one_sided_model(equations: Equations, kernel: Kernel) -> OneSidedModel | Non
     """The one-sided elements of a model, if there are any."""
     if equations.one_sided is None:
         return None
-    from mbd_sim.simulation.contact.terms import OneSidedModel
+    from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 
     return OneSidedModel(equations.one_sided, equations.inputs, kernel, equations.constraints.size)
 
@@ -91,7 +91,7 @@ def partial_system(equations: Equations, method: Method) -> PartialSystem | None
 def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
     one_sided = None
     if equations.one_sided is not None:
-        from mbd_sim.simulation.contact.terms import one_sided_system
+        from mbd_sim.simulation.contact.one_sided_model import one_sided_system
 
         one_sided = one_sided_system(equations, equations.one_sided)
     return compile_kernel(

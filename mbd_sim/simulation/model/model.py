@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from mbd_sim.integrators.between_steps import BetweenSteps
     from mbd_sim.integrators.method import Method
     from mbd_sim.mechanism.elements.contacts import Contact
+    from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
     from mbd_sim.simulation.contact.readings import ContactReadings
-    from mbd_sim.simulation.contact.terms import OneSidedModel
     from mbd_sim.simulation.model.actuator_states import AnyActuatorState
     from mbd_sim.simulation.model.functions import LoadPathReader, MotionReaders, RequestedFunctions
     from mbd_sim.simulation.model.state_records import PartMotion

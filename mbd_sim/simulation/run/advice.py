@@ -71,7 +71,7 @@ def open_share(model: Model, energies: Energies, start_energy: float, step: floa
     :param step: the step size in s.
     """
     changes = energies.total - start_energy, energies.work_applied, energies.work_drives, energies.dissipated
-    from mbd_sim.dynamics.layouts.state_scales import energy_size
+    from mbd_sim.mechanism.natural_units import energy_size
 
     potentials = start_energy, energies.potential, energy_size(model.mechanism, step)
     largest = max(energies.kinetic, *map(abs, changes), *map(abs, potentials))

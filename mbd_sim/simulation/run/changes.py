@@ -18,7 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.layouts.state_scales import natural_units
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
@@ -177,9 +177,9 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     functions = model.equations.one_sided
     assert functions is not None
     readings = model.one_sided.readings(time, y, inputs)
-    contacts, found = functions.contacts, []
-    limit = DEPTH * max(1.0, model.equations.constraints.size / contacts.units.length)
-    gaps = zip(contacts.gaps, readings.gaps.tolist(), contacts.gap_units, strict=True)
+    one_sided, found = functions.equations, []
+    limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
+    gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
     for gap, distance, unit in gaps:
         if gap.clutch or not distance < -limit * unit:
             continue
@@ -284,7 +284,7 @@ def reassembled(model: Model, time: float, y: Array, inputs: Array, new: Array) 
     :raises CommandError: parts would be inside each other or beyond a stop.
     """
     from mbd_sim.dynamics.constraints.assembly import close_nearby, nearest_speeds
-    from mbd_sim.dynamics.layouts.state_scales import coordinate_sizes
+    from mbd_sim.mechanism.natural_units import coordinate_sizes
 
     constraints, where = model.equations.constraints, model.input_layout.values
     sizes, first, last = np.array(coordinate_sizes(model.mechanism, model.mechanism.step)), inputs[where], new[where]

@@ -21,7 +21,6 @@ import numpy as np
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.passing import PassingFunctions
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.math.expressions import function_of, time_functions
 from mbd_sim.files.checks.bare_angles import bare_angle_remarks
@@ -39,6 +38,7 @@ from mbd_sim.mechanism.elements.constraints import (
 )
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression
 from mbd_sim.simulation.contact.complementarity import independent
 from mbd_sim.simulation.model.contact_pairs import endless_remarks
@@ -76,9 +76,9 @@ def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: flo
 
 def _driven_through(model: Model, time: float, y: Array, inputs: Array) -> Iterator[str]:
     """A sentence on gaps that drives have closed, and that no force can open."""
-    if model.one_sided is None or (functions := model.equations.one_sided) is None or not functions.contacts.driven:
+    if model.one_sided is None or (functions := model.equations.one_sided) is None or not functions.equations.driven:
         return
-    found = zip(functions.contacts.driven, evaluated(functions.driven, time, y, inputs).ravel(), strict=True)
+    found = zip(functions.equations.driven, evaluated(functions.driven, time, y, inputs).ravel(), strict=True)
     least = STILL * natural_units(model.mechanism, model.equations.step).length
     if names := [f"'{name}'" for name, gap in found if gap < -least]:
         yield (

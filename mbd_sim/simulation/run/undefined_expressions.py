@@ -1,4 +1,7 @@
-"""The expressions of a mechanism that have no finite value near a state: the cause of many steps that fail."""
+"""The expressions of a mechanism that have no finite value near a state: the cause of many steps that fail.
+
+A module of its own, as it needs CasADi: it is imported after a step has failed, and never by the start of a node.
+"""
 
 from __future__ import annotations
 

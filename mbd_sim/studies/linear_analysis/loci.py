@@ -27,8 +27,8 @@ from mbd_sim.analysis.linear.linearization import size_of_zeros
 from mbd_sim.base.errors import CommandError, DivergedError, InputError, MbdSimError, MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.simulation.run.changes import require_outside
 from mbd_sim.simulation.run.simulation import BaseSimulation
 

@@ -19,12 +19,12 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import rotation_vector
 from mbd_sim.dynamics.constraints.start import rheonomic
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.mechanism.contents import has_actuator_states
 from mbd_sim.mechanism.elements.actuators import Base
 from mbd_sim.mechanism.elements.joint_types import STATES, CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint, Part
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.simulation.contact.complementarity import independent
 from mbd_sim.simulation.contact.readings import compliant_names
 from mbd_sim.simulation.run.simulation import BaseSimulation

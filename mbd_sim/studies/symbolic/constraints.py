@@ -15,7 +15,7 @@ from mbd_sim.studies.symbolic.algebra.names import escaped
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.constraints.rows import ConstraintRow
-    from mbd_sim.dynamics.contact.equations import OneSidedEquations
+    from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
     from mbd_sim.dynamics.equations import Equations
 
 
@@ -120,7 +120,7 @@ def contact_function(derived: Equations) -> ca.Function:
     """(t, q, u, efforts) -> gaps (gaps,), G (rows, nv), b (rows,), e (gaps,), and friction's sizes (frictions, 2)."""
     assert derived.one_sided is not None
     contact, layout = derived.one_sided, derived.layout
-    gaps, rows = contact.contacts.layout.gaps, contact.contacts.layout.rows
+    gaps, rows = contact.equations.layout.gaps, contact.equations.layout.rows
     t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
     y = ca.vertcat(q, u, ca.SX.zeros(derived.start_state.size - layout.nq - layout.nv))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -12,12 +12,14 @@ from mbd_sim.base.errors import MbdSimError, listed
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import short_repr
+from mbd_sim.dynamics.constraints.start import given_start
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
-from mbd_sim.mechanism.contents import has_one_sided, require_no_commanded_drives
+from mbd_sim.mechanism.contents import expressions_of_forces, has_one_sided, require_no_commanded_drives
 from mbd_sim.mechanism.elements.contacts import Cam
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
+from mbd_sim.mechanism.values.laws import Linear
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
 from mbd_sim.studies.symbolic.algebra.polynomial import MAX_INSTRUCTIONS, too_large
 from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol, SymbolicValues, as_in_textbooks, symbolic_values
@@ -46,6 +48,9 @@ MAX_SPEEDS = 6
 class SymbolicEquations:
     """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
 
+    Lengths of springs on a line are |x|, right on both sides of zero. `sides` are these x with the sign that is
+    positive at the start.
+
     `names` has the LaTeX of each symbol. `constraints` are the independent rows of G, each with its λ; `left_out` names
     the redundant rows. One-sided elements are the `contacts`, which also have rows of G and multipliers. All numbers
     are in SI units. The `forces` contain the symbols of the efforts of `actuators`. `energies` are None if they are too
@@ -67,6 +72,7 @@ class SymbolicEquations:
     parameters: tuple[ParameterSymbol, ...] = ()
     built_in: Mapping[str, str] = field(default_factory=dict)
     sensors: tuple[SymbolicSensor, ...] = ()
+    sides: tuple[Any, ...] = ()
 
     __repr__ = short_repr
 
@@ -177,6 +183,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     (mass, inertial, forces), *rows = (simplified(mechanism, algebra, function, inputs) for function in functions)
     energies = energies_if_short(mechanism, algebra, traced.energies, [*inputs[:3], *inputs[4:]])
     derived = traced.derived
+    one_sided = None if derived is None else derived.one_sided
     actuators = symbolic_actuators(traced.actuators, algebra, inputs, names) if traced.actuators else ()
     equations = SymbolicEquations(
         mechanism=mechanism.name,
@@ -188,16 +195,61 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
         left_out=_left_out(derived) if derived else (),
-        contacts=symbolic_contacts(derived.one_sided.contacts, rows[1], names) if derived and derived.one_sided else (),
+        contacts=symbolic_contacts(one_sided.equations, rows[1], names) if one_sided else (),
         energies=energies,
         actuators=actuators,
         parameters=() if values is None else values.symbols,
         built_in={} if values is None else values.built_in,
     )
+    equations = replace(equations, sides=_sides(mechanism, equations))
     if traced.sensors is None:
         return equations
     further = equations.u_rates, equations.multipliers
     return replace(equations, sensors=symbolic_sensors(traced.sensors, algebra, inputs, actuators, further))
+
+
+def on_side(equations: SymbolicEquations) -> SymbolicEquations:
+    """The equations without |x| and sign x of lengths: as they are where all `sides` are positive."""
+    import sympy as sp
+
+    if not equations.sides:
+        return equations
+    pairs = [(one, side) for side in equations.sides for one in (side, -side)]
+    values = {sp.Abs(one): side for one, side in pairs} | {sp.sign(side): sp.Integer(1) for side in equations.sides}
+    values |= {sp.sign(-side): sp.Integer(-1) for side in equations.sides}
+
+    def replaced(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(replaced, value))
+        if is_dataclass(value) and not isinstance(value, type):
+            return replace(value, **{one.name: replaced(getattr(value, one.name)) for one in fields(value)})
+        return sp.expand(value.xreplace(values)) if isinstance(value, sp.Basic) and value.has(*values) else value
+
+    changed = {one.name: replaced(getattr(equations, one.name)) for one in fields(equations) if one.name != "sides"}
+    return replace(equations, **changed)
+
+
+def _sides(mechanism: Mechanism, equations: SymbolicEquations) -> tuple[Any, ...]:
+    """The lengths of springs on lines in the equations, with their signs at the start.
+
+    None if laws and forces of the file may have absolute values of their own, which mean both sides.
+    """
+    import sympy as sp
+
+    laws = [*(one.law for one in mechanism.springs), *(joint.spring for joint in mechanism.joints.values())]
+    if any(not isinstance(law, Linear | None) for law in laws) or any(True for _ in expressions_of_forces(mechanism)):
+        return ()
+    numbers = {one.symbol: one.value for one in equations.parameters}
+    q = given_start(mechanism, coordinate_layout(mechanism))[0]
+    numbers |= dict(zip(equations.q, q.tolist(), strict=False))
+    written = sp.Tuple(*equations.forces, *([] if equations.energies is None else [equations.energies.potential]))
+    found: dict[Any, None] = {}
+    for size in sorted(written.atoms(sp.Abs, sp.sign), key=str):
+        (x,) = size.args
+        value = x.subs(numbers)
+        if value.is_number and value != 0 and x.free_symbols & {*equations.q}:
+            found[x if value > 0 else sp.expand(-x)] = None
+    return tuple(found)
 
 
 def _with_actuators(force: Any, row: int, actuators: Sequence[SymbolicActuator]) -> Any:

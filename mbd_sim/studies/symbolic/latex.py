@@ -13,7 +13,7 @@ from mbd_sim.base.errors import quoted
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
 from mbd_sim.studies.symbolic.algebra.names import escaped, shortest_numbers, write
 from mbd_sim.studies.symbolic.constraints import SymbolicConstraint
-from mbd_sim.studies.symbolic.equations import SymbolicEquations
+from mbd_sim.studies.symbolic.equations import SymbolicEquations, on_side
 from mbd_sim.studies.symbolic.latex_elements import (
     actuator_lines,
     contact_lines,
@@ -171,12 +171,14 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
     linear: list[str] = []
     if linearization is not None:
         linear = linearization_lines(linearization, equations)
+    equations = on_side(equations)
     lines = [
         rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath,amssymb}}.",
         *_energy_lines(equations),
         r"\begin{align*}",
         *_aligned(motion_rows(equations)),
         r"\end{align*}",
+        *_side_lines(equations),
         *actuator_lines(equations.actuators, equations.names),
         *_constraint_lines(equations),
         *contact_lines(
@@ -199,6 +201,15 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
         r"Numbers are in SI units; those that are no short fractions or decimals are rounded to six digits.",
     ]
     return "\n".join(lines)
+
+
+def _side_lines(equations: SymbolicEquations) -> list[str]:
+    """Where the equations hold, if lengths of springs in them pass through zero."""
+    if not equations.sides:
+        return []
+    rows = [([write(side, equations.names)], ["0"]) for side in equations.sides]
+    aligned = [line.replace("&=", "&>") for line in _aligned(rows)]
+    return ["as long as no spring passes through zero length:", r"\begin{align*}", *aligned, r"\end{align*}"]
 
 
 def energy_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:

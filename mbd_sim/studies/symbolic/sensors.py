@@ -22,7 +22,6 @@ from mbd_sim.dynamics.kinematics.state_variables import StateVariables
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
 from mbd_sim.dynamics.lagrange import MassMoments, spatial_inertia, with_springs
-from mbd_sim.dynamics.layouts.state_scales import natural_units
 from mbd_sim.dynamics.measurements import exact_values, measured_values
 from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs, transmitted_wrenches
 from mbd_sim.dynamics.terms import link_accelerations, weight
@@ -38,6 +37,7 @@ from mbd_sim.mechanism.elements.sensors import (
     RangeFinder,
 )
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, state_and_inputs
 from mbd_sim.studies.symbolic.algebra.samples import SymbolicValues
 from mbd_sim.studies.symbolic.constraints import row_order
@@ -212,7 +212,7 @@ def _rows(traced: TracedMechanism, derived: Equations | None) -> ConstraintEquat
     rows = derived.measurements.constraints.select(derived.start.independent)
     if derived.one_sided is None:
         return rows
-    contacts = derived.one_sided.contacts
+    contacts = derived.one_sided.equations
     return joined(rows, contacts.equations.select(row_order(contacts)))
 
 

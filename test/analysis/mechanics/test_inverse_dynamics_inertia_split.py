@@ -1,4 +1,4 @@
-"""The split of the inertia forces against closed forms, against drives that stand still, and against its power."""
+"""The split of the inertia forces against Lagrange's equations, against drives that stand still, and against its power."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.studies.report.mechanism_report import report
 from mbd_sim.studies.report.text import report_text
 from test.generators.mechanisms import KINDS, random_state, random_trees
-from test.oracles import kane
 
 T = 0.7
 
@@ -34,47 +33,6 @@ def states(mechanism, number=20):
 
 def near(expected):
     return pytest.approx(np.asarray(expected, dtype=float), rel=1e-13, abs=1e-13)
-
-
-def test_mass_in_a_rotating_frame():
-    """Géradin & Rixen, p. 31-33: m x'' - 2 m Ω y' - m Ω² x and m y'' + 2 m Ω x' - m Ω² y."""
-    mechanism = load_mechanism("rotating_frame_mass")
-    p, split = mechanism.parameters, inertia_split(derive(mechanism))
-    m, spin = p["m"], p["omega"]
-    for t, q, u, u_rates in states(mechanism):
-        assert split.gyroscopic_matrix(t, q) == near([[0.0, -2.0 * m * spin], [2.0 * m * spin, 0.0]])
-        found = split.at(t, q, u, u_rates)
-        assert found.relative == near(m * u_rates)
-        assert found.transport == near(-m * spin**2 * q)  # which softens the springs
-        assert found.gyroscopic == near([-2.0 * m * spin * u[1], 2.0 * m * spin * u[0]])
-        assert found.unsteady == near([0.0, 0.0])
-
-
-def test_pendulum_on_a_moving_support():
-    """Lidström, p. 48-53: of the support's acceleration a there is m l a cos φ/2, and T1 makes no force on the rod."""
-    mechanism = load_mechanism("moving_support_pendulum")
-    p, split = mechanism.parameters, inertia_split(derive(mechanism))
-    m, length, w = p["m"], p["l"], p["frequency"]
-    for t, q, u, u_rates in states(mechanism):
-        v, a = p["amplitude"] * w * np.cos(w * t), -p["amplitude"] * w**2 * np.sin(w * t)
-        found = split.at(t, q, u, u_rates)
-        assert found.relative == near(m * length**2 / 3.0 * u_rates)
-        assert found.transport == near(0.5 * m * length * a * np.cos(q))
-        assert found.complementary == near([0.0])
-        parts = [m * length**2 * u[0] ** 2 / 6.0, 0.5 * m * length * v * np.cos(q[0]) * u[0], 0.5 * m * v**2]
-        assert split.kinetic_parts(t, q, u) == near(parts)
-
-
-def test_particle_in_a_spun_tube():
-    """Huston & Liu, sec. 8.5: m r² θ'' - m r² Ω² sin θ cos θ; the Coriolis force is across the tube."""
-    mechanism = load_mechanism("spun_tube_particle")
-    p, split = mechanism.parameters, inertia_split(derive(mechanism))
-    inertia = p["m"] * p["r"] ** 2
-    for t, q, u, u_rates in states(mechanism):
-        found = split.at(t, q, u, u_rates)
-        assert found.relative == near(inertia * u_rates)
-        assert found.transport == near(-inertia * p["omega"] ** 2 * np.sin(q) * np.cos(q))
-        assert found.complementary == near([0.0])
 
 
 ARM = """
@@ -99,42 +57,6 @@ def test_a_drive_that_changes_the_inertia_makes_a_coriolis_force_that_works():
         assert found.relative == near((0.2 + 0.5 * x**2) * u_rates)
         assert found.unsteady == near(2.0 * 0.5 * x * v * u)
         assert [*found.transport, *found.gyroscopic] == near([0.0, 0.0])
-
-
-TOP_IN_A_CAR = """
-mechanism: top_in_a_car
-gravity: [0, 0, 0]
-parts:
-  car: {mass: 0}
-  top: {mass: 2, center: [0, 0, 0.3], inertia: [0.1, 0.2, 0.25]}
-joints:
-  bend: {type: revolute, between: [ground, car], axis: [0, 0, 1], drive: 4*t}
-  ball: {type: spherical, between: [car, top]}
-"""
-
-
-def test_a_body_on_a_ball_joint_in_a_turning_frame():
-    """In body axes, with Ω and ω of the frame and of the body in it: J is about the joint.
-
-    J ω' + ω × J ω is relative, Ω × J Ω transport, and the rest J (Ω × ω) + Ω × J ω + ω × J Ω is gyroscopic:
-    G is the matrix of 2 S Ω ×, with S = ½ tr(J) 1 - J the second moments.
-    """
-    mechanism = parse_mechanism(TOP_IN_A_CAR)
-    split = inertia_split(derive(mechanism))
-    tensor = np.diag([0.1, 0.2, 0.25]) + 2.0 * 0.3**2 * np.diag([1.0, 1.0, 0.0])
-    second = 0.5 * np.trace(tensor) * np.eye(3) - tensor
-    for t, q, u, u_rates in states(mechanism):
-        w, v = q[0], q[1:]
-        cross = kane.skew(v)
-        turn = np.eye(3) + 2.0 * (w * cross + cross @ cross)
-        spin = turn.T @ [0.0, 0.0, 4.0]
-        found = split.at(t, q, u, u_rates)
-        assert found.relative == near(tensor @ u_rates + np.cross(u, tensor @ u))
-        assert found.transport == near(np.cross(spin, tensor @ spin))
-        rest = tensor @ np.cross(spin, u) + np.cross(spin, tensor @ u) + np.cross(u, tensor @ spin)
-        assert found.gyroscopic == near(rest)
-        assert split.gyroscopic_matrix(t, q) == near(kane.skew(2.0 * second @ spin))
-        assert found.unsteady == near(np.zeros(3))
 
 
 def standing_still(mechanism, t):

@@ -17,29 +17,18 @@ SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU
 LARGE = {"width": 900, "height": 440}
 
 
-class BrowserPage:
-    """`requests` are the addresses that the page asked for, `errors` what its console reported."""
+class AnyPage:
+    """A page at an address; `requests` are the addresses that it asked for, `errors` what its console reported."""
 
-    def __init__(self, chromium, lab, size=SIZE):
-        self.page, self.lab, self.requests, self.errors = chromium.new_page(viewport=size), lab, [], []
+    def __init__(self, chromium, url, size=SIZE):
+        self.page, self.requests, self.errors = chromium.new_page(viewport=size), [], []
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.route(lambda url: not url.startswith((lab.url, "blob:", "data:")), lambda route: route.abort())
-        known = set(lab.page.server.get_clients())
-        self.page.goto(lab.url)
+        self.page.route(lambda asked: not asked.startswith((url, "blob:", "data:")), lambda route: route.abort())
+        self.page.goto(url)
         self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name="Play").wait_for()
-        wait_until(lambda: set(lab.page.server.get_clients()) - known, "the connection")
-        (self.client,) = set(lab.page.server.get_clients()) - known
-
-    def close(self):
-        self.page.close()
-        wait_until(lambda: self.client not in self.lab.page.server.get_clients(), "the page to be closed")
-
-    @property
-    def frame(self):
-        return self.lab.session.frame
 
     # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few.
 
@@ -61,12 +50,34 @@ class BrowserPage:
         self.page.get_by_label(label, exact=True).first.press("ArrowDown")
         self.page.get_by_role("option", name=option, exact=True).dispatch_event("click")
 
+    def field(self, label):
+        """The field beside a slider."""
+        row = self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..")
+        return row.locator("input:not([type=hidden])").last
+
     def type(self, label, text):
         """Type a number beside a slider."""
-        row = self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..")
-        field = row.locator("input:not([type=hidden])").last
+        field = self.field(label)
         field.fill(text)
         field.press("Enter")
+
+
+class BrowserPage(AnyPage):
+    """A page of a lab in this process."""
+
+    def __init__(self, chromium, lab, size=SIZE):
+        self.lab, known = lab, set(lab.page.server.get_clients())
+        super().__init__(chromium, lab.url, size)
+        wait_until(lambda: set(lab.page.server.get_clients()) - known, "the connection")
+        (self.client,) = set(lab.page.server.get_clients()) - known
+
+    def close(self):
+        self.page.close()
+        wait_until(lambda: self.client not in self.lab.page.server.get_clients(), "the page to be closed")
+
+    @property
+    def frame(self):
+        return self.lab.session.frame
 
     def camera(self):
         return self.lab.page.server.get_clients()[self.client].camera

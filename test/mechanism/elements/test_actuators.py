@@ -140,19 +140,6 @@ def test_a_base_on_driven_wheels_moves_along_an_arc():
         assert simulation.q[:3] == pytest.approx(expected, abs=1e-11)
 
 
-def test_the_rover_drives_in_a_circle():
-    simulation = Simulation.from_file("rover")
-    simulation.set_commands(simulation.mechanism.bases[0].commands(Velocity(0.5, 0.0, 0.8)).takers)
-    simulation.run(until=4.0)
-    x, y, angle = simulation.q[:3]
-    center = np.array([x - 0.625 * math.sin(angle), y + 0.625 * math.cos(angle)])
-    simulation.run(until=8.0)
-    assert simulation.u[2] == pytest.approx(0.8, abs=1e-9)
-    x, y, angle = simulation.q[:3]
-    assert [x - 0.625 * math.sin(angle), y + 0.625 * math.cos(angle)] == pytest.approx(center, abs=1e-6)
-    assert abs(simulation.energies.residual) < 1e-12 * simulation.energies.work_applied + 1e-13
-
-
 @pytest.mark.parametrize(
     ("keys", "problem"),
     [

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import MechanismError, Simulation
-from mbd_sim.simulation.contact import events, search
+from mbd_sim.simulation.contact import search, stepper
 from mbd_sim.simulation.contact.problem import NoSolutionError
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.
@@ -341,9 +341,9 @@ def test_an_impact_without_a_solution_names_its_contacts(monkeypatch):
     def no_impulses(*_):
         raise NoSolutionError("none")
 
-    monkeypatch.setattr(events, "impact", no_impulses)
+    monkeypatch.setattr(stepper, "impact", no_impulses)
     expected = r"at 0\.45\d+ s no impulses satisfy the laws of impact and friction \(floor\)\. Reduce the friction"
-    with pytest.raises(events.EventError, match=expected):
+    with pytest.raises(stepper.EventError, match=expected):
         Simulation.from_file("bounce").run(until=1.0)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.simulation.contact import events
+from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.records import ContactChange
 from mbd_sim.simulation.contact.search import first_zero
 from test.generators.contact_mechanisms import contact_mechanism
@@ -111,7 +111,7 @@ def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch, constant, boun
     """The rest of that step may end inside an obstacle or with a wrong direction of friction; the next one corrects it."""
     text = contact_mechanism(seed, "box", 0.8, 0.3)
     dissipated = _dissipated(text)
-    monkeypatch.setattr(events, constant, bound)
+    monkeypatch.setattr(stepper, constant, bound)
     simulation = Simulation.from_text(text)
     simulation.run(until=2.0)
     told = [event.text for event in simulation.contact_events if event.change is ContactChange.BOUND]

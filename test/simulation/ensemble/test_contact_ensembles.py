@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import CommandError, DivergedError, Ensemble, Simulation
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.simulation.contact.events import EventError
+from mbd_sim.simulation.contact.stepper import EventError
 
 NAMES = [
     "backlash",

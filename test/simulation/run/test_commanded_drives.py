@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from mbd_sim import Ensemble, Simulation, parse_mechanism
+from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.analysis.mechanics.inverse_dynamics import inertia_split
 from mbd_sim.base.errors import CommandError, MechanismError
 from mbd_sim.dynamics.equations import derive
@@ -224,18 +224,6 @@ def test_snapshots_and_states_continue_bit_for_bit_and_resets_begin_anew():
     assert simulation.state.tobytes() == start.tobytes()
     simulation.step(100)  # without a command it is held
     assert [drive.position for drive in simulation.drives().values()] == [r for r, _, _ in STATES.values()]
-
-
-def test_members_of_an_ensemble_move_as_simulations():
-    mechanism = parse_mechanism(ARM.format(drive="{command: position, bandwidth: 20, position: 0.1}"))
-    ensemble = Ensemble(mechanism, 2)
-    ensemble.set_commands([{"base": 0.5}, {"base": -0.5}])
-    ensemble.step(100)
-    for member, command in enumerate((0.5, -0.5)):
-        simulation = Simulation(mechanism)
-        simulation.set_commands({"base": command})
-        simulation.step(100)
-        assert ensemble.q[member] == pytest.approx(simulation.q, abs=1e-14)
 
 
 def test_commands_that_a_drive_does_not_take_are_refused():

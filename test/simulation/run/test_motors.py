@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from mbd_sim import Simulation, parse_mechanism
-from mbd_sim.analysis.mechanics.inverse_dynamics import InverseDynamics
+from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
-from mbd_sim.dynamics.lagrange import lagrange_equations
 
 INERTIA, ROTOR, GEAR = 0.01, 2e-5, 10.0
 CONSTANT, RESISTANCE, INDUCTANCE = 0.05, 1.2, 2e-3
@@ -39,10 +37,6 @@ parts:
 joints:
   hip: {type: revolute, between: [ground, upper], axis: [0, -1, 0], position: 0.4}
   knee: {type: revolute, between: [upper.end, lower], axis: [0.2, -1, 0], position: 0.7}
-"""
-ROTORS = """actuators:
-  one: {type: effort, joint: hip, gear_ratio: 50, rotor_inertia: 1e-5}
-  two: {type: dc_motor, joint: knee, torque_constant: 0.1, resistance: 2, gear_ratio: 20, rotor_inertia: 2e-5}
 """
 
 
@@ -104,24 +98,6 @@ def test_the_inertia_of_a_rotor_is_that_of_a_body_that_turns_with_the_joint():
         simulation.run(until=0.2)
     assert with_rotor.u == pytest.approx(as_body.u, rel=1e-13)
     assert with_rotor.energies.kinetic == pytest.approx(as_body.energies.kinetic, rel=1e-13)
-
-
-def test_rotors_add_to_the_diagonal_of_the_mass_matrix():
-    q, u, efforts = np.array([0.4, 0.7]), np.array([1.5, -2.0]), np.array([0.3, -0.2])
-    plain, actuated = (lagrange_equations(parse_mechanism(text)) for text in (DOUBLE, DOUBLE + ROTORS))
-    added = np.array(actuated.terms(0.0, q, u, efforts)[0]) - np.array(plain.terms(0.0, q, u, efforts)[0])
-    assert added == pytest.approx(np.diag([50.0**2 * 1e-5, 20.0**2 * 2e-5]), abs=1e-14)
-    simulation = Simulation.from_text(DOUBLE + ROTORS)
-    simulation.reset(q=q, u=u)
-    simulation.set_efforts(efforts)
-    back_emf = 20.0 * 0.1 * u[1]
-    motor = np.array([0.0, -20.0 * 0.1 * back_emf / 2.0])
-    expected = actuated.accelerations(q, u, efforts + motor)
-    rates = simulation.model.equations.rates(0.0, simulation.y, simulation.inputs)
-    found = np.array(rates[0] if isinstance(rates, tuple) else rates).ravel()[2:4]
-    assert found == pytest.approx(expected, rel=1e-12)
-    inverse = InverseDynamics(simulation.mechanism)
-    assert inverse(q, u, expected) == pytest.approx(efforts + motor, rel=1e-11)
 
 
 def test_the_drive_limits_the_current_and_then_the_voltage():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from mbd_sim import Ensemble, Simulation, parse_mechanism
+from mbd_sim import Simulation
 from mbd_sim.base.errors import MechanismError
 
 STEP, INERTIA = 1e-3, 0.02
@@ -142,18 +142,6 @@ def test_steps_in_any_division_and_runs_from_a_snapshot_have_the_same_bits():
     third.restore(first.state, steps=333, inputs=first.inputs, start_energy=first.start_energy)
     third.step(667)
     assert np.array_equal(third.state, whole)
-
-
-@pytest.mark.parametrize("method", ["rk4", "gauss6"])
-def test_members_of_an_ensemble_have_the_bits_of_simulations_with_the_same_inputs(method):
-    gains = [{"actuators.drive.servo.kp": gain} for gain in (20.0, 40.0, 60.0)]
-    ensemble = Ensemble(parse_mechanism(SHAFT + DC), gains, method=method)
-    ensemble.set_commands([{"drive": 1.0}] * 3)
-    ensemble.step(300)
-    for member, gain in enumerate(gains):
-        single = Simulation.from_text(SHAFT + DC, method=method, live=["actuators.drive.servo.kp"])
-        single.set_live({"actuators.drive.servo.kp": gain["actuators.drive.servo.kp"]})
-        assert np.array_equal(trajectory(single, [300]), ensemble.state[member])
 
 
 def test_a_servo_with_a_stop_and_events_is_sampled_once_in_each_step():

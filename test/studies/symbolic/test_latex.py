@@ -9,10 +9,11 @@ import pytest
 import sympy as sp
 
 from mbd_sim.cli.main import main
-from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.studies.symbolic import to_latex
 from mbd_sim.studies.symbolic.algebra.names import exact_number, number, shortest_numbers, write
-from mbd_sim.studies.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows
+from mbd_sim.studies.symbolic.equations import symbolic_equations
+from mbd_sim.studies.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows, screen_latex
 from mbd_sim.studies.symbolic.latex_elements import sensor_rows
 from test.generators.mechanisms import KINDS
 from test.studies.symbolic.test_equations import equations_of, small
@@ -143,13 +144,13 @@ def test_numbers_are_shortest_also_in_products():
 
 
 def test_a_force_along_a_line_has_no_signs_beside_distances(capsys):
-    """|x| sign x is x: k (|x| - l) sign x is k x - k l sign x."""
+    """k (|x| - l) sign x is k (x - l) on the side of the start, and the condition says so."""
     assert main(["check", "cart_massive_spring", "--latex", "--numbers", "--no-linearization"]) == 0
     text = capsys.readouterr().out
     rail = r"\tfrac{3}{2} + q_{\mathrm{rail}}"
-    force = rf"30\, \operatorname{{sign}}\left({rail}\right) - 30 - 20\, q_{{\mathrm{{rail}}}}"
-    assert force in text and rf"- 30\, \left|{rail}\right|" in text
-    assert not re.search(r"\\right\|\s*\\operatorname\{sign\}", text)
+    assert r"&= \tau_{\mathrm{rail}} - 20\, q_{\mathrm{rail}}" in text
+    assert f"{rail} &> 0" in text
+    assert "sign" not in text and "left|" not in text
 
 
 def test_equations_are_printed_without_their_linearization(capsys):
@@ -202,3 +203,43 @@ def test_sympy_is_loaded_only_to_derive():
 def test_a_mechanism_in_place_of_its_equations_is_refused():
     with pytest.raises(TypeError, match=r"is not SymbolicEquations\. Give symbolic_equations\(mechanism\)\."):
         to_latex(load_mechanism("rod_pendulum"))
+
+
+LINE = """
+mechanism: line
+parameters: {{k: 10, m: 2}}
+ground: {{points: {{w: [{wall}, 0, 0]}}}}
+parts: {{a: {{mass: m}}}}
+joints: {{q: {{type: prismatic, between: [ground, a], axis: [1, 0, 0], position: 0.5}}}}
+forces: {{s: {{type: spring, between: [ground.w, a], stiffness: k, length: 2.5}}}}
+"""
+
+
+@pytest.mark.parametrize(("wall", "condition", "force"), [(-3, "3 + q", -10.0), (4, "4 - q", 10.0)])
+def test_the_length_of_a_spring_on_a_line_is_printed_for_the_side_of_the_start(wall, condition, force):
+    r"""It was \left|3 + q\right| and its sign; as SymPy it stays right on both sides."""
+    equations = symbolic_equations(parse_mechanism(LINE.format(wall=wall)), None)
+    text = to_latex(equations)
+    assert "left|" not in text
+    assert "sign" not in text
+    assert f"{condition}_{{\\mathrm{{q}}}} &> 0" in text
+    assert "> 0" in screen_latex(equations)
+    (q,), (side,) = equations.q, equations.sides
+    numbers = {one.symbol: one.value for one in equations.parameters} | {equations.efforts[0]: 0}
+    found = [
+        float(equations.forces[0].subs(numbers | {q: at}))
+        for at in (0.5, 0.5 - 2 * side.subs(numbers | {q: 0.5}) / side.diff(q))
+    ]
+    assert found[0] == pytest.approx(force)
+    assert found[1] == pytest.approx(-force)  # as far beyond the wall: the spring is as long
+
+
+def test_absolute_values_of_the_file_stay():
+    text = LINE.format(wall=-3) + "  f: {type: effort, coordinate: q, effort: -abs(q + 1)}\n"
+    text = text.replace(
+        "forces: {s: {type: spring, between: [ground.w, a], stiffness: k, length: 2.5}}",
+        "forces:\n  s: {type: spring, between: [ground.w, a], stiffness: k, length: 2.5}",
+    )
+    equations = symbolic_equations(parse_mechanism(text), None)
+    assert not equations.sides
+    assert "left|1 + q" in to_latex(equations)

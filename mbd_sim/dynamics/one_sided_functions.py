@@ -22,9 +22,9 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
 )
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, joined
-from mbd_sim.dynamics.contact.equations import OneSidedEquations
-from mbd_sim.dynamics.contact.readings import gap_values, one_sided_readings
-from mbd_sim.dynamics.contact.rows import JointLoad, transmitted_force
+from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
+from mbd_sim.dynamics.contact.one_sided_readings import gap_values, one_sided_readings
+from mbd_sim.dynamics.contact.one_sided_rows import JointLoad, transmitted_force
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import separated
@@ -49,7 +49,7 @@ class SolvedPair:
 
 @dataclass(frozen=True, eq=False)
 class OneSidedFunctions:
-    """The functions of a mechanism with `contacts`.
+    """The functions of a mechanism with one-sided rows; `equations` are those of the rows.
 
     - `rates`: y' as in `Equations.rates`, with the active rows.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
@@ -63,12 +63,12 @@ class OneSidedFunctions:
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
-    - `driven(t, y, inputs)`: the positions of the gaps `contacts.driven`.
+    - `driven(t, y, inputs)`: the positions of the gaps `equations.driven`.
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
       inputs.
     """
 
-    contacts: OneSidedEquations
+    equations: OneSidedEquations
     rates: SolvedPair
     project: SolvedPair
     readings: ca.Function
@@ -95,19 +95,19 @@ class OneSidedDynamics:
         constraints: ConstraintEquations,
         solver: ConstraintSolver | None,
         forces: AppliedForces,
-        contacts: OneSidedEquations,
+        one_sided: OneSidedEquations,
         size: float,
     ) -> None:
         self._traced, self._mass_matrix, self._solver, self._size = (
             traced,
             mass_matrix,
             solver,
-            max(contacts.units.length, size),
+            max(one_sided.units.length, size),
         )
         mechanism = traced.numeric
-        self._weight = max(contacts.units.force, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
-        self._constraints, self._forces, self.contacts = constraints, forces, contacts
-        rows = contacts.equations
+        self._weight = max(one_sided.units.force, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
+        self._constraints, self._forces, self.one_sided = constraints, forces, one_sided
+        rows = one_sided.equations
         self._net_forces = mass_matrix.net_joint_forces(rows.gradient.T)
         self._matrix = mass_matrix.product(self._net_forces, self._net_forces)
         self._reaction = ca.SX(0, rows.gradient.shape[0])
@@ -130,7 +130,7 @@ class OneSidedDynamics:
     def _free(self) -> ca.SX:
         """The rates of change (rows,) of the rows' rates without contact forces."""
         applied, _, multipliers = self._unloaded
-        free = self._mass_matrix.product(self._net_forces, applied) + self.contacts.equations.bias
+        free = self._mass_matrix.product(self._net_forces, applied) + self.one_sided.equations.bias
         if self._solver is not None:
             free += self._solver.coupling(self._net_forces).T @ multipliers
         return ca.densify(free)
@@ -155,7 +155,7 @@ class OneSidedDynamics:
 
     @cached_property
     def _all_rows(self) -> ConstraintEquations:
-        return joined(self._constraints, self.contacts.equations)
+        return joined(self._constraints, self.one_sided.equations)
 
     def _loaded(self, applied: Sequence[ca.SX], forces: ca.SX) -> list[ca.SX]:
         return [ca.sparsify(one + own @ forces) for one, own in zip(applied, self._net_forces, strict=True)]
@@ -173,19 +173,19 @@ class OneSidedDynamics:
     @cached_property
     def loads(self) -> list[JointLoad]:
         """The loads of joints on which their friction depends."""
-        contacts, found = self.contacts, list[JointLoad]()
-        loaded = [element for element in contacts.frictions if element.joint is not None]
+        one_sided, found = self.one_sided, list[JointLoad]()
+        loaded = [element for element in one_sided.frictions if element.joint is not None]
         if not loaded:
             return found
-        forces = ca.SX.sym("forces", contacts.layout.rows)
+        forces = ca.SX.sym("forces", one_sided.layout.rows)
         transmitted = self.motion(forces).transmitted()
-        signs = contacts.numbers[contacts.layout.signs]
+        signs = one_sided.numbers[one_sided.layout.signs]
         for number, element in enumerate(loaded):
             assert element.joint is not None
             across = transmitted_force(self._traced.links, element.joint, transmitted)
             across = across[[index for index in range(across.shape[0]) if across.has_nz(index, 0)], :]
             row = element.rows[0]
-            factor = contacts.stored_direction(element)[0] * element.sliding(contacts.equations.velocity[row])
+            factor = one_sided.stored_direction(element)[0] * element.sliding(one_sided.equations.velocity[row])
             by_force = ca.jacobian(across, forces)
             unloaded = ca.substitute([across], [forces], [ca.SX.zeros(forces.shape[0], 1)])[0]
             found.append(JointLoad(row, ca.densify(unloaded), by_force, factor, signs[number]))
@@ -193,42 +193,42 @@ class OneSidedDynamics:
 
     def functions(self) -> OneSidedFunctions:
         """All functions."""
-        contacts, state = self.contacts, self._traced.state
+        one_sided, state = self.one_sided, self._traced.state
         inputs = [state.t, self._traced.y, self._traced.inputs]
-        solution = ca.SX.sym("solution", contacts.layout.rows)
-        laws = [gap.law.restitution for gap in contacts.gaps]
+        solution = ca.SX.sym("solution", one_sided.layout.rows)
+        laws = [gap.law.restitution for gap in one_sided.gaps]
         sizes = [
-            ca.horzcat(element.sliding(contacts.equations.velocity[element.rows[0]]), element.static)
-            for element in contacts.frictions
+            ca.horzcat(element.sliding(one_sided.equations.velocity[element.rows[0]]), element.static)
+            for element in one_sided.frictions
         ]
-        gaps = contacts.layout.gaps
-        rates = gap_values(contacts, contacts.equations.velocity[:gaps, :])
-        readings = one_sided_readings(contacts, self.loads, self._matrix, self._weight, solution)
+        gaps = one_sided.layout.gaps
+        rates = gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
+        readings = one_sided_readings(one_sided, self.loads, self._matrix, self._weight, solution)
         return OneSidedFunctions(
-            contacts=contacts,
+            equations=one_sided,
             rates=self._rates(solution),
             project=self._project(solution),
             readings=_function("one_sided_readings", [*inputs, solution], readings),
-            open_guards=_function("open_guards", inputs, ca.vertcat(gap_values(contacts), rates)),
+            open_guards=_function("open_guards", inputs, ca.vertcat(gap_values(one_sided), rates)),
             terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
-            places=_function("contact_places", inputs, contacts.places),
-            driven=_function("driven_gaps", inputs, ca.vertcat(ca.SX(0, 1), *contacts.driven.values())),
+            places=_function("contact_places", inputs, one_sided.places),
+            driven=_function("driven_gaps", inputs, ca.vertcat(ca.SX(0, 1), *one_sided.driven.values())),
         )
 
     def _rates(self, solution: ca.SX) -> SolvedPair:
-        contacts, traced = self.contacts, self._traced
-        n = contacts.layout.rows
-        at_zero = contacts.forces(ca.SX(n, 1))
-        with_friction = ca.jacobian(contacts.forces(solution), solution)  # λ is affine in the solution
+        one_sided, traced = self.one_sided, self._traced
+        n = one_sided.layout.rows
+        at_zero = one_sided.forces(ca.SX(n, 1))
+        with_friction = ca.jacobian(one_sided.forces(solution), solution)  # λ is affine in the solution
         matrix = self._matrix @ with_friction
         right = -(self._free + self._matrix @ at_zero)
-        forces = contacts.forces(solution)
+        forces = one_sided.forces(solution)
         motion = self.motion(forces)
         audit = audit_rates(self._all_rows, self._forces, motion)
-        friction = contacts.friction_power(forces)
+        friction = one_sided.friction_power(forces)
         audit[2] += friction
         rates = self._forces.actuator_rates
         y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, rates, ca.SX(1, 1), friction, audit)
@@ -246,14 +246,14 @@ class OneSidedDynamics:
         return self._pair("contact", y_rates, solution, matrix, right, [*extra, *margin])
 
     def _project(self, solution: ca.SX) -> SolvedPair:
-        contacts, traced = self.contacts, self._traced
-        state, n, gaps = traced.state, contacts.layout.rows, contacts.layout.gaps
-        holonomic = ca.SX(ca.DM([0.0 if gap.clutch else 1.0 for gap in contacts.gaps]))
-        depths = holonomic * contacts.equations.position[:gaps, :]
-        least = GAP_ROUND_OFF * self._size / contacts.units.length * ca.DM(contacts.lengths[:gaps])
+        one_sided, traced = self.one_sided, self._traced
+        state, n, gaps = traced.state, one_sided.layout.rows, one_sided.layout.gaps
+        holonomic = ca.SX(ca.DM([0.0 if gap.clutch else 1.0 for gap in one_sided.gaps]))
+        depths = holonomic * one_sided.equations.position[:gaps, :]
+        least = GAP_ROUND_OFF * self._size / one_sided.units.length * ca.DM(one_sided.lengths[:gaps])
         depths = depths * (ca.fabs(depths) > least)  # so that what rests does not move at all
         position = ca.vertcat(-depths, ca.SX(n - gaps, 1))
-        right = ca.horzcat(position, -contacts.equations.velocity)
+        right = ca.horzcat(position, -one_sided.equations.velocity)
         matrix = self._matrix
         for load in self.loads:  # rows that are active while they slide
             slides = load.factor != 0.0

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.dynamics.contact.equations import RELEASED, SLIDING, FrictionElement, OneSidedEquations
-from mbd_sim.dynamics.contact.rows import JointLoad
+from mbd_sim.dynamics.contact.one_sided_equations import RELEASED, SLIDING, FrictionElement, OneSidedEquations
+from mbd_sim.dynamics.contact.one_sided_rows import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
 UNMOVED = 5e-10  # of the natural speed, up to which a closed gap that depends on others does not move: above `RESTING`
@@ -18,17 +18,17 @@ RELOADED = 1e-8  # of the weight: the force at which a closed gap is loaded agai
 UNSLIPPED = 1e-9, 2e-8
 
 
-def gap_values(contacts: OneSidedEquations, positions: ca.SX | None = None) -> ca.SX:
+def gap_values(one_sided: OneSidedEquations, positions: ca.SX | None = None) -> ca.SX:
     """The gaps (gaps,), or other `positions`; for clutches their speeds."""
-    equations, found = contacts.equations, []
-    for index, gap in enumerate(contacts.gaps):
+    equations, found = one_sided.equations, []
+    for index, gap in enumerate(one_sided.gaps):
         clutch = equations.velocity[index]
         found.append(clutch if gap.clutch else (equations.position if positions is None else positions)[index])
     return ca.vertcat(ca.SX(0, 1), *found)
 
 
 def one_sided_readings(
-    contacts: OneSidedEquations, loads: Sequence[JointLoad], matrix: ca.SX, weight: float, solution: ca.SX
+    one_sided: OneSidedEquations, loads: Sequence[JointLoad], matrix: ca.SX, weight: float, solution: ca.SX
 ) -> ca.SX:
     """The gaps, the rates and forces of all rows, the guards, and the rates at which friction can turn slips.
 
@@ -37,52 +37,53 @@ def one_sided_readings(
     :param solution: (rows,) of the active rows; of others what `mbd_sim.compiler.steps.active_rows.emit_solved`
         watches.
     """
-    forces, gaps = contacts.forces(contacts.active * solution), gap_values(contacts)
-    weights = [weight * contacts.units.length / length for length in contacts.lengths]
+    forces, gaps = one_sided.forces(solution), gap_values(one_sided)
+    weights = [weight * one_sided.units.length / length for length in one_sided.lengths]
     guards = [
-        _gap_guard(contacts, index, gaps[index], forces[index] / weights[index], solution[index] / weights[index])
-        for index in range(contacts.layout.gaps)
+        _gap_guard(one_sided, index, gaps[index], forces[index] / weights[index], solution[index] / weights[index])
+        for index in range(one_sided.layout.gaps)
     ]
     sizes = iter([load.size(forces) for load in loads])
-    for element in contacts.frictions:
+    for element in one_sided.frictions:
         load = ca.SX(1) if element.gap is None else forces[element.gap]
         load = load if element.joint is None else next(sizes)
-        guards.append(_friction_guard(contacts, element, forces, load, weights[element.rows[0]]))
+        guards.append(_friction_guard(one_sided, element, forces, load, weights[element.rows[0]]))
     guards += [
         ca.if_else(load.factor, load.sign * (load.unloaded + load.by_force @ forces) / weight, 1.0)
         for load in loads
         if load.components == 1
     ]
-    turning = [_turning(contacts, element, forces, matrix) for element in contacts.frictions if len(element.rows) == 2]
-    return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards, *turning)
+    spatial = [element for element in one_sided.frictions if len(element.rows) == 2]
+    turning = [_turning(one_sided, element, forces, matrix) for element in spatial]
+    return ca.vertcat(gaps, one_sided.equations.velocity, forces, *guards, *turning)
 
 
-def _turning(contacts: OneSidedEquations, element: FrictionElement, forces: ca.SX, matrix: ca.SX) -> ca.SX:
+def _turning(one_sided: OneSidedEquations, element: FrictionElement, forces: ca.SX, matrix: ca.SX) -> ca.SX:
     """The rate in 1/s at which friction along two directions can turn its slip velocity."""
     assert element.gap is not None
-    slip = contacts.equations.velocity[list(element.rows), :]
+    slip = one_sided.equations.velocity[list(element.rows), :]
     speed = ca.sqrt(ca.dot(slip, slip))
     mobility = sum((matrix[row, row] for row in element.rows), ca.SX(0))
-    stored = contacts.stored_direction(element)
-    slides = (ca.dot(stored, stored) > 0.0) * (speed > contacts.slow)
+    stored = one_sided.stored_direction(element)
+    slides = (ca.dot(stored, stored) > 0.0) * (speed > one_sided.slow)
     size = element.sliding(slip) * ca.fabs(forces[element.gap]) * mobility
-    return ca.if_else(slides, size / ca.fmax(speed, contacts.slow), 0.0)
+    return ca.if_else(slides, size / ca.fmax(speed, one_sided.slow), 0.0)
 
 
-def _gap_guard(contacts: OneSidedEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
+def _gap_guard(one_sided: OneSidedEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
     """Open: the gap. Closed: the force, and where that depends on other closed gaps also that it does not move.
 
     A gap that others hold without a force must not get one: it is `unloaded` by so much.
     """
-    speed = ca.fabs(contacts.equations.velocity[index]) / contacts.speeds[index]
-    held, number = 1.0 - speed / UNMOVED, contacts.numbers[contacts.layout.active][index]
+    speed = ca.fabs(one_sided.equations.velocity[index]) / one_sided.speeds[index]
+    held, number = 1.0 - speed / UNMOVED, one_sided.numbers[one_sided.layout.active][index]
     bears = ca.if_else(number < 0.0, ca.fmin(force, 1.0 - speed / PARTED), force)
     closed = ca.if_else(number, bears, ca.fmin(held, unloaded + RELOADED))
-    return ca.if_else(contacts.closed[index], closed, gap / contacts.gap_units[index])
+    return ca.if_else(one_sided.closed[index], closed, gap / one_sided.gap_units[index])
 
 
 def _friction_guard(
-    contacts: OneSidedEquations, element: FrictionElement, forces: ca.SX, load: ca.SX, weight: float
+    one_sided: OneSidedEquations, element: FrictionElement, forces: ca.SX, load: ca.SX, weight: float
 ) -> ca.SX:
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
@@ -91,26 +92,26 @@ def _friction_guard(
     degrees.
     """
     rows = list(element.rows)
-    stored = contacts.stored_direction(element)
+    stored = one_sided.stored_direction(element)
     own = forces[rows]
     size = ca.fabs(own[0]) if len(rows) == 1 else ca.sqrt(ca.dot(own, own))
     reserve = (element.static * load - size) / weight
-    sticks = ca.sum1(contacts.active[rows]) > 0.0
+    sticks = ca.sum1(one_sided.active[rows]) > 0.0
     slides = ca.dot(stored, stored) > SLIDING
-    slip = contacts.equations.velocity[rows, :] / contacts.speeds[rows[0]]
+    slip = one_sided.equations.velocity[rows, :] / one_sided.speeds[rows[0]]
     speed = ca.dot(stored, slip)
     if len(rows) == 2:
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
     slips = ca.sqrt(ca.dot(slip, slip))
-    held, numbers = 1.0 - slips / UNSLIPPED[len(rows) - 1], contacts.numbers[contacts.layout.active][rows]
+    held, numbers = 1.0 - slips / UNSLIPPED[len(rows) - 1], one_sided.numbers[one_sided.layout.active][rows]
     reserve = ca.if_else(ca.fmin(numbers[0], numbers[-1]) < 0.0, ca.fmin(reserve, 1.0 - slips / PARTED), reserve)
     if len(rows) == 2:  # one of them may depend on others
-        reserve = ca.if_else((ca.sum1(contacts.active[rows]) < 2.0) * (held < 0.0), held, reserve)
+        reserve = ca.if_else((ca.sum1(one_sided.active[rows]) < 2.0) * (held < 0.0), held, reserve)
     if element.joint is not None:
         held = ca.if_else(element.static > 0.0, held, 1.0)
         return ca.if_else(slides, speed, ca.if_else(sticks, reserve, held))
     if element.gap is not None:
-        held = ca.if_else(contacts.closed[element.gap] * (element.static > 0.0), held, 1.0)
+        held = ca.if_else(one_sided.closed[element.gap] * (element.static > 0.0), held, 1.0)
     elif not element.static.is_constant():
         held = ca.if_else((stored[0] == RELEASED) * (element.static > 0.0), -element.static / weight, held)
     return ca.if_else(sticks, reserve, ca.if_else(slides, speed, held))

@@ -13,9 +13,9 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.contact.equations import SLIDING, FrictionElement
-from mbd_sim.dynamics.contact_functions import OneSidedFunctions
+from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, FrictionElement
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions
 
 BARELY = 1e-9  # gaps, speeds and forces in natural units that count as zero
 ITERATIONS, CONVERGED, SETTLED = 60, 1e-14, 1e-13
@@ -49,8 +49,8 @@ class OneSidedMotion:
 
     def __init__(self, equations: Equations) -> None:
         assert equations.one_sided is not None
-        self._equations, self._contact = equations, equations.one_sided
-        self._system, self._derivatives = _functions(equations, self._contact)
+        self._equations, self._functions = equations, equations.one_sided
+        self._system, self._derivatives = _functions(equations, self._functions)
 
     def at(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> OneSidedDerivatives:
         """The derivatives at a state.
@@ -114,7 +114,7 @@ class OneSidedMotion:
 
     def _forces(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> Array:
         """The forces λ (rows,) that are solved for, by Newton's method: the loads of joints are not linear in them."""
-        forces = np.zeros(self._contact.contacts.layout.rows)
+        forces = np.zeros(self._functions.equations.layout.rows)
         for _ in range(ITERATIONS):
             residual, slope = (np.array(value, dtype=float) for value in self._system(t, q, u, s, inputs, forces))
             try:
@@ -123,7 +123,7 @@ class OneSidedMotion:
                 raise self._error(t, "no forces of its contacts are determined") from None
             forces = forces - change
             if np.max(np.abs(change), initial=0.0) <= CONVERGED * (
-                self._contact.contacts.units.force + np.max(np.abs(forces), initial=0.0)
+                self._functions.equations.units.force + np.max(np.abs(forces), initial=0.0)
             ):
                 return forces
         raise self._error(t, "friction and the loads on which it depends do not balance")
@@ -133,7 +133,7 @@ class OneSidedMotion:
 
         :raises np.linalg.LinAlgError: there is none.
         """
-        active = inputs[self._equations.inputs.one_sided][self._contact.contacts.layout.active]
+        active = inputs[self._equations.inputs.one_sided][self._functions.equations.layout.active]
         if not np.any(active < 0.0):
             return np.asarray(np.linalg.solve(slope, right))
         scale = 1.0 / np.sqrt(np.where(active, np.abs(active), 1.0))
@@ -142,12 +142,12 @@ class OneSidedMotion:
 
     def _rows(self, inputs: Array) -> tuple[list[int], list[bool]]:
         """The rows of closed gaps and of sticking friction, and which of them are holonomic."""
-        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.one_sided]
-        layout = contacts.layout
+        one_sided, modes = self._functions.equations, inputs[self._equations.inputs.one_sided]
+        layout = one_sided.layout
         closed, active = modes[layout.closed], modes[layout.active]
         rows = [index for index in range(layout.gaps) if closed[index]]
-        holonomic = [not contacts.gaps[index].clutch for index in rows]
-        for element, slides in zip(contacts.frictions, self._slides(inputs), strict=True):
+        holonomic = [not one_sided.gaps[index].clutch for index in rows]
+        for element, slides in zip(one_sided.frictions, self._slides(inputs), strict=True):
             if not slides and any(active[row] for row in element.rows):
                 rows += element.rows
                 holonomic += [False] * len(element.rows)
@@ -155,38 +155,38 @@ class OneSidedMotion:
 
     def _slides(self, inputs: Array) -> list[bool]:
         """Which friction elements slide."""
-        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.one_sided]
-        layout, found = contacts.layout, []
+        one_sided, modes = self._functions.equations, inputs[self._equations.inputs.one_sided]
+        layout, found = one_sided.layout, []
         directions = modes[layout.direction]
-        for element in contacts.frictions:
+        for element in one_sided.frictions:
             size = sum(float(directions[row - layout.gaps]) ** 2 for row in element.rows)
             found.append(size > SLIDING)
         return found
 
     def _require_smooth(self, t: float, inputs: Array, readings: Array) -> None:
         """Refuse a state at which a contact is about to change; `readings` are those of `OneSidedFunctions`."""
-        contacts = self._contact.contacts
-        layout, rows = contacts.layout, contacts.equations.rows
+        one_sided = self._functions.equations
+        layout, rows = one_sided.layout, one_sided.equations.rows
         closed = inputs[self._equations.inputs.one_sided][layout.closed]
-        rates = readings[layout.gaps : layout.gaps + layout.rows] / np.array(contacts.speeds)
+        rates = readings[layout.gaps : layout.gaps + layout.rows] / np.array(one_sided.speeds)
         guards = readings[layout.gaps + 2 * layout.rows :]
         for gap in range(layout.gaps):
             if guards[gap] > BARELY or not (closed[gap] or rates[gap] <= BARELY):
                 continue
             raise self._error(t, f"'{rows[gap].name}' touches without a force")
-        elements = zip(contacts.frictions, guards[layout.gaps :], self._slides(inputs), strict=False)
+        elements = zip(one_sided.frictions, guards[layout.gaps :], self._slides(inputs), strict=False)
         for element, guard, slides in elements:
             if guard <= BARELY:
                 what = "slides at zero speed" if slides else "carries as much friction as it can at rest"
                 raise self._error(t, f"'{rows[element.rows[0]].name}' {what}")
-        first = layout.gaps + len(contacts.frictions)
-        single_loads = sum(load.nnz_out(0) == 1 for load in self._contact.loads)
+        first = layout.gaps + len(one_sided.frictions)
+        single_loads = sum(load.nnz_out(0) == 1 for load in self._functions.loads)
         if np.any(guards[first : first + single_loads] <= BARELY):
             raise self._error(t, "a joint whose friction depends on its load carries none")
 
     def _require_admissible(self, inputs: Array, readings: Array) -> None:
-        contacts = self._contact.contacts
-        layout, rows = contacts.layout, contacts.equations.rows
+        one_sided = self._functions.equations
+        layout, rows = one_sided.layout, one_sided.equations.rows
         guards = readings[layout.gaps + 2 * layout.rows :]
         closed = inputs[self._equations.inputs.one_sided][layout.closed]
         for gap in range(layout.gaps):
@@ -195,7 +195,7 @@ class OneSidedMotion:
                     f"these accelerations require '{rows[gap].name}' to pull, which it cannot", "Request others."
                 )
         for element, guard, slides in zip(
-            contacts.frictions, guards[layout.gaps :], self._slides(inputs), strict=False
+            one_sided.frictions, guards[layout.gaps :], self._slides(inputs), strict=False
         ):
             if not slides and not guard >= -BARELY:
                 raise ValueError(
@@ -211,19 +211,19 @@ class OneSidedMotion:
         )
 
 
-def _functions(equations: Equations, contact: OneSidedFunctions) -> tuple[ca.Function, ca.Function]:
+def _functions(equations: Equations, functions: OneSidedFunctions) -> tuple[ca.Function, ca.Function]:
     """(t, q, u, s, inputs, λ) -> F and ∂F/∂λ; and u', N, and the derivatives of (u', s'), F and of the rows' rates."""
     nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
     t, q, u, inputs = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("i", equations.inputs.size)
-    forces = ca.SX.sym("forces", contact.contacts.layout.rows)
+    forces = ca.SX.sym("forces", functions.equations.layout.rows)
     s = ca.SX.sym("s", core.stop - nq - nv)
     y = ca.vertcat(q, u, s, ca.SX.zeros(equations.start_state.size - core.stop))
-    memory, matrix, right, *further = contact.rates.system.call([t, y, inputs])
+    memory, matrix, right, *further = functions.rates.system.call([t, y, inputs])
     n = forces.shape[0]
-    active = inputs[equations.inputs.one_sided][contact.contacts.layout.active]
+    active = inputs[equations.inputs.one_sided][functions.equations.layout.active]
     residual = ca.reshape(matrix, n, n) @ forces - right
     position = 0
-    for load, element in zip(contact.loads, _loaded(contact), strict=True):
+    for load, element in zip(functions.loads, _loaded(functions), strict=True):
         factor, size = further[0][position], load.nnz_out(0)
         unloaded = further[0][position + 1 + size : position + 1 + 2 * size]
         slopes = ca.reshape(further[0][position + 1 + 2 * size : position + 1 + (2 + n) * size], size, n)
@@ -232,9 +232,9 @@ def _functions(equations: Equations, contact: OneSidedFunctions) -> tuple[ca.Fun
         residual[row] = ca.if_else(factor, forces[row] + factor * length, residual[row])
         position += 1 + (2 + n) * size
     residual = ca.if_else(active != 0.0, residual, forces)
-    rates = contact.rates.result.call([memory, forces])[0]
-    readings = contact.readings.call([t, y, inputs, forces])[0]
-    velocity = readings[contact.contacts.layout.gaps : contact.contacts.layout.gaps + n]
+    rates = functions.rates.result.call([memory, forces])[0]
+    readings = functions.readings.call([t, y, inputs, forces])[0]
+    velocity = readings[functions.equations.layout.gaps : functions.equations.layout.gaps + n]
     given = [t, q, u, s, inputs, forces]
     outputs = [rates[nq : nq + nv], ca.jacobian(rates[:nq], u)]
     for values in (rates[core], residual):
@@ -246,8 +246,8 @@ def _functions(equations: Equations, contact: OneSidedFunctions) -> tuple[ca.Fun
     return system, ca.Function("contact_derivatives", given, [ca.densify(output) for output in outputs])
 
 
-def _loaded(contact: OneSidedFunctions) -> list[FrictionElement]:
-    return [element for element in contact.contacts.frictions if element.joint is not None]
+def _loaded(functions: OneSidedFunctions) -> list[FrictionElement]:
+    return [element for element in functions.equations.frictions if element.joint is not None]
 
 
 def _least_squares(matrix: Array, right: Array, least: float) -> Array:

@@ -20,11 +20,11 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
-from mbd_sim.dynamics.contact.equations import SLIDING, OneSidedEquations, OneSidedLayout
-from mbd_sim.dynamics.contact_functions import OneSidedFunctions, SolvedPair
+from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -83,23 +83,23 @@ class OneSidedModel:
     def __init__(self, functions: OneSidedFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
         """:param size: of the mechanism in m."""
         assert kernel.one_sided is not None
-        contacts = functions.contacts
+        one_sided = functions.equations
         self._functions, self.kernel, self.span = functions, kernel.one_sided, inputs.one_sided
-        self.layout: OneSidedLayout = contacts.layout
+        self.layout: OneSidedLayout = one_sided.layout
         self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
-            (element.rows, element.gap) for element in contacts.frictions
+            (element.rows, element.gap) for element in one_sided.frictions
         ]
-        self.placed = tuple(index for index, gap in enumerate(contacts.gaps) if gap.place is not None)
-        self.compliance = _compliance(contacts, size)
-        self.units, self.slow = contacts.units, contacts.slow
-        self.speeds, self.gap_units = np.array(contacts.speeds), np.array(contacts.gap_units)
-        self.loads = contacts.units.force * contacts.units.length / np.array(contacts.lengths)
-        self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
-        self.row_names = _row_names(contacts)
+        self.placed = tuple(index for index, gap in enumerate(one_sided.gaps) if gap.place is not None)
+        self.compliance = _compliance(one_sided, size)
+        self.units, self.slow = one_sided.units, one_sided.slow
+        self.speeds, self.gap_units = np.array(one_sided.speeds), np.array(one_sided.gap_units)
+        self.loads = one_sided.units.force * one_sided.units.length / np.array(one_sided.lengths)
+        self.clutches = np.array([gap.clutch for gap in one_sided.gaps], dtype=bool)
+        self.row_names = _row_names(one_sided)
         self.names = self.row_names[: self.layout.gaps]
-        self.owners = tuple(contacts.equations.rows[index].owner for index in range(self.layout.rows))
+        self.owners = tuple(one_sided.equations.rows[index].owner for index in range(self.layout.rows))
         self.pairs = [index for index, (rows, _) in enumerate(self.frictions) if len(rows) == 2]
-        self.loaded = [index for index, element in enumerate(contacts.frictions) if element.joint is not None]
+        self.loaded = [index for index, element in enumerate(one_sided.frictions) if element.joint is not None]
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
         counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)
@@ -225,19 +225,19 @@ class OneSidedModel:
         return evaluated(self._functions.restitution, inputs).ravel()
 
 
-def _compliance(contacts: OneSidedEquations, size: float) -> Array:
+def _compliance(one_sided: OneSidedEquations, size: float) -> Array:
     """1 for rows in m; those of angles count as forces at the lever `size`."""
     lever = size or 1.0
-    return np.array([1.0 if is_length else lever**-2 for is_length in contacts.are_lengths])
+    return np.array([1.0 if is_length else lever**-2 for is_length in one_sided.are_lengths])
 
 
-def _row_names(contacts: OneSidedEquations) -> tuple[str, ...]:
+def _row_names(one_sided: OneSidedEquations) -> tuple[str, ...]:
     """The name of each row: that of its element, with the constrained quantity where the element has several gaps."""
-    rows = contacts.equations.rows
-    owners = [row.owner for row in rows[: contacts.layout.gaps]]
+    rows = one_sided.equations.rows
+    owners = [row.owner for row in rows[: one_sided.layout.gaps]]
     names = []
     for index, row in enumerate(rows):
-        several = owners.count(row.owner) > 1 or (index >= contacts.layout.gaps and row.owner[0] == "joints")
+        several = owners.count(row.owner) > 1 or (index >= one_sided.layout.gaps and row.owner[0] == "joints")
         quantity = row.quantity.replace(" ", "_").replace(",", "")
         names.append(f"{row.owner[1]}.{quantity}" if several else str(row.owner[1]))
     return tuple(names)
@@ -256,34 +256,34 @@ TOLERANCE = 1e-13  # of guards in natural units, for a mechanism of up to the na
 def guard_tolerance(equations: Equations) -> float:
     """How negative a guard may be by round-off."""
     assert equations.one_sided is not None
-    return TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.contacts.units.length)
+    return TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.equations.units.length)
 
 
-def one_sided_system(equations: Equations, contact: OneSidedFunctions) -> OneSidedSystem:
-    """The system for `compile_kernel`, from the functions of the `contact` among the equations."""
-    layout = contact.contacts.layout
-    rows = [element.rows[0] for element in contact.contacts.frictions if element.joint is not None]
-    loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, contact.loads, strict=True))
-    slips = [element.rows for element in contact.contacts.frictions]
+def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneSidedSystem:
+    """The system for `compile_kernel`, from the functions of the one-sided rows among the equations."""
+    layout = functions.equations.layout
+    rows = [element.rows[0] for element in functions.equations.frictions if element.joint is not None]
+    loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, functions.loads, strict=True))
+    slips = [element.rows for element in functions.equations.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
-    def pair(functions: SolvedPair) -> tuple[ca.Function, ca.Function]:
-        return functions.system, functions.result
+    def pair(solved: SolvedPair) -> tuple[ca.Function, ca.Function]:
+        return solved.system, solved.result
 
     return OneSidedSystem(
         gaps=layout.gaps,
         rows=layout.rows,
-        guards=layout.gaps + len(contact.contacts.frictions) + single_loads,
-        rates=pair(contact.rates),
-        project=pair(contact.project),
-        readings=(contact.rates.system, contact.readings),
-        open_guards=contact.open_guards,
+        guards=layout.gaps + len(functions.equations.frictions) + single_loads,
+        rates=pair(functions.rates),
+        project=pair(functions.project),
+        readings=(functions.rates.system, functions.readings),
+        open_guards=functions.open_guards,
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,
         loads=loads,
         slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
         tolerance=guard_tolerance(equations),
-        gap_units=contact.contacts.gap_units,
-        slow=contact.contacts.slow,
+        gap_units=functions.equations.gap_units,
+        slow=functions.equations.slow,
     )

@@ -17,10 +17,10 @@ from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
+from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import NoSolutionError
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
 from mbd_sim.simulation.contact.search import EventSearch
-from mbd_sim.simulation.contact.terms import Mask, OneSidedModel, OneSidedReadings
 
 EVENTS_KEPT = 10_000
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events

@@ -14,14 +14,14 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times, rheonomic
-from mbd_sim.dynamics.contact.rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
 from mbd_sim.mechanism.values.source import dotted
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
@@ -173,9 +173,9 @@ class OneSidedEquations:
     def forces(self, solved: ca.SX) -> ca.SX:
         """The multipliers λ (rows,) of all rows, with the friction of sliding.
 
-        :param solved: the forces (rows,) of the active rows, and zeros.
+        :param solved: the forces (rows,) of the active rows; others are not used.
         """
-        forces = ca.SX(solved)
+        forces = ca.SX(self.active * solved)
         for element in self.frictions:
             if element.joint is not None:
                 continue
@@ -276,10 +276,10 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
     return None
 
 
-def with_contact_inputs(traced: TracedMechanism, contacts: OneSidedEquations) -> TracedMechanism:
+def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:
     """Add the contact numbers to the inputs of a mechanism."""
     return replace(
         traced,
-        inputs=ca.vertcat(traced.inputs, contacts.numbers),
-        input_layout=replace(traced.input_layout, one_sided_count=contacts.layout.size),
+        inputs=ca.vertcat(traced.inputs, one_sided.numbers),
+        input_layout=replace(traced.input_layout, one_sided_count=one_sided.layout.size),
     )

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mbd_sim.dynamics.layouts.state_scales import NaturalUnits, natural_units
 from mbd_sim.files.load import parse_mechanism
+from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
 
 TURNED = """
 mechanism: blades

@@ -1,0 +1,136 @@
+"""The session on the run of a node: what it sends for each control, and what it shows of the node's states."""
+
+import json
+import pickle
+import socket
+
+import numpy as np
+import pytest
+
+from mbd_sim.files.load import load_mechanism
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.link import Link, NodeState
+from mbd_sim.lab.session.node_session import NodeSession
+from mbd_sim.simulation.run.simulation import BaseSimulation
+
+
+class Node:
+    """The node's end, with a simulation of its own."""
+
+    def __init__(self):
+        ours, theirs = socket.socketpair()
+        mechanism = load_mechanism("cart_pendulum")
+        options = {"wrenches": ["pendulum"], "live": ["parameters.*"]}
+        self.simulation, self.link = BaseSimulation(mechanism, **options), Link(ours, blocking=False)
+        self.session = NodeSession(Bench(BaseSimulation(mechanism, **options)), Link(theirs, blocking=True))
+        self.running, self.told = True, ""
+
+    def turn(self):
+        """One turn of the session; its requests."""
+        state = NodeState(self.simulation.snapshot(), self.running, 1.0, "run.mcap", self.told)
+        self.link.send(pickle.dumps(state))
+        self.session.turn()
+        return json.loads(self.link.receive())["requests"]
+
+
+@pytest.fixture
+def node():
+    made = Node()
+    yield made
+    made.link.close()
+    made.session._link.close()
+
+
+def test_each_control_is_a_request(node):
+    session = node.session
+    asked = {
+        "play": (lambda one: one.play(), [["pause", False]]),
+        "step": (lambda one: one.step(), [["pause", True], ["step"]]),
+        "reset": (lambda one: one.reset(), [["reset"]]),
+        "speed": (lambda one: one.set_speed(0.5), [["speed", 0.5]]),
+        "fastest": (lambda one: one.set_speed(np.inf), [["speed", 0.0]]),
+        "value": (lambda one: one.change("parameters.l", 0.3), [["live", {"parameters.l": 0.3}]]),
+        "effort": (lambda one: one.set_effort("rail", 2.0), [["effort", "rail", 2.0]]),
+        "command": (lambda one: one.set_command("drive.velocity", 1.0), [["command", "drive.velocity", 1.0]]),
+        "position": (lambda one: one.set_state({"rail": 0.1}, {}), [["state", {"rail": 0.1}, {}]]),
+        "record": (lambda one: one.record("any"), [["record", True]]),
+        "end": (lambda one: one.end_recording_told(), [["record", False]]),
+    }
+    for name, (request, sent) in asked.items():
+        session.ask(name, request)
+        assert node.turn() == sent, name
+    assert node.turn() == []
+
+
+def test_the_states_of_the_node_are_shown(node):
+    node.simulation.set_efforts({"rail": 3.0})
+    node.simulation.step(500)
+    node.told = "rejected"
+    node.turn()
+    frame = node.session.frame
+    assert (frame.time, frame.running, frame.recording, frame.message) == (0.5, True, "run.mcap", "rejected")
+    assert frame.values["rail"] == 3.0
+    assert frame.positions.tolist() == node.simulation.model.coordinates(node.simulation.y).tolist()
+    node.simulation.step(500)
+    node.turn()
+    assert node.session.frame.span == (0.5, 1.0) or len(node.session.history) == 1
+    node.simulation.reset()
+    node.turn()
+    assert node.session.frame.time == 0.0
+    assert len(node.session.samples.rows) == 1
+
+
+def test_time_is_not_wound_back(node):
+    node.session.ask("wind", lambda one: one.wind_to(0.1))
+    assert node.turn() == []
+    assert node.session.frame.message == "a node is not wound back. Reset it."
+
+
+def test_a_pull_is_repeated_until_the_hand_lets_go_or_its_page_is_closed(node):
+    node.turn()
+    for end, sent in (("end", ["release", "pendulum"]), ("leave", ["abandon", "pendulum"])):
+        node.session.ask("drag", lambda one: one.drag(7, "start", "pendulum", np.zeros(3), np.ones(3)))
+        for _ in range(3):
+            ((name, part, point, target, stiffness, damping),) = node.turn()
+            assert (name, part, point, target) == ("pull", "pendulum", [0.0] * 3, [1.0] * 3)
+            assert stiffness > 0.0
+            assert damping > 0.0
+        assert node.session.frame.pull is not None
+        if end == "end":
+            node.session.ask("end", lambda one: one.drag(7, "end", "pendulum", np.zeros(3), np.ones(3)))
+        else:
+            node.session.ask("page 7", lambda one: one.leave(7))
+        assert node.turn() == [sent]
+        assert node.turn() == []
+
+
+def test_a_pause_of_others_ends_a_pull(node):
+    node.turn()
+    node.session.ask("drag", lambda one: one.drag(7, "start", "pendulum", np.zeros(3), np.ones(3)))
+    node.turn()
+    node.running = False
+    node.turn()
+    assert node.turn() == [["release", "pendulum"]]
+
+
+def test_a_part_that_accepts_no_wrench_is_not_pulled(node):
+    node.turn()
+    node.session.ask("drag", lambda one: one.drag(7, "start", "cart", np.zeros(3), np.ones(3)))
+    assert node.turn() == []
+    assert "part 'cart' accepts no wrench" in node.session.frame.message
+
+
+def test_dragging_a_paused_mechanism_sends_its_positions(node):
+    node.running = False
+    node.turn()
+    node.session.ask("drag", lambda one: one.drag(7, "start", "pendulum", np.array([0.0, 0.0, 0.3]), np.ones(3)))
+    ((name, positions, speeds),) = node.turn()
+    assert name == "place"
+    assert positions.keys() == speeds.keys() == set(node.simulation.coordinate_names)
+    assert positions != dict(zip(node.simulation.coordinate_names, node.simulation.q.tolist(), strict=True))
+
+
+def test_the_session_ends_with_the_node(node):
+    node.link.close()
+    node.session.turn()
+    node.session.wait()
