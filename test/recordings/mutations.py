@@ -16,10 +16,11 @@ from pathlib import Path
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Chunk
 from rosbags.highlevel import AnyReader
 
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.recordings.mcap.scanner import MAGIC, RECORD_HEADER, chunk_content, scan_records, stored_chunk
+from mbd_sim.recordings.mcap.scanner import MAGIC, RECORD_HEADER, chunk_content, data_stream, scan_records
 from mbd_sim.recordings.run.recovery import damaged_original, recover
 from mbd_sim.recordings.run.verification import verify
 
@@ -86,15 +87,13 @@ def _mutated(record, chance):
 def _with_mutated_content(record, chance):
     """Return a chunk of which one inner record is damaged, with a valid checksum."""
     content = record[RECORD_HEADER.size :]
-    stored = stored_chunk(content, 0, len(content))
-    inner = chunk_content(
-        content[stored.offset : stored.offset + stored.length], stored.compression, stored.size, stored.crc
-    )
+    chunk = Chunk.read(data_stream(content))
+    inner = chunk_content(chunk.data, chunk.compression, chunk.uncompressed_size, chunk.uncompressed_crc)
     _, start, end = chance.choice(records(inner, 0))
     changed, _ = _mutated(inner[start:end], chance)
     inner = inner[:start] + changed + inner[end:]
     packed = zstandard.compress(inner)
-    head = struct.pack("<QQQI", stored.start_ns, stored.end_ns, len(inner), zlib.crc32(inner))
+    head = struct.pack("<QQQI", chunk.message_start_time, chunk.message_end_time, len(inner), zlib.crc32(inner))
     content = head + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
     return RECORD_HEADER.pack(Opcode.CHUNK, len(content)) + content
 

@@ -20,6 +20,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from mbd_sim.recordings.mcap.contents import chunk_index_of
 from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
@@ -141,7 +142,7 @@ def _contradiction(summary: bytes, start: int, footer: Footer, found: DataSectio
         return "the summary ends within a record"
     if footer.summary_offset_start not in (0, offsets_start):
         return "the footer gives a wrong position of the summary's offsets"
-    chunks = [ChunkIndex.read(data_stream(record[RECORD_HEADER.size :])) for record in found.chunks]
+    chunks = [chunk_index_of(record) for record in found.chunks]
     for kind, records in ((ChunkIndex, chunks), (AttachmentIndex, found.attachments), (MetadataIndex, found.metadata)):
         if indexes[kind] != {getattr(record, _OFFSETS[kind]): record for record in records}:
             return f"the {_WORDS[kind]} differs from the contents of the file"

@@ -60,11 +60,20 @@ class FileStatistics:
 
 
 @dataclass
+class Span:
+    """Consecutive messages outside of chunks: where they begin and end in the file, and their log times in ns."""
+
+    begin: int
+    end: int
+    first_ns: int
+    last_ns: int
+
+
+@dataclass
 class Contents:
     """The complete records of a file, which end at byte `end`.
 
-    `chunks` are the encoded indexes of its chunks. `outside` are the times of the first and the last message outside of
-    chunks, if there are any.
+    `chunks` are the encoded indexes of its chunks, `outside` the messages that are in none.
     """
 
     statistics: FileStatistics
@@ -73,7 +82,7 @@ class Contents:
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     chunks: list[bytes] = field(default_factory=list)
-    outside: list[int] = field(default_factory=list)
+    outside: list[Span] = field(default_factory=list)
 
     def add_chunk(self, index: ChunkIndex, counts: Mapping[int, int]) -> None:
         """Add a chunk, with its messages by channel."""
@@ -82,16 +91,12 @@ class Contents:
 
     def drop_last_chunk(self) -> int:
         """End before the last chunk; return how many bytes that frees."""
-        index = ChunkIndex.read(data_stream(self.chunks.pop()[RECORD_HEADER.size :]))
-        end = index.chunk_start_offset + index.chunk_length + index.message_index_length
-        counts = Counter(self.statistics.counts)
-        for channel, start in sorted(index.message_index_offsets.items(), key=lambda item: -item[1]):
-            counts[channel] -= (end - start - _MESSAGE_INDEX) // _ENTRY
-            end = start
+        index = chunk_index_of(self.chunks.pop())
         places = [_CHUNK_TIMES.unpack_from(record, RECORD_HEADER.size) for record in self.chunks]
-        self.statistics.counts = +counts
-        self.statistics.first_ns = min([*self.outside, *(first for first, *_, size in places if size)], default=0)
-        self.statistics.last_ns = max([*self.outside, *(last for _, last, *_, size in places if size)], default=0)
+        first_ns = [*(first for first, *_, size in places if size), *(span.first_ns for span in self.outside)]
+        last_ns = [*(last for _, last, *_, size in places if size), *(span.last_ns for span in self.outside)]
+        self.statistics.counts = self.statistics.counts - counts_of(index)
+        self.statistics.first_ns, self.statistics.last_ns = min(first_ns, default=0), max(last_ns, default=0)
         freed: int = self.end - index.chunk_start_offset
         self.end -= freed
         return freed
@@ -143,6 +148,19 @@ class Contents:
             message_end_time=self.statistics.last_ns,
             schema_count=len(self.definitions.schemas),
         )
+
+
+def chunk_index_of(record: bytes) -> ChunkIndex:
+    """Decode the index of a chunk."""
+    return ChunkIndex.read(data_stream(record[RECORD_HEADER.size :]))
+
+
+def counts_of(index: ChunkIndex) -> Counter[int]:
+    """The messages of a chunk by channel, by the lengths of their indexes."""
+    counts, end = Counter[int](), index.chunk_start_offset + index.chunk_length + index.message_index_length
+    for channel, start in sorted(index.message_index_offsets.items(), key=lambda item: -item[1]):
+        counts[channel], end = (end - start - _MESSAGE_INDEX) // _ENTRY, start
+    return counts
 
 
 def encoded(record: Any) -> bytes:

@@ -1,227 +1,170 @@
-"""Reads one MCAP file, whole, truncated or damaged: the description of the run, and blocks of messages."""
+"""Reads one MCAP file, whole, truncated or damaged: the description of the run, and blocks of messages.
+
+What is in a complete file is read from its summary, and in others record by record.
+"""
 
 from __future__ import annotations
 
-import struct
-import zlib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
+from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
 
+from mbd_sim.recordings.mcap.contents import Contents, Span, chunk_index_of, counts_of
+from mbd_sim.recordings.mcap.repair import chunk_records, read_data_section, read_summary, strictly_read
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
-    MESSAGE_HEADER,
     PARSE_ERRORS,
+    RECORD_HEADER,
     BrokenRecordError,
     ByteSource,
-    Definitions,
     FileBytes,
-    StoredChunk,
     attachment_is_intact,
-    chunk_content,
     data_stream,
     scan_messages,
-    scan_records,
-    stored_chunk,
 )
 from mbd_sim.recordings.messages.cdr import Block, DamagedError, Message, ReadingError, RecordedFile, RecordedTopic
 
-_CHANNEL_NUMBER = struct.Struct("<H")
-_CRC = struct.Struct("<I")
-
-
-@dataclass
-class _FileContents:
-    """The results of one pass over the records of a file."""
-
-    definitions: Definitions = field(default_factory=Definitions)
-    attachments: dict[str, bytes] = field(default_factory=dict)
-    metadata: dict[str, Mapping[str, str]] = field(default_factory=dict)
-    statistics: Statistics | None = None
-    chunks: list[StoredChunk] = field(default_factory=list)
-    chunk_channels: dict[int, set[int]] = field(default_factory=dict)  # of chunks that have an index of messages
-    problem: str = ""
-    attachment_problem: str = ""  # damage that does not affect the records after it
-
-    def read(self, data: ByteSource, opcode: int, begin: int, end: int) -> None:
-        """Read a record outside of chunks.
-
-        :raises PARSE_ERRORS: its content is damaged.
-        """
-        if opcode == Opcode.CHUNK:
-            self.chunks.append(stored_chunk(data, begin, end))
-        elif opcode == Opcode.MESSAGE:
-            if end - begin < MESSAGE_HEADER.size:
-                raise BrokenRecordError("a message is too short")
-        elif opcode == Opcode.MESSAGE_INDEX:
-            (channel,) = _CHANNEL_NUMBER.unpack(data[begin : begin + _CHANNEL_NUMBER.size])
-            self.chunk_channels.setdefault(len(self.chunks) - 1, set()).add(channel)
-        elif opcode == Opcode.STATISTICS:
-            self.statistics = Statistics.read(data_stream(data[begin:end]))
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
-            self.describe(opcode, data[begin:end])
-
-    def describe(self, opcode: int, content: bytes | bytearray) -> None:
-        """Read a schema, a channel, metadata or an attachment; other records are skipped.
-
-        :raises PARSE_ERRORS: its content is damaged.
-        """
-        self.definitions.add(opcode, content)
-        if opcode == Opcode.METADATA:
-            record = Metadata.read(data_stream(content))
-            self.metadata[record.name] = record.metadata
-        elif opcode == Opcode.ATTACHMENT:
-            attachment = Attachment.read(data_stream(content))
-            if not attachment_is_intact(content):
-                self.attachment_problem = f"damaged: the attachment '{attachment.name}' fails its CRC check"
-            self.attachments[attachment.name] = attachment.data
-
 
 def read_mcap(path: Path) -> RecordedFile:
-    """Open a file and scan its records; the messages are read on demand.
+    """Open a file and read what is in it; the messages are read on demand.
 
     :raises ReadingError: the file cannot be read, or is not an MCAP file.
     """
+    problems: list[str] = []
     try:
         with path.open("rb") as stream:
             data = FileBytes(stream)
-            found = _scan(path, data)
-            counts = _message_counts(data, found)
+            _require_mcap(path, data)
+            found = _contents(data, problems)
+            attachments = [_record(data, Attachment, index, problems) for index in found.attachments]
+            records = [_record(data, Metadata, index, problems) for index in found.metadata]
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read: {error.strerror}") from error
-    topics = {
-        number: _topic(found, channel, counts.get(number, 0)) for number, channel in found.definitions.channels.items()
-    }
+    topics = {number: _topic(found, channel) for number, channel in found.definitions.channels.items()}
     names = {number: topic.name for number, topic in topics.items()}
-    mechanism = found.attachments.get("mechanism.yaml")
+    mechanism = next((one.data for one in attachments if one is not None and one.name == "mechanism.yaml"), None)
     return RecordedFile(
         path=path,
         topics=_by_name(topics.values()),
-        metadata=found.metadata,
+        metadata={record.name: record.metadata for record in records if record is not None},
         mechanism_text=None if mechanism is None else mechanism.decode("utf-8", "replace"),
-        blocks=[
-            _block(path, chunk, names, found.chunk_channels.get(number)) for number, chunk in enumerate(found.chunks)
-        ],
-        problem="; ".join(text for text in (found.problem, found.attachment_problem) if text),
+        blocks=_blocks(path, found, names),
+        problem="; ".join(problems),
     )
 
 
-def _scan(path: Path, data: ByteSource) -> _FileContents:
-    """Read all records outside of chunks, up to the first that is damaged."""
-    found = _FileContents()
+def _require_mcap(path: Path, data: ByteSource) -> None:
     if not len(data):
         raise ReadingError(f"{path}: the file is empty: its writer ended before the first record.")
     if (magic := bytes(data[: len(MAGIC)])) != MAGIC:
         raise ReadingError(
             f"{path}: is not an MCAP file: it begins with {magic!r}", "Give a recording, for example an .mcap file."
         )
-    unchunked = 0  # start of a sequence of messages outside of chunks
-    position = len(MAGIC)
+
+
+def _contents(data: ByteSource, problems: list[str]) -> Contents:
+    """What a file contains, by its summary if this fits the file."""
     try:
-        for opcode, begin, end in scan_records(data, position):
-            if unchunked and opcode != Opcode.MESSAGE:
-                found.chunks.append(_unchunked_messages(data, unchunked, position))
-                unchunked = 0
-            if opcode == Opcode.FOOTER:
-                return found
-            if opcode == Opcode.DATA_END and not _summary_is_intact(data, end):
-                found.problem = "damaged: its summary fails its CRC check; mbd_sim recover rebuilds it"
-                return found
-            try:
-                found.read(data, opcode, begin, end)
-            except PARSE_ERRORS as error:
-                raise BrokenRecordError(f"damaged: the record at byte {position} cannot be read ({error})") from error
-            if opcode == Opcode.MESSAGE:
-                unchunked = unchunked or position
-            position = end
-        found.problem = f"cut off: it ends at byte {len(data)} without an index"
+        summary = read_summary(data)
+        if summary is not None and _fits(summary, data):
+            return summary
     except BrokenRecordError as error:
-        found.problem = str(error)
-    if unchunked:
-        found.chunks.append(_unchunked_messages(data, unchunked, position))
+        problems.append(f"damaged: {error}; mbd_sim recover rebuilds it")
+    found = read_data_section(data)
+    cut_off = "" if data[-len(MAGIC) :] == MAGIC else f"cut off: it ends at byte {len(data)} without an index"
+    if (problem := found.problem or cut_off) and not problems:
+        problems.append(problem)
     return found
 
 
-def _summary_is_intact(data: ByteSource, start: int) -> bool:
-    """Whether the summary that begins at byte `start` agrees with the checksum in the footer (0: none).
-
-    A file without a footer is truncated rather than damaged.
-    """
-    footer_end = len(data) - len(MAGIC)
-    if start >= footer_end or data[footer_end:] != MAGIC:
-        return True
-    (crc,) = _CRC.unpack(data[footer_end - _CRC.size : footer_end])
-    return not crc or zlib.crc32(data[start : footer_end - _CRC.size]) == crc
-
-
-def _unchunked_messages(data: ByteSource, start: int, end: int) -> StoredChunk:
-    """Return a sequence of messages outside of chunks as an uncompressed chunk."""
-    times = [log_time for _, _, log_time, _ in scan_messages(bytes(data[start:end]))]
-    return StoredChunk(start, end - start, min(times), max(times), end - start, 0, "")
-
-
-def _message_counts(data: ByteSource, found: _FileContents) -> Mapping[int, int]:
-    """Return the number of messages of each channel, from the statistics or by reading the chunks.
-
-    Without statistics, which a truncated file lacks, this also drops the chunks from the first unreadable one on, and
-    reads the definitions that only the chunks hold.
-    """
-    if found.statistics is not None and found.definitions.channels:
-        return dict(found.statistics.channel_message_counts)
-    counts: dict[int, int] = {}
-    for number, chunk in enumerate(found.chunks):
-        try:
-            content = _chunk_records(data, chunk)
-            for opcode, begin, end in scan_records(content):
-                if opcode == Opcode.MESSAGE:
-                    (channel,) = _CHANNEL_NUMBER.unpack_from(content, begin)
-                    counts[channel] = counts.get(channel, 0) + 1
-                else:
-                    found.describe(opcode, content[begin:end])
-        except PARSE_ERRORS as error:
-            found.problem = f"{error}; the rest of the file is lost"
-            del found.chunks[number:]
-            break
-    return counts
-
-
-def _chunk_records(data: ByteSource, chunk: StoredChunk) -> bytes:
-    """Return the uncompressed records of a chunk.
-
-    :raises BrokenRecordError: they are damaged.
-    """
-    stored = bytes(data[chunk.offset : chunk.offset + chunk.length])
+def _fits(summary: Contents, data: ByteSource) -> bool:
+    """Whether a summary has all messages, and each record begins where it says."""
     try:
-        return chunk_content(stored, chunk.compression, chunk.size, chunk.crc)
-    except BrokenRecordError as error:
-        start = chunk.start_ns * 1e-9
-        raise BrokenRecordError(
-            f"damaged: the chunk at byte {chunk.offset} (from t = {start:.9g} s) {error}"
-        ) from error
+        chunks = [chunk_index_of(record) for record in summary.chunks]
+    except PARSE_ERRORS:
+        return False
+    places = [(Opcode.CHUNK, index.chunk_start_offset, index.chunk_length) for index in chunks]
+    places += [(Opcode.ATTACHMENT, index.offset, index.length) for index in summary.attachments]
+    places += [(Opcode.METADATA, index.offset, index.length) for index in summary.metadata]
+    in_chunks = sum(map(counts_of, chunks), Counter[int]())
+    return in_chunks == summary.statistics.counts and all(
+        length >= RECORD_HEADER.size
+        and data[start : start + RECORD_HEADER.size] == RECORD_HEADER.pack(opcode, length - RECORD_HEADER.size)
+        for opcode, start, length in places
+    )
 
 
-def _block(path: Path, chunk: StoredChunk, names: Mapping[int, str], channels: set[int] | None) -> Block:
+def _record(data: ByteSource, kind: Any, index: AttachmentIndex | MetadataIndex, problems: list[str]) -> Any | None:
+    """An attachment or metadata, None if it cannot be read."""
+    content = bytes(data[index.offset + RECORD_HEADER.size : index.offset + index.length])
+    try:
+        record = kind.read(data_stream(content))
+    except PARSE_ERRORS as error:
+        problems.append(f"damaged: the record at byte {index.offset} cannot be read ({error})")
+        return None
+    if kind is Attachment and not attachment_is_intact(content):
+        problems.append(f"damaged: the attachment '{record.name}' fails its CRC check")
+    return record
+
+
+def _blocks(path: Path, found: Contents, names: Mapping[int, str]) -> list[Block]:
+    """The chunks, and messages outside of them; the topics of chunks are known if the messages have indexes."""
+    blocks = []
+    for index in map(chunk_index_of, found.chunks):
+        known = [names[channel] for channel in index.message_index_offsets if channel in names]
+        topics = frozenset(known) if index.message_index_length else None
+        load = _loader(path, names, partial(_chunk_content, index))
+        blocks.append((index.chunk_start_offset, Block(index.message_start_time, index.message_end_time, topics, load)))
+    for span in found.outside:
+        load = _loader(path, names, partial(_content_outside, span))
+        blocks.append((span.begin, Block(span.first_ns, span.last_ns, None, load)))
+    return [block for _, block in sorted(blocks, key=lambda placed: placed[0])]
+
+
+def _loader(
+    path: Path, names: Mapping[int, str], content: Callable[[ByteSource], bytes]
+) -> Callable[[], list[Message]]:
     def load() -> list[Message]:
         try:
             with path.open("rb") as stream:
-                content = _chunk_records(FileBytes(stream), chunk)
+                records = content(FileBytes(stream))
             return [
                 Message(names[channel], payload, time_ns, sequence)
-                for channel, sequence, time_ns, payload in scan_messages(content)
+                for channel, sequence, time_ns, payload in scan_messages(records)
             ]
         except BrokenRecordError as error:
             raise DamagedError(path, str(error)) from error
         except KeyError as error:
             raise DamagedError(path, f"damaged: a message belongs to channel {error}, which does not exist") from error
 
-    topics = None if channels is None else frozenset(names[channel] for channel in channels if channel in names)
-    return Block(chunk.start_ns, chunk.end_ns, topics, load)
+    return load
 
 
-def _topic(found: _FileContents, channel: Channel, count: int) -> RecordedTopic:
+def _content_outside(span: Span, data: ByteSource) -> bytes:
+    return bytes(data[span.begin : span.end])
+
+
+def _chunk_content(index: ChunkIndex, data: ByteSource) -> bytes:
+    """The uncompressed records of a chunk.
+
+    :raises BrokenRecordError: they are damaged.
+    """
+    begin, start = index.chunk_start_offset, index.message_start_time * 1e-9
+    try:
+        content = bytes(data[begin + RECORD_HEADER.size : begin + index.chunk_length])
+        return chunk_records(strictly_read(Chunk, content))
+    except PARSE_ERRORS as error:
+        reason = error if isinstance(error, BrokenRecordError) else f"cannot be read ({error})"
+        raise BrokenRecordError(f"damaged: the chunk at byte {begin} (from t = {start:.9g} s) {reason}") from error
+
+
+def _topic(found: Contents, channel: Channel) -> RecordedTopic:
     schema = found.definitions.schemas.get(channel.schema_id) or Schema(id=0, data=b"", encoding="", name="")
     return RecordedTopic(
         name=channel.topic,
@@ -229,7 +172,7 @@ def _topic(found: _FileContents, channel: Channel, count: int) -> RecordedTopic:
         qos=channel.metadata.get("offered_qos_profiles", ""),
         definition=schema.data.decode("utf-8", "replace"),
         encoding=channel.message_encoding,
-        count=count,
+        count=found.statistics.counts[channel.id],
         hash=channel.metadata.get("topic_type_hash", ""),
     )
 

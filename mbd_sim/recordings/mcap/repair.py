@@ -6,8 +6,10 @@ strictly as by `rosbags`, and those of recorded runs are repaired.
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
+from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,6 +19,7 @@ import yaml
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
+    AttachmentIndex,
     Channel,
     Chunk,
     ChunkIndex,
@@ -27,9 +30,10 @@ from mcap.records import (
     Metadata,
     MetadataIndex,
     Schema,
+    Statistics,
 )
 
-from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, attachment_index, chunk_index, encoded
+from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, Span, attachment_index, chunk_index, encoded
 from mbd_sim.recordings.mcap.scanner import (
     MAGIC,
     MESSAGE_HEADER,
@@ -181,7 +185,7 @@ def read_data_section(data: ByteSource) -> DataSection:
 
     Damaged definitions of a recorded run are replaced by those of its topics, unless summary and data agree on them.
     """
-    trusted = checked_definitions(data)
+    trusted = _checked_definitions(data)
     found = _read_records(data, trusted)
     is_run = any(record.name == RUN_METADATA for record in found.metadata)
     if is_run and (found.index_problem or not trusted.channels):
@@ -250,7 +254,11 @@ class _DataSectionReader:
         elif opcode == Opcode.MESSAGE:
             channel, time_ns = self._message(content, 0, len(content))
             found.statistics.add({channel: 1}, time_ns, time_ns)
-            found.outside = [min([*found.outside[:1], time_ns]), max([*found.outside[1:], time_ns])]
+            span = Span(start, start, time_ns, time_ns)
+            if found.outside and found.outside[-1].end == start:
+                span = found.outside.pop()
+            first_ns, last_ns = min(span.first_ns, time_ns), max(span.last_ns, time_ns)
+            found.outside.append(Span(span.begin, start + length, first_ns, last_ns))
 
     def _define_outside(self, opcode: int, content: bytes) -> None:
         """Add a schema or a channel that is not in a chunk, which has no checksum: the summary's copy prevails."""
@@ -354,22 +362,44 @@ class _DataSectionReader:
         self._found.index_problem = self._found.index_problem or problem
 
 
-def checked_definitions(data: ByteSource) -> Definitions:
-    """Return the schemas and channels of the summary if its checksum is valid, else none."""
-    definitions, end = Definitions(), len(data) - len(MAGIC)
+def read_summary(data: ByteSource, *, needs_checksum: bool = False) -> Contents | None:
+    """What the summary of a complete file says; None without one.
+
+    :raises BrokenRecordError: its checksum differs, or a record in it is damaged.
+    """
+    end = len(data) - len(MAGIC)
     content = end - _FOOTER.size
     if content < 0 or data[end:] != MAGIC:
-        return definitions
+        return None
     start, _, crc = _FOOTER.unpack(data[content:end])
-    if not start or not crc or start >= content or zlib.crc32(data[start : end - 4]) != crc:
-        return definitions
+    if not start or (needs_checksum and not crc):
+        return None
+    if start >= content or (crc and zlib.crc32(data[start : end - 4]) != crc):
+        raise BrokenRecordError("its summary fails its CRC check")
+    found, summary = Contents(FileStatistics(Path())), bytes(data[start : content - RECORD_HEADER.size])
     try:
-        summary = bytes(data[start : content - RECORD_HEADER.size])
         for opcode, begin, record_end in scan_records(summary):
-            definitions.add(opcode, summary[begin:record_end])
-    except PARSE_ERRORS:
-        return Definitions()
-    return definitions
+            record = summary[begin:record_end]
+            found.definitions.add(opcode, record)
+            if opcode == Opcode.ATTACHMENT_INDEX:
+                found.attachments.append(AttachmentIndex.read(data_stream(record)))
+            elif opcode == Opcode.METADATA_INDEX:
+                found.metadata.append(MetadataIndex.read(data_stream(record)))
+            elif opcode == Opcode.CHUNK_INDEX:
+                found.chunks.append(summary[begin - RECORD_HEADER.size : record_end])
+            elif opcode == Opcode.STATISTICS:
+                found.statistics.counts = Counter(Statistics.read(data_stream(record)).channel_message_counts)
+    except PARSE_ERRORS as error:
+        raise BrokenRecordError(f"its summary cannot be read ({error})") from error
+    return found
+
+
+def _checked_definitions(data: ByteSource) -> Definitions:
+    """The schemas and channels of the summary if its checksum is valid, else none."""
+    with contextlib.suppress(BrokenRecordError):
+        if (summary := read_summary(data, needs_checksum=True)) is not None:
+            return summary.definitions
+    return Definitions()
 
 
 _Record = TypeVar("_Record", bound=McapRecord)

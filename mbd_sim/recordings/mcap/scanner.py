@@ -23,8 +23,6 @@ MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")  # opcode, length of the content
 MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 PARSE_ERRORS = (McapError, ValueError, OverflowError, struct.error)  # raised for a record whose content is damaged
-_CHUNK_HEADER = struct.Struct("<QQQII")  # first and last time, uncompressed size, CRC, length of the compression's name
-_LENGTH = struct.Struct("<Q")
 _CRC = struct.Struct("<I")
 _PIECE = 1 << 22  # bytes that are read at once
 MAX_LENGTH = 1 << 32  # bytes of a record; a greater length can only be a damaged one
@@ -72,22 +70,6 @@ class FileBytes:
         if len(found) < stop - start:
             raise OSError(None, "the file was truncated while it was being read")
         return found
-
-
-@dataclass(frozen=True, slots=True)
-class StoredChunk:
-    """A chunk in a file: offset and length of its stored records in bytes; `size` and `crc` refer to the uncompressed.
-
-    `start_ns` and `end_ns` are the earliest and the latest log time of its messages.
-    """
-
-    offset: int
-    length: int
-    start_ns: int
-    end_ns: int
-    size: int
-    crc: int
-    compression: str
 
 
 @dataclass
@@ -156,21 +138,6 @@ def scan_messages(data: bytes) -> Iterator[tuple[int, int, int, bytes]]:
                 raise BrokenRecordError("damaged: a message is too short")
             channel, sequence, log_time, _ = unpack(data, begin)
             yield channel, sequence, log_time, data[begin + header : end]
-
-
-def stored_chunk(data: ByteSource, begin: int, end: int) -> StoredChunk:
-    """Read where a chunk's records are stored, from the content of the chunk's record.
-
-    :raises PARSE_ERRORS: its content is damaged.
-    """
-    names = begin + _CHUNK_HEADER.size
-    start_ns, end_ns, size, crc, name_length = _CHUNK_HEADER.unpack(data[begin:names])
-    offset = names + name_length + _LENGTH.size
-    compression = data[names : names + name_length].decode()
-    (length,) = _LENGTH.unpack(data[names + name_length : offset])
-    if offset + length > end:
-        raise BrokenRecordError("its content is longer than the record")
-    return StoredChunk(offset, length, start_ns, end_ns, size, crc, compression)
 
 
 def attachment_is_intact(content: bytes | bytearray) -> bool:

@@ -13,7 +13,6 @@ from mbd_sim.recordings.mcap.scanner import (
     chunk_content,
     scan_messages,
     scan_records,
-    stored_chunk,
 )
 
 
@@ -23,11 +22,6 @@ def record(opcode, content):
 
 def message(channel, sequence, time_ns, payload):
     return record(Opcode.MESSAGE, struct.pack("<HIQQ", channel, sequence, time_ns, time_ns) + payload)
-
-
-def chunk(stored, compression=b"", length=None):
-    head = struct.pack("<QQQII", 1, 2, len(stored), 0, len(compression))
-    return head + compression + struct.pack("<Q", len(stored) if length is None else length) + stored
 
 
 def test_records_are_found_in_bytes_and_in_files(tmp_path):
@@ -68,14 +62,6 @@ def test_messages_of_a_chunk():
     assert list(scan_messages(content)) == [(1, 7, 100, b"a"), (2, 8, 200, b"bc")]
     with pytest.raises(BrokenRecordError, match="too short"):
         list(scan_messages(record(Opcode.MESSAGE, b"abc")))
-
-
-def test_a_chunk_is_not_read_beyond_its_record():
-    content = chunk(b"records")
-    found = stored_chunk(content, 0, len(content))
-    assert content[found.offset : found.offset + found.length] == b"records"
-    with pytest.raises(BrokenRecordError, match="longer than the record"):
-        stored_chunk(chunk(b"records", length=8), 0, len(content))
 
 
 def test_the_content_of_a_chunk_is_checked():
