@@ -121,13 +121,13 @@ class SensorSamples:
         return [self._group_of[number].latest(steps) for number in sorted(self._group_of)]
 
     def table(self) -> Array:
-        """The samples as rows (n, 1 + states + inputs): the step, the state, the inputs; see `load`."""
+        """The samples as rows (n, 1 + states + inputs): the step, the state, the inputs; see `restore`."""
         samples = {sample.steps: sample for group in self._groups for sample in group.queue}
         width = 1 + len(self._memory.y) + len(self._memory.inputs)
         rows = [np.concatenate([[steps], samples[steps].y, samples[steps].inputs]) for steps in sorted(samples)]
         return np.array(rows).reshape(len(rows), width)
 
-    def load(self, table: Array) -> None:
+    def restore(self, table: Array) -> None:
         """Replace all samples by those of a `table` from the present step."""
         self.clear()
         size = len(self._memory.y)
