@@ -141,8 +141,6 @@ def divergence(
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
     """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s; 0 if it cannot be found."""
-    from mbd_sim.simulation.model.method_choice import fastest_mode
-
     return fastest_mode(model.equations, time, y, inputs).rate
 
 
