@@ -70,11 +70,13 @@ class KeepTab:
             return
         name, end = f"{self._name}.{self._format.value}", points[-1][0]
         points = [one for one in points if one[0] >= end - LASTS[self._last.value]]
+        self._tell("The animation is being drawn.")
         try:
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / name
                 self._write_animation(file, points)
                 event.client.send_file_download(name, file.read_bytes(), save_immediately=True)
+            self._tell("")
         except MbdSimError as error:
             self._tell(str(error))
 

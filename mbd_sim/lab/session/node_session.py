@@ -28,7 +28,7 @@ class NodeSession(Session):
     of_node = True
 
     def __init__(self, bench: Bench, link: Link, *, clock: Callable[[], float] = time.monotonic) -> None:
-        self._link, self._requests = link, list[list[Any]]()
+        self._link, self._requests, self._live = link, list[list[Any]](), dict[str, float]()
         self._state: NodeState | None = None
         super().__init__(bench, running=False, clock=clock)
 
@@ -47,7 +47,9 @@ class NodeSession(Session):
         if hold is not None:
             point, target = hold.point.tolist(), hold.target.tolist()
             self._send("pull", hold.part, point, target, hold.stiffness, hold.damping)
-        requests, self._requests = self._requests, []
+        if self._live:
+            self._send("live", self._live)
+        requests, self._requests, self._live = self._requests, [], {}
         try:
             self._link.send(json.dumps({"requests": requests, "pages": len(self.pages)}).encode())
             answer = self._link.receive()
@@ -106,8 +108,8 @@ class NodeSession(Session):
         raise CommandError("a node is not wound back", "Reset it.")
 
     def change(self, key: str, value: float) -> None:
-        """See `Session`."""
-        self._send("live", key, value)
+        """See `Session`; changes of one turn are one, accepted or rejected as a whole."""
+        self._live[key] = value
 
     def set_effort(self, name: str, value: float) -> None:
         """See `Session`."""

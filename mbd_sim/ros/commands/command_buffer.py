@@ -255,6 +255,13 @@ class CommandBuffer:
                 raise
             self.accepted += 1
 
+    def efforts_by_name(self, efforts: Mapping[str, float]) -> None:
+        """Take efforts of some coordinates, besides what their actuators exert; the others keep theirs.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        self._take(efforts)
+
     def actuators_by_name(self, commands: Mapping[str, Command]) -> None:
         """Take commands of some actuators and drives, as `Simulation.set_commands`; the others keep theirs.
 

@@ -79,7 +79,7 @@ class LabPage:
             "step": lambda: node.stepping_thread.step(node.parameters["step_count"]),
             "reset": lambda: node.stepping_thread.reset(node.parameters["reset_rewinds_clock"]),
             "speed": self._set_speed,
-            "live": lambda key, value: node.parameters.change_live({key: value}),
+            "live": node.parameters.change_live,
             "effort": self._command_effort,
             "command": self._command_actuator,
             "pull": self._pull,
@@ -175,7 +175,7 @@ class LabPage:
         return str(result.reason)
 
     def _command_effort(self, name: str, value: float) -> str:
-        self._node.commands.by_name([name], [value])
+        self._node.commands.efforts_by_name({name: value})
         self._efforts[name] = value
         self._node.step_on_command()
         return ""

@@ -55,7 +55,7 @@ def test_the_page_follows_the_lengths(opened):
     wait_until(lambda: tab._shown.transmission and len(scene._path.points) == 360, "the analysis")
     opened.page.get_by_text("Transmission angle now").first.wait_for()
     opened.page.get_by_text("Dead points").first.wait_for()
-    before = scene._path.points
+    before = scene._path.points.copy()  # viser changes it in place
     opened.lab.page._preparer.ask("parameters.rocker", 1.3)
     wait_until(lambda: np.any(scene._path.points != before), "the path of the other linkage")
     opened.lab.page._preparer.ask("parameters.rocker", 1.2)

@@ -49,7 +49,7 @@ def test_each_control_is_a_request(node):
         "reset": (lambda one: one.reset(), [["reset"]]),
         "speed": (lambda one: one.set_speed(0.5), [["speed", 0.5]]),
         "fastest": (lambda one: one.set_speed(np.inf), [["speed", 0.0]]),
-        "value": (lambda one: one.change("parameters.l", 0.3), [["live", "parameters.l", 0.3]]),
+        "value": (lambda one: one.change("parameters.l", 0.3), [["live", {"parameters.l": 0.3}]]),
         "effort": (lambda one: one.set_effort("rail", 2.0), [["effort", "rail", 2.0]]),
         "command": (lambda one: one.set_command("drive.velocity", 1.0), [["command", "drive.velocity", 1.0]]),
         "position": (lambda one: one.set_state({"rail": 0.1}, {}), [["state", {"rail": 0.1}, {}]]),

@@ -142,6 +142,9 @@ def test_renewed_commands_of_actuators_do_not_end_a_trajectory():
     buffer.renew({}, {channel: 2.0})
     assert buffer.due_for_actuators(0.9, current).tolist() == [0.0]
     assert buffer.take_expired_actuators() == ["drive"]
+    (joint,) = simulation.coordinate_names
+    buffer.efforts_by_name({joint: 0.5})  # besides the actuator, by whose name no effort is taken
+    assert buffer.due(1.0)[0].efforts.tolist() == [0.5]
     with pytest.raises(CommandError, match="takes no position"):
         buffer.actuators_by_name({"drive": {"position": 1.0}})
     assert buffer.rejected == 1
