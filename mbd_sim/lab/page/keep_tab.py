@@ -16,6 +16,7 @@ from mbd_sim.pictures.shapes.joints import default_traces
 from mbd_sim.simulation.run.state import RunPoint
 
 PICTURE = (1440, 1080)  # px
+LONGEST = 120.0  # s, in which a browser without a GPU draws it
 ANIMATION = (640, 480)  # px
 FORMATS = ("gif", "mp4", "webp", "html")
 LASTS = {"2 s": 2.0, "5 s": 5.0, "10 s": 10.0, "30 s": 30.0}  # of the motion
@@ -53,12 +54,17 @@ class KeepTab:
     def _send_picture(self, event: Any) -> None:
         import imageio.v3
 
-        if event.client is not None:
-            width, height = PICTURE
-            image = event.client.get_render(height=height, width=width, transport_format="png", timeout=20.0)
-            data = io.BytesIO()
-            imageio.v3.imwrite(data, image, extension=".png")
-            event.client.send_file_download(f"{self._name}.png", data.getvalue(), save_immediately=True)
+        if event.client is None:
+            return
+        width, height = PICTURE
+        try:
+            image = event.client.get_render(height=height, width=width, transport_format="png", timeout=LONGEST)
+        except TimeoutError:
+            self._tell(f"The browser has drawn no picture in {LONGEST:.0f} s.")
+            return
+        data = io.BytesIO()
+        imageio.v3.imwrite(data, image, extension=".png")
+        event.client.send_file_download(f"{self._name}.png", data.getvalue(), save_immediately=True)
 
     def _send_motion(self, event: Any) -> None:
         if event.client is not None and (points := self._points()):

@@ -124,7 +124,7 @@ class KinematicsTab:
             self._busy = False
 
     def _present(self, found: Analysis) -> None:
-        self._text.content = f"```text\n{found.text}\n```"
+        self._text.content = "\n\n".join(map(_as_markdown, found.text.splitlines()))
         self._scene.draw_path(found.path)
         self._plot.visible = bool(found.transmission)
         if found.transmission:
@@ -137,3 +137,9 @@ class KinematicsTab:
                 ),
             )
             self._plot.data = (found.travel, *found.transmission.values())
+
+
+def _as_markdown(line: str) -> str:
+    """A line of a report that is too wide for the panel: its head in bold, and what it says."""
+    head, _, text = line.partition("  ")
+    return f"**{head}** {text.strip()}" if text else line

@@ -60,7 +60,7 @@ def product(matrix: Array, other: Array) -> Array:
 
 def best_conditioned(matrix: Array, rows: Sequence[int]) -> list[int]:
     """Those of some rows of a symmetric positive semidefinite matrix that are independent, by their pivots."""
-    if len(rows) == 1:
+    if len(rows) < 2:
         return [row for row in rows if matrix[row, row] > 0.0]
     return [rows[pivot] for pivot in pivots(unit_diagonal(matrix[rows][:, rows])[0])]
 

@@ -40,7 +40,7 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
     pressed = [row for row in problem.normals if forces[row] > 0.0]
     closed = _closed(problem, forces)
     for _ in range(SHARING_STEPS):
-        unit, constant, held = _followers(problem, forces)
+        unit, constant, held = _followers(problem, forces, closed)
         matrix, free = product(problem.matrix, unit), problem.rates(constant)
         chosen, others = [*pressed, *held], [row for row in closed if row not in pressed]
         own = matrix[chosen][:, chosen]
@@ -60,8 +60,9 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
 
 def is_unique(problem: ContactProblem, forces: Array) -> bool:
     """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
-    unit, _, held = _followers(problem, forces, limited=True)
-    chosen = [*_closed(problem, forces), *held]
+    closed = _closed(problem, forces)
+    unit, _, held = _followers(problem, forces, closed, limited=True)
+    chosen = [*closed, *held]
     return len(pivots(product(problem.matrix[chosen], unit[:, chosen]))) == len(chosen)
 
 
@@ -90,8 +91,12 @@ def _slow(forces: Array) -> float:
     return SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
 
 
-def _followers(problem: ContactProblem, forces: Array, limited: bool = False) -> tuple[Array, Array, list[int]]:
+def _followers(
+    problem: ContactProblem, forces: Array, closed: Sequence[int], limited: bool = False
+) -> tuple[Array, Array, list[int]]:
     """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,).
+
+    There is no friction at normal rows that are not `closed`.
 
     :param limited: friction of constant size that is at its limit, but does not slide, is held as well.
     """
@@ -101,6 +106,8 @@ def _followers(problem: ContactProblem, forces: Array, limited: bool = False) ->
     for row in problem.normals:
         unit[row, row] = 1.0
     for friction in problem.frictions:
+        if friction.normal is not None and friction.normal not in closed:
+            continue
         own = [trial[row] for row in friction.rows]
         limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
         length, slips = math.hypot(*own), math.hypot(*(speeds[row] for row in friction.rows)) > slow

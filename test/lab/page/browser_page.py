@@ -27,7 +27,7 @@ class AnyPage:
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.route(lambda asked: not asked.startswith((url, "blob:", "data:")), lambda route: route.abort())
         self.page.goto(url)
-        self.page.wait_for_selector("canvas")
+        self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name="Play").wait_for()
 
     # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few.

@@ -71,7 +71,7 @@ def test_a_page_with_the_motion_opens_without_a_server(keep, chromium, tmp_path)
     page.set_default_timeout(1000.0 * PATIENCE)
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"file://{file}")
-    page.wait_for_selector("canvas")
+    page.wait_for_function("[...document.querySelectorAll('canvas')].some(one => one.width > 100)")
     page.locator("svg[width]").first.wait_for()
     assert not [url for url in asked if url.startswith("http")]
     page.close()

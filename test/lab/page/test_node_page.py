@@ -5,20 +5,17 @@ from __future__ import annotations
 import re
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim import parse_mechanism
-from mbd_sim.lab.scene.camera import aim
-from mbd_sim.pictures.shapes.extent import extent_of
 from test.system.growing_recordings import STEP_NS, stop_recording, verified
-from test.system.nodes import as_in_the_node, nanoseconds, running
+from test.system.nodes import nanoseconds, running
 from test.waiting import wait_until
 
 browser_page = pytest.importorskip("test.lab.page.browser_page")
 
+SIZE = {"width": 1000, "height": 420}  # wider than a phone beside the panel
 BENCH = """
 mechanism: bench
 gravity: [0, 0, 0]
@@ -39,14 +36,14 @@ class NodePage(browser_page.AnyPage):
 
     def __init__(self, chromium, url, listener):
         self.listener, self.until = listener, listener.until
-        super().__init__(chromium, url)
+        super().__init__(chromium, url, SIZE)
 
     def drag(self, condition, what):
-        """Drag the middle of the arm upward until this has an effect, and hold it."""
-        mouse = self.page.mouse
+        """Drag the middle of the arm, at which the camera looks at the start, until this has an effect; hold it."""
+        mouse, box = self.page.mouse, self.page.locator("canvas").first.bounding_box()
+        across, down = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
 
         def attempt():
-            across, down = self.pixel_of_the_arm()
             mouse.up()
             mouse.move(across - 2, down)
             self.listener.spin(0.2)
@@ -57,18 +54,6 @@ class NodePage(browser_page.AnyPage):
                 self.listener.spin(0.05)
 
         wait_until(condition, what, meanwhile=attempt, report=lambda: self.listener.process.text)
-
-    def pixel_of_the_arm(self):
-        """Where the middle of the arm is on the screen."""
-        box, camera = self.page.locator("canvas").first.bounding_box(), SimpleNamespace()
-        aim(camera, extent_of(as_in_the_node(parse_mechanism(BENCH)).model), box["width"] / box["height"], box["width"])
-        forward = np.array(camera.look_at) - camera.position
-        right = np.cross(forward, [0.0, 0.0, 1.0])
-        axes = [axis / np.linalg.norm(axis) for axis in (right, np.cross(forward, right), forward)]
-        angle = self.listener.states[-1].position[0]
-        x, y, z = np.array(axes) @ (0.25 * np.array([np.cos(angle), 0.0, np.sin(angle)]) - camera.position)
-        focal = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
-        return box["x"] + 0.5 * box["width"] + focal * x / z, box["y"] + 0.5 * box["height"] + focal * y / z
 
     def shows(self, label, value):
         """Wait until the number beside a slider is this one."""
