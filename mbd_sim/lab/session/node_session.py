@@ -18,7 +18,7 @@ from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.hold import pulled, spring_for
-from mbd_sim.lab.session.link import Link, NodeState
+from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.session import Session
 
 LIVE_PERIOD = 0.1  # s between changes of live values, each of which the node validates for milliseconds
@@ -29,7 +29,7 @@ class NodeSession(Session):
 
     of_node = True
 
-    def __init__(self, bench: Bench, link: Link, *, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, bench: Bench, link: SocketEnd, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._link, self._requests, self._live = link, list[list[Any]](), dict[str, float]()
         self._changed = -math.inf  # s of the clock, when live values were sent
         self._state: NodeState | None = None

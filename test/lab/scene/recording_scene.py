@@ -15,7 +15,7 @@ class RecordingScene:
 
         def add(name, *arguments, **options):
             node = SimpleNamespace(**{"kind": method, "points": arguments[0] if arguments else (), **options})
-            node.on_drag = lambda _: lambda function: function
+            node.on_drag, node.remove = lambda _: lambda function: function, lambda: self.nodes.pop(name)
             self.nodes[name], self.added = node, self.added + 1
             return node
 

@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.link import Link, NodeState
+from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
@@ -21,8 +21,8 @@ class Node:
         ours, theirs = socket.socketpair()
         mechanism = load_mechanism("cart_pendulum")
         options = {"wrenches": ["pendulum"], "live": ["parameters.*"]}
-        self.simulation, self.link = BaseSimulation(mechanism, **options), Link(ours, blocking=False)
-        self.session = NodeSession(Bench(BaseSimulation(mechanism, **options)), Link(theirs, blocking=True))
+        self.simulation, self.link = BaseSimulation(mechanism, **options), SocketEnd(ours, blocking=False)
+        self.session = NodeSession(Bench(BaseSimulation(mechanism, **options)), SocketEnd(theirs, blocking=True))
         self.running, self.told = True, ""
 
     def turn(self):
