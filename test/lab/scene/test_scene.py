@@ -99,3 +99,15 @@ def test_the_force_of_a_contact_is_an_arrow_that_ends_there():
     size = extent_of(model).size
     assert arrow[1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
     assert arrow[0] == pytest.approx([0.0, 0.0, -0.25 * size], rel=1e-5)  # the weight of all parts
+
+
+def test_springs_appear_with_their_stiffness():
+    session = OwnSession(Bench.of(load_mechanism("bounce")), running=False)
+    nodes, model = RecordingScene(), session.bench.simulation.model
+    scene = Scene(nodes, model, extent_of(model), None, dark=False)
+    scene.show(session.frame)
+    before = set(nodes.nodes)
+    session.ask("change", lambda session: session.change("joints.height.stiffness", 5.0))
+    session.turn()
+    scene.show(session.frame)
+    assert {name for name in nodes.nodes if "height" in name} - before
