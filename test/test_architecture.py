@@ -163,6 +163,16 @@ def test_tests_mirror_the_folders_of_the_package():
     assert not strange
 
 
+def test_no_two_classes_have_one_name():
+    """A name that a reader has met once must not mean another thing elsewhere."""
+    places = {}
+    for name, tree in modules().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(name)
+    assert not {name: found for name, found in places.items() if len(found) > 1}
+
+
 def functions(tree):
     return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
 

@@ -12,7 +12,7 @@ import sys
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.lab.page.page import Page
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.link import Link, PageOrder
+from mbd_sim.lab.session.link import PageOrder, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
 from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.studies.report.cached_report import cached_report
@@ -25,7 +25,7 @@ def main() -> int:
     """Open the page that the node orders over the socket whose number is the first argument; returns the exit code."""
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
-    link = Link(socket.socket(fileno=int(sys.argv[1])), blocking=True)
+    link = SocketEnd(socket.socket(fileno=int(sys.argv[1])), blocking=True)
     message = link.receive()
     assert message is not None
     order: PageOrder = pickle.loads(message)  # noqa: S301  (from the node that started this process)

@@ -61,7 +61,7 @@ def equilibria_along(balance: RestBalance, direction: float, within: float = mat
         following, length = _next(balance, place, length)
         if following is None:
             return
-        before, after = place.rest.load, following.rest.load
+        before, after = place.rest.load_factor, following.rest.load_factor
         if before * after <= 0.0 and before != after:
             nearer = place if abs(before) < abs(after) else following
             if (found := balanced(balance, nearer.rest)) is None:
@@ -69,14 +69,14 @@ def equilibria_along(balance: RestBalance, direction: float, within: float = mat
             yield found
         place = following
         away = balance.from_start(place.rest)
-        away[-1] = place.rest.load - 1.0
+        away[-1] = place.rest.load_factor - 1.0
         if balance.distance(place.rest) > within or (number > 2 and np.linalg.norm(away) < 0.5 * length):
             return  # too far, or back at the start
 
 
 def balanced(balance: RestBalance, guess: Rest) -> Rest | None:
     """The equilibrium next to a configuration by Newton's method, of a family the one nearest to the start."""
-    rest, drawn = replace(guess, load=0.0), True
+    rest, drawn = replace(guess, load_factor=0.0), True
     for _ in range(ITERATIONS):
         remaining, slopes = balance.at(rest), balance.slopes(rest)
         size = float(np.linalg.norm(remaining))
@@ -102,7 +102,7 @@ def settled(balance: RestBalance) -> Rest | None:
 
     That is ζ' = r(ζ) with the balance r, by the implicit method of Euler, with steps that grow as it comes to rest.
     """
-    rest, pause = replace(balance.start, load=0.0), SLOW
+    rest, pause = replace(balance.start, load_factor=0.0), SLOW
     remaining = balance.at(rest)
     size = float(np.linalg.norm(remaining))
     for _ in range(SETTLING):

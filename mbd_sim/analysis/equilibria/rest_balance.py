@@ -30,12 +30,12 @@ WEIGHTLESS = 1e-12  # the least weight of a coordinate, relative to the largest
 class Rest:
     """Coordinates q (nq,) that satisfy the constraints, states of actuators (s,), and what holds them.
 
-    The `load` is λ, and `holding` (nv + s,) are the efforts h and the rates of the states.
+    The `load_factor` is λ, and `holding` (nv + s,) are the efforts h and the rates of the states.
     """
 
     q: Array
     states: Array
-    load: float
+    load_factor: float
     holding: Array
 
 
@@ -101,7 +101,7 @@ class RestBalance:
     @property
     def imbalance(self) -> float:
         """The size of the balance at the start without its load."""
-        return float(np.linalg.norm(self.at(replace(self.start, load=0.0))))
+        return float(np.linalg.norm(self.at(replace(self.start, load_factor=0.0))))
 
     def at(self, rest: Rest) -> Array:
         """The balance (nv + s,): the accelerations and the rates of the states, see `of`."""
@@ -127,7 +127,7 @@ class RestBalance:
         """The state after a change (nv + s + 1,) of all variables; None if loops cannot be closed there."""
         nv = self._nv
         q = self.constraints.displaced(rest.q, self._units[:nv] * change[:nv])
-        states, load = rest.states + self._units[nv:] * change[nv:-1], rest.load + float(change[-1])
+        states, load = rest.states + self._units[nv:] * change[nv:-1], rest.load_factor + float(change[-1])
         if not (np.all(np.isfinite(q)) and np.all(np.isfinite(self.constraints.gradient(0.0, q)))):
             return None
         if self._equations.rows:
@@ -162,7 +162,9 @@ class RestBalance:
         if size == 0.0:
             return rest
         part = size / float(np.linalg.norm(self.start.holding[:nv] / self._weights))
-        return replace(rest, load=rest.load * part, holding=np.concatenate([efforts, rest.holding[nv:]]) / part)
+        return replace(
+            rest, load_factor=rest.load_factor * part, holding=np.concatenate([efforts, rest.holding[nv:]]) / part
+        )
 
     def _free(self, rest: Rest) -> Array:
         gradient = self.constraints.gradient(0.0, rest.q) * self._units[: self._nv]
@@ -171,7 +173,7 @@ class RestBalance:
     def _rates(self, rest: Rest) -> Array:
         y, inputs = self._point(rest)
         rates: Array = np.array(self._equations.rates.call([0.0, y, inputs])[0]).ravel()[self._equations.core]
-        rates[self._nv :] += rest.load * rest.holding[self._nv :]
+        rates[self._nv :] += rest.load_factor * rest.holding[self._nv :]
         return rates
 
     def _derivatives(self, rest: Rest) -> Array:
@@ -181,7 +183,7 @@ class RestBalance:
     def _point(self, rest: Rest) -> tuple[Array, Array]:
         y, inputs = np.zeros(self._equations.start_state.size), self._inputs.copy()
         y[: self._nq], y[self._nq + self._nv : self._equations.core.stop] = rest.q, rest.states
-        inputs[self._equations.inputs.efforts] += rest.load * rest.holding[: self._nv]
+        inputs[self._equations.inputs.efforts] += rest.load_factor * rest.holding[: self._nv]
         return y, inputs
 
 

@@ -43,13 +43,13 @@ ACTUATOR_UNITS = {
 class LinearOutput:
     """A number with the expression of its value.
 
-    `load` is its row in the reactions of all joints, -1 for another load that redundant joints share, or None.
+    `reaction_row` is its row in the reactions of all joints, -1 for another load that redundant joints share, or None.
     """
 
     name: str
     unit: str
     value: Callable[[], ca.SX]
-    load: int | None = None
+    reaction_row: int | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -190,7 +190,7 @@ def _output_derivatives(
     _require_no_contact_forces(full, wanted, values, state)
     found = _evaluated(full, values, state)
     sharing = LoadSharing(mechanism, full)
-    loads = [(row, one.load) for row, one in enumerate(wanted) if one.load is not None]
+    loads = [(row, one.reaction_row) for row, one in enumerate(wanted) if one.reaction_row is not None]
     if not loads or not sharing.indeterminacy:
         return found
     if any(load < 0 for _, load in loads):

@@ -9,7 +9,7 @@ from mbd_sim.compiler.ir.vectors import Index, add_square, combine, copy, for_ea
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter
 from mbd_sim.integrators.gauss import Gauss
 
-CONVERGED = 1e-17  # change of the scaled state below which the sweeps have converged
+SWEEPS_CONVERGED = 1e-17  # change of the scaled state below which the sweeps have converged
 FIRST_SWEEPS = 3  # after these, a change that no longer falls is round-off
 
 
@@ -85,7 +85,7 @@ class _GaussStep:
         """Whether the sweep of this number is followed by another one, for each member."""
         b = self._emitter.b
         moved = b.load(self._change, typ=DOUBLE)
-        not_converged = b.fcmp_ordered(">", moved, number(CONVERGED**2))
+        not_converged = b.fcmp_ordered(">", moved, number(SWEEPS_CONVERGED**2))
         falling = b.fcmp_ordered("<", moved, b.load(self._before, typ=DOUBLE))
         early = b.icmp_signed("<=", count, integer(FIRST_SWEEPS))
         allowed = b.or_(falling, early)

@@ -1,1 +1,1 @@
-"""Gaps of shapes and cams, and forces at contacts."""
+"""One-sided rows: gaps of shapes, cams, stops and constraints with their friction; and forces at compliant contacts."""

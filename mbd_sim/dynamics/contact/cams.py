@@ -96,7 +96,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 SAMPLES = 720  # of the profile
 NEAREST = 1e-6  # of its size, by which another point must be nearer to a roller to count
 FOUND = 1e-9  # of its size, up to which the iterations must find the point
-CLOSED = 1e-9  # of its size, by which a profile may differ after one revolution
+PERIODIC = 1e-9  # of its size, by which a profile may differ after one revolution
 APART = 0.01  # of its size, distance up to which the point must be found
 FAR = (0.05, 0.2, 0.5)  # of its size, distances at which the gap must not be less than `MISJUDGED` of the true one
 MISJUDGED = 0.5
@@ -182,7 +182,7 @@ def _sampled(profile: TimeExpression) -> _Samples | tuple[str, str]:
     radii = np.cos(angles) * values[0] + np.sin(angles) * values[1]
     if not np.min(radii) > 0.0:
         return f"is {np.min(radii):.4g} m at {_degrees(angles[int(np.argmin(radii))])}", "A radius must be positive."
-    if np.max(np.abs(values[:, -1] - values[:, 0])) > CLOSED * size:
+    if np.max(np.abs(values[:, -1] - values[:, 0])) > PERIODIC * size:
         return "does not have the period 2*pi", "Make it periodic in 'angle'."
     slopes, seconds = values[2:4, :-1], values[4:, :-1]
     speeds = np.hypot(*slopes)

@@ -40,7 +40,7 @@ class NodeState:
     told: str
 
 
-class Link:
+class SocketEnd:
     """One end of the pair: messages of bytes with their lengths. An end that does not block keeps what has to wait."""
 
     def __init__(self, own: socket.socket, *, blocking: bool) -> None:

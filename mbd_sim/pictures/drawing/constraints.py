@@ -38,9 +38,9 @@ from mbd_sim.pictures.drawing.sheet import (
     INK,
     STEEL,
     WHITE,
+    Projection,
     ScaledView,
     SheetPath,
-    View,
     left_of,
 )
 from mbd_sim.pictures.drawing.symbols import (
@@ -278,7 +278,7 @@ def _rotation(poses: Mapping[str, Pose], at: Attachment) -> Array:
     return np.eye(3) if at.part == GROUND else poses[at.part].rotation
 
 
-def constraint_curves(mechanism: Mechanism, poses: Mapping[str, Pose], view: View) -> list[CurveLine]:
+def constraint_curves(mechanism: Mechanism, poses: Mapping[str, Pose], view: Projection) -> list[CurveLine]:
     """The lines of all curves and surfaces, in ground's frame in m."""
     curves: list[CurveLine] = []
     for constraint in mechanism.constraints:

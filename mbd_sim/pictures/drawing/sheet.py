@@ -134,7 +134,7 @@ AZIMUTH, ELEVATION = np.radians(-62.0), np.radians(24.0)  # of the eye, for spat
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Projection:
     """An orthographic view: unit vectors (3,) to the `right`, `up`, and `toward` the eye, in ground's frame.
 
     `planar` means that all motion is perpendicular to `toward`.
@@ -150,7 +150,7 @@ class View:
 class ScaledView:
     """A view at a scale, in points per meter."""
 
-    view: View
+    view: Projection
     scale: float
 
     def project(self, points: Array) -> Array:
@@ -170,22 +170,22 @@ class ScaledView:
         return np.asarray(direction @ np.column_stack([self.view.right, self.view.up]))
 
 
-def view_of(mechanism: Mechanism, poses: Mapping[str, Pose]) -> View:
+def view_of(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Projection:
     """The view along the common axis of a planar mechanism, otherwise an oblique one."""
     normal = plane_normal(mechanism, poses)
     if normal is None:
         toward = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
         right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
-        return View(right, np.cross(toward, right), toward, planar=False)
+        return Projection(right, np.cross(toward, right), toward, planar=False)
     vertical = np.array([0.0, 0.0, 1.0])
     if np.linalg.norm(np.cross(normal, vertical)) < PLANE_TOLERANCE:
-        return View(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), vertical, planar=True)
+        return Projection(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), vertical, planar=True)
     right = np.cross(vertical, normal)
     right /= np.linalg.norm(right)
     first = right[np.flatnonzero(np.abs(right) > PLANE_TOLERANCE)[0]]  # x to the right, or else y
     toward = normal if first > 0.0 else -normal
     right = right if first > 0.0 else -right
-    return View(right, np.cross(toward, right), toward, planar=True)
+    return Projection(right, np.cross(toward, right), toward, planar=True)
 
 
 DISTANCES = (13.0, 18.0, 25.0, 34.0)  # pt, from the named point to the edge of the text

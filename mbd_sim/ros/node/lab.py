@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.session.hold import Hold
-from mbd_sim.lab.session.link import Link, NodeState, PageOrder
+from mbd_sim.lab.session.link import NodeState, PageOrder, SocketEnd
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
@@ -106,7 +106,7 @@ class LabPage:
             command, env=environment, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True
         )
         theirs.close()
-        self._link = Link(ours, blocking=False)
+        self._link = SocketEnd(ours, blocking=False)
         self._link.send(pickle.dumps(order))
         self._timer = node.create_timer(PERIOD, self._serve, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

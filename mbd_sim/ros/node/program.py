@@ -35,28 +35,28 @@ from mbd_sim.ros.stepping import realtime
 REPORT_PERIOD = 1.0  # s between reports
 
 
-class CallbackGuard:
-    """Guards the callbacks of a node. `failures` counts the messages and requests that a callback could not process."""
+class CallbackWatch:
+    """Watches the callbacks of a node; `failures` counts the messages and requests that one could not process."""
 
     def __init__(self, node: Node) -> None:
         self.failures = 0
         self._node, self._log = node, node.get_logger()
-        self._guarded: set[int] = set()
+        self._watched: set[int] = set()
         self._last_report = -REPORT_PERIOD
 
-    def guard(self) -> None:
-        """Guard all subscriptions, services and timers that the node has now."""
+    def watch(self) -> None:
+        """Watch all subscriptions, services and timers that the node has now."""
         for subscription in self._new(self._node.subscriptions):
-            subscription.callback = self._guarded_message(
+            subscription.callback = self._watched_message(
                 subscription.callback, f"message on {subscription.topic_name}"
             )
         for timer in self._new(self._node.timers):
-            timer.callback = self._guarded_message(timer.callback, "timer")
+            timer.callback = self._watched_message(timer.callback, "timer")
         for service in self._new(self._node.services):
             callback = service.callback
             if service.srv_type is SetParameters:
                 callback = set_one_at_a_time(self._node, callback, _reason)
-            service.callback = self._guarded_service(callback, service)
+            service.callback = self._watched_service(callback, service)
 
     def report(self, what: str, error: Exception) -> None:
         """Count a failure, and log it if none was logged in the last second."""
@@ -67,30 +67,30 @@ class CallbackGuard:
             self._log.error(f"{what} not processed ({self.failures} failures so far): {_reason(error)}")
 
     def _new(self, entities: Any) -> list[Any]:
-        found = [entity for entity in entities if id(entity) not in self._guarded]
-        self._guarded.update(map(id, found))
+        found = [entity for entity in entities if id(entity) not in self._watched]
+        self._watched.update(map(id, found))
         return found
 
-    def _guarded_message(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
+    def _watched_message(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
         @wraps(callback)
-        def guarded(*arguments: Any) -> None:
+        def watched(*arguments: Any) -> None:
             try:
                 callback(*arguments)
             except Exception as error:
                 self.report(what, error)
 
-        return guarded
+        return watched
 
-    def _guarded_service(self, callback: Service, service: Any) -> Service:
+    def _watched_service(self, callback: Service, service: Any) -> Service:
         @wraps(callback)
-        def guarded(request: Any, response: Any) -> Any:
+        def watched(request: Any, response: Any) -> Any:
             try:
                 return callback(request, response)
             except Exception as error:
                 self.report(f"request of {service.service_name}", error)
                 return _refusal(service.srv_type, _reason(error))
 
-        return guarded
+        return watched
 
 
 def _refusal(service_type: Any, reason: str) -> Any:
@@ -206,10 +206,10 @@ def _spin(node: ProgramNode, ended: threading.Event, end_requests: queue.SimpleQ
     """Start the node, run its callbacks in a thread until `ended` or a request to end, and stop it."""
     assert isinstance(node, Node)
     nodes: list[Node] = [node, *getattr(node, "companions", ())]
-    guards = [CallbackGuard(each) for each in nodes]
+    watches = [CallbackWatch(each) for each in nodes]
     executor = EventsExecutor()
-    for each, guard in zip(nodes, guards, strict=True):
-        guard.guard()
+    for each, watch in zip(nodes, watches, strict=True):
+        watch.watch()
         executor.add_node(each)
 
     def spin() -> None:
@@ -220,14 +220,14 @@ def _spin(node: ProgramNode, ended: threading.Event, end_requests: queue.SimpleQ
             except ExternalShutdownException:
                 break
             except Exception as error:  # of a message that rclpy cannot take, for example
-                guards[0].report("message or request", error)
+                watches[0].report("message or request", error)
         ended.set()
 
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    for guard in guards:
-        guard.guard()  # what its node has created at its start
+    for watch in watches:
+        watch.watch()  # what its node has created at its start
     realtime.wait_for(ended, end_requests)
     node.stop()
     executor.shutdown()

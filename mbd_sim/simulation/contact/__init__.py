@@ -1,1 +1,1 @@
-"""Contacts during a run: complementarity, impacts, modes and events."""
+"""One-sided elements during a run: the steps from event to event, complementarity, impacts and modes."""

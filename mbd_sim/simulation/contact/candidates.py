@@ -31,7 +31,7 @@ from mbd_sim.simulation.contact.search import STOPPED
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
 AT_LIMIT = 1.0 - 1e-9  # use of its limit, from which on friction at rest has reached it
-ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are those of elastic supports
+FORCE_ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are those of elastic supports
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
@@ -193,6 +193,8 @@ class Candidates:
         able = [index for index in self._sticking if index not in self._loads and self._limit(index, forces) > 0.0]
         limits = [self._limit(index, forces) for index in able]
         rows = [self._model.frictions[index][0] for index in able]
+        if sum(map(len, rows)) < 2:  # nothing to share
+            return forces
         forces, shared = centered(self._terms.matrix, rows, limits, forces)
         self._reserves = {able[k]: limits[k] * (1.0 - self._use(able[k], forces)) for k in shared}
         return forces
@@ -316,7 +318,7 @@ class Candidates:
         coupled = product(matrix, unit)[chosen][:, chosen]
         stress = forces[chosen] - least_solution(coupled, product(coupled, forces[chosen]), own)
         scale = np.sqrt(own)
-        if np.max(np.abs(scale * stress)) > ROUND_OFF * np.max(np.abs(scale * forces[chosen])):
+        if np.max(np.abs(scale * stress)) > FORCE_ROUND_OFF * np.max(np.abs(scale * forces[chosen])):
             modes[model.layout.given][chosen] = stress
 
 

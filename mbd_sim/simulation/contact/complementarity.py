@@ -124,7 +124,7 @@ def independent(matrix: Array, order: Sequence[int]) -> list[int]:
     return chosen
 
 
-TINY = 1e-12  # relative size below which an entry of the tableau counts as zero
+ZERO_ENTRY = 1e-12  # relative size below which an entry of the tableau counts as zero
 
 
 def lemke(matrix: Array, right: Array) -> Array | None:
@@ -172,12 +172,12 @@ def _pivot(tableau: Array, row: int, column: int) -> None:
 def _leaving_row(tableau: Array, entering: int, basis: list[int], n: int) -> int | None:
     """The row with the lexicographically least ratio; that of z0 where it is among the least."""
     column = tableau[:, entering]
-    rows = (column > TINY * max(1.0, float(np.abs(column).max()))).nonzero()[0]
+    rows = (column > ZERO_ENTRY * max(1.0, float(np.abs(column).max()))).nonzero()[0]
     if not len(rows):
         return None
     ratios = tableau[rows, -1] / column[rows]
     least = float(ratios.min())
-    tied = rows[ratios <= least + TINY * max(1.0, abs(least))]
+    tied = rows[ratios <= least + ZERO_ENTRY * max(1.0, abs(least))]
     artificial = [int(row) for row in tied if basis[row] == 2 * n]
     if artificial:
         return artificial[0]
@@ -185,7 +185,7 @@ def _leaving_row(tableau: Array, entering: int, basis: list[int], n: int) -> int
         if len(tied) == 1:
             break
         values = tableau[tied, index] / column[tied]
-        tied = tied[values <= float(np.min(values)) + TINY]
+        tied = tied[values <= float(np.min(values)) + ZERO_ENTRY]
     return int(tied[0])
 
 

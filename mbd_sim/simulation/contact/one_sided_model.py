@@ -29,7 +29,7 @@ from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
 
-ROUND_OFF = 1e-10  # of a load, relative to its parts
+LOAD_ROUND_OFF = 1e-10  # of a load, relative to its parts
 
 
 @dataclass(slots=True, eq=False)  # a frozen one is made four times as slowly, and the search for events makes many
@@ -205,7 +205,7 @@ class OneSidedModel:
                 continue  # nothing loads this joint
             parts = [float(unloaded[0]), *(by_force[0] * forces).tolist()]
             value, position = sum(parts), self.layout.signs.start + number
-            if abs(value) > ROUND_OFF * (self.units.force + sum(map(abs, parts))):
+            if abs(value) > LOAD_ROUND_OFF * (self.units.force + sum(map(abs, parts))):
                 modes[position] = -1.0 if value < 0.0 else 1.0
             elif modes[position] == 0.0:
                 modes[position] = 1.0
@@ -250,13 +250,13 @@ def address(array: Array) -> int:
     return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
 
 
-TOLERANCE = 1e-13  # of guards in natural units, for a mechanism of up to the natural length
+GUARD_TOLERANCE = 1e-13  # of guards in natural units, for a mechanism of up to the natural length
 
 
 def guard_tolerance(equations: Equations) -> float:
     """How negative a guard may be by round-off."""
     assert equations.one_sided is not None
-    return TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.equations.units.length)
+    return GUARD_TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.equations.units.length)
 
 
 def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneSidedSystem:

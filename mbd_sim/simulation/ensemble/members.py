@@ -102,7 +102,7 @@ def divergence_of_member(
     :param error_estimate: of the member, see `Ensemble.error_estimates`.
     """
     memory = KernelMemory(model, step_size, mechanism)
-    memory.load(y, failure.inputs, failure.steps)
+    memory.restore(y, failure.inputs, failure.steps)
     try:
         memory.advance(failure.count)
     except EventError as error:

@@ -132,7 +132,7 @@ class KernelMemory:
         if self.stepper is not None:
             self.stepper.find_modes(*self.now)
 
-    def load(
+    def restore(
         self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0, history: Array | None = None
     ) -> None:
         """Replace the state (n,), the inputs (m,), the step counter, the error estimate and the history.

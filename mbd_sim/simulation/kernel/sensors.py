@@ -69,10 +69,10 @@ class SensorSamples:
 
     def __init__(self, timings: Sequence[SamplingSteps], noises: Sequence[Noise], memory: KernelMemory) -> None:
         self._memory = memory
-        groups: dict[tuple[SamplingSteps, int], _Group] = {}
+        groups: dict[tuple[SamplingSteps, int], _SampleGroup] = {}
         for number, (timing, noise) in enumerate(zip(timings, noises, strict=True)):
             key = timing, number if noise.loses_samples else -1
-            groups.setdefault(key, _Group(timing.period, timing.delay, noise)).sensors.append(number)
+            groups.setdefault(key, _SampleGroup(timing.period, timing.delay, noise)).sensors.append(number)
         self._groups = list(groups.values())
         self._group_of = {number: group for group in self._groups for number in group.sensors}
         self._periods = sorted({timing.period for timing in timings})
@@ -121,13 +121,13 @@ class SensorSamples:
         return [self._group_of[number].latest(steps) for number in sorted(self._group_of)]
 
     def table(self) -> Array:
-        """The samples as rows (n, 1 + states + inputs): the step, the state, the inputs; see `load`."""
+        """The samples as rows (n, 1 + states + inputs): the step, the state, the inputs; see `restore`."""
         samples = {sample.steps: sample for group in self._groups for sample in group.queue}
         width = 1 + len(self._memory.y) + len(self._memory.inputs)
         rows = [np.concatenate([[steps], samples[steps].y, samples[steps].inputs]) for steps in sorted(samples)]
         return np.array(rows).reshape(len(rows), width)
 
-    def load(self, table: Array) -> None:
+    def restore(self, table: Array) -> None:
         """Replace all samples by those of a `table` from the present step."""
         self.clear()
         size = len(self._memory.y)
@@ -141,7 +141,7 @@ class SensorSamples:
 
 
 @dataclass(eq=False)
-class _Group:
+class _SampleGroup:
     """Sensors that measure at the same times, and their samples; a sensor that loses samples is alone."""
 
     period: int

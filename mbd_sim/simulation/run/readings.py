@@ -222,7 +222,7 @@ class RunSensors:
         if self._samples is None:
             return
         if table is not None:
-            self._samples.load(table)
+            self._samples.restore(table)
             return
         if not keep:
             self._samples.clear()

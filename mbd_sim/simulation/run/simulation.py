@@ -241,7 +241,7 @@ class BaseSimulation(PresentState):
         """
         y, inputs = started(self.model, self._inputs.values, q, u, nearest_speeds)
         memory = self._memory
-        memory.load(y, inputs, 0)
+        memory.restore(y, inputs, 0)
         self.start_energy = self.model.energies(0.0, y, 0.0, inputs).total
         if memory.stepper is not None:
             memory.stepper.events.clear()
@@ -302,7 +302,7 @@ class BaseSimulation(PresentState):
     def _continue_from(
         self, point: RunPoint, samples: Array | None, *, keep_samples: bool = False, find_modes: bool = False
     ) -> None:
-        self._memory.load(point.state, point.inputs, point.steps, point.error_estimate, point.history)
+        self._memory.restore(point.state, point.inputs, point.steps, point.error_estimate, point.history)
         if find_modes:
             self._memory.find_modes()
         self.start_energy = point.start_energy

@@ -78,12 +78,12 @@ def undefined_expression(
 def _last_finite(model: Model, memory: KernelMemory, n: int) -> tuple[KernelMemory, float]:
     """The last state from which one of n steps fails, and the largest estimated error of the steps before it."""
     last, size, estimate = KernelMemory(model, memory.step_size), n, 0.0
-    last.load(memory.y, memory.inputs, memory.steps)
+    last.restore(memory.y, memory.inputs, memory.steps)
     while size > 1:
         size //= 2
         while last.advance(size):
             estimate = last.error_estimate
-        last.load(last.y, last.inputs, last.steps, estimate)  # without the estimate of the step that fails
+        last.restore(last.y, last.inputs, last.steps, estimate)  # without the estimate of the step that fails
     return last, estimate
 
 

@@ -4,13 +4,13 @@ import socket
 
 import pytest
 
-from mbd_sim.lab.session.link import Link
+from mbd_sim.lab.session.link import SocketEnd
 
 
 @pytest.fixture
 def ends():
     node, page = socket.socketpair()
-    links = Link(node, blocking=False), Link(page, blocking=True)
+    links = SocketEnd(node, blocking=False), SocketEnd(page, blocking=True)
     yield links
     for link in links:
         link.close()

@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.link import Link, NodeState
+from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
@@ -21,8 +21,8 @@ class Node:
         ours, theirs = socket.socketpair()
         mechanism = load_mechanism("cart_pendulum")
         options = {"wrenches": ["pendulum"], "live": ["parameters.*"]}
-        self.simulation, self.link = BaseSimulation(mechanism, **options), Link(ours, blocking=False)
-        self.session = NodeSession(Bench(BaseSimulation(mechanism, **options)), Link(theirs, blocking=True))
+        self.simulation, self.link = BaseSimulation(mechanism, **options), SocketEnd(ours, blocking=False)
+        self.session = NodeSession(Bench(BaseSimulation(mechanism, **options)), SocketEnd(theirs, blocking=True))
         self.running, self.told = True, ""
 
     def turn(self):
@@ -60,6 +60,19 @@ def test_each_control_is_a_request(node):
         session.ask(name, request)
         assert node.turn() == sent, name
     assert node.turn() == []
+
+
+def test_live_values_of_a_tenth_of_a_second_are_one_change(node):
+    """A page that moves sliders as fast as it can must not keep the node validating."""
+    session, sent = node.session, []
+    now = session._clock()
+    for turn in range(60):
+        session._clock = lambda turn=turn: now + turn / 60.0
+        session.ask("value", lambda one, turn=turn: one.change("parameters.l", 0.3 + 1e-3 * turn))
+        sent += node.turn()
+    assert 9 <= len(sent) <= 11
+    session._clock = lambda: now + 2.0
+    assert node.turn() == [["live", {"parameters.l": 0.359}]]
 
 
 def test_the_states_of_the_node_are_shown(node):
