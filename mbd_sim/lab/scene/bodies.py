@@ -31,9 +31,8 @@ class Bodies:
         self._names = (*model.part_names, GROUND)
         self._source = model.mechanism.source.file
         self._frames = [scene.add_frame(f"/parts/{name}", show_axes=False) for name in self._names]
-        self._forms = self._forms_of(model.mechanism)
-        for number, one in enumerate(self._forms):
-            self._add(f"/parts/{one.part}/{number}", one)
+        self._forms: dict[str, Primitive] = {}
+        self.reshape(model.mechanism)
         for number, one in enumerate(wires(model, extent)):
             self._add(f"/parts/{one.part}/wire_{number}", one)
 
@@ -45,16 +44,16 @@ class Bodies:
             handle.wxyz = np.roll(xyzw, 1)
 
     def reshape(self, mechanism: Mechanism) -> None:
-        """Draw the forms that other values have changed, such as a rod with another length."""
-        forms = self._forms_of(mechanism)
-        if len(forms) == len(self._forms):
-            for number, (old, new) in enumerate(zip(self._forms, forms, strict=True)):
-                if not (_same_form(old.form, new.form) and _same_pose(old.pose, new.pose)):
-                    self._add(f"/parts/{new.part}/{number}", new)  # it takes the place of the node of this name
-            self._forms = forms
-
-    def _forms_of(self, mechanism: Mechanism) -> list[Primitive]:
-        return [one for one in primitives(mechanism, self._extent, self._can_draw) if not one.hole]
+        """Draw the forms of a mechanism that are not drawn so yet, such as a rod that has another length."""
+        before, self._forms = self._forms, {}
+        for new in primitives(mechanism, self._extent, self._can_draw):
+            if not new.hole:
+                path = f"/parts/{new.part}/{new.kind}_{'_'.join(new.path)}"
+                old, self._forms[path] = before.pop(path, None), new
+                if old is None or not (_same_form(old.form, new.form) and _same_pose(old.pose, new.pose)):
+                    self._add(path, new)  # it takes the place of a node of this name
+        for gone in before:
+            self._scene.remove_by_name(gone)
 
     def _can_draw(self, mesh: Mesh) -> bool:
         path = mesh_path(mesh.file, self._source)

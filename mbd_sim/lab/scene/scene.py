@@ -62,7 +62,8 @@ class Scene:
         add_ground(scene, model.mechanism, extent, dark=dark)
         self._bodies = Bodies(scene, model, extent, dragged)
         self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
-        self._lines = [self._connected(one) for one in connectors(model.mechanism, extent, self._start)]
+        self._lines: dict[tuple[str, str], _Between] = {}
+        self._connect(model.mechanism)
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._add_arrows(dark)
         self.traces = Traces(scene, model.mechanism, extent.size)
@@ -76,7 +77,7 @@ class Scene:
             self._reshape(frame.mechanism)
         self._poses = np.vstack([frame.poses, pack_poses(np.zeros(3), np.eye(3))])
         self._bodies.move(self._poses)
-        for line in self._lines:
+        for line in self._lines.values():
             line.handle.points = line.points([self._at(end) for end in line.ends]).astype(np.float32)
         self._show_arrows(frame)
         if frame.time < self._last_time or not self.shown.traces:
@@ -101,15 +102,19 @@ class Scene:
         """Draw a mechanism with other values, such as lengths."""
         self._mechanism = mechanism
         self._bodies.reshape(mechanism)
-        found = connectors(mechanism, self._extent, self._start)
-        if len(found) != len(self._lines):  # a spring is drawn where there is a stiffness
-            for line in self._lines:
-                line.handle.remove()
-            self._lines = [self._connected(one) for one in found]
-        for line, one in zip(self._lines, found, strict=True):
-            line.ends = one.points
+        self._connect(mechanism)
         self.traces.forget()
         self.traces.follow(mechanism)
+
+    def _connect(self, mechanism: Mechanism) -> None:
+        """Lead the lines to the points of a mechanism; a spring appears with its stiffness."""
+        before, self._lines = self._lines, {}
+        for one in connectors(mechanism, self._extent, self._start):
+            key = one.kind, one.name
+            self._lines[key] = before.pop(key) if key in before else self._connected(one)
+            self._lines[key].ends = one.points
+        for gone in before.values():
+            gone.handle.remove()
 
     def _at(self, end: Attachment) -> Array:
         position, rotation = unpack_poses(self._poses[self._index[end.part]])

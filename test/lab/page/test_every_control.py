@@ -22,7 +22,9 @@ class Controls:
         self.handles = {
             uuid: handle
             for uuid, handle in inputs.items()
-            if handle.visible and handle.label not in (*SENT, "Dark", "Recording", "Reset")
+            if handle.visible
+            and handle.label not in (*SENT, "Dark", "Recording")
+            and (type(handle).__name__ != "GuiDropdownHandle" or len(handle.options) > 1)
         }
         for uuid, handle in self.handles.items():
             handle._impl.update_cb.append(lambda _, uuid=uuid: self.heard.add(uuid))
@@ -54,13 +56,13 @@ class Controls:
             opened.tab(tab)
             if tab == "Change":
                 self._open_folders()
-            here = [u for u, h in self.handles.items() if u not in self.heard and self._is_here(u, h)]
-            wait_until(
-                lambda here=here: self.heard.issuperset(here),
-                f"what the server hears of {tab}",
-                meanwhile=lambda here=here: [self.use(uuid) for uuid in here if uuid not in self.heard],
-                report=lambda here=here: str([self.handles[u].label for u in here if u not in self.heard]),
-            )
+                sliders = [u for u, h in self.handles.items() if type(h).__name__ == "GuiSliderHandle"]
+                wait_until(lambda sliders=sliders: all(map(self._is_here, sliders)), "the sliders in the folders")
+            here = [u for u, h in self.handles.items() if u not in self.heard and self._is_here(u)]
+            for uuid in here:
+                self.use(uuid)  # one after the other: viser sends only the last of two that change at once
+                label = f"what the server hears of {self.handles[uuid].label}"
+                wait_until(lambda uuid=uuid: uuid in self.heard, label)
 
     def _open_folders(self):
         handles = self._opened.lab.page.server.gui._container_handle_from_uuid.values()
@@ -72,7 +74,8 @@ class Controls:
             ):
                 self._opened.folder(folder.label)
 
-    def _is_here(self, uuid, handle):
+    def _is_here(self, uuid):
+        handle = self.handles[uuid]
         if type(handle).__name__ == "GuiButtonGroupHandle":
             return handle.label == "Run"
         return self.element(uuid).count() > 0 and self.element(uuid).evaluate("e => e.checkVisibility()")
