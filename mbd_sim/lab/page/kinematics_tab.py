@@ -142,4 +142,4 @@ class KinematicsTab:
 def _as_markdown(line: str) -> str:
     """A line of a report that is too wide for the panel: its head in bold, and what it says."""
     head, _, text = line.partition("  ")
-    return f"**{head}** {text.strip()}" if text else line
+    return f"**{head}** {text.strip()}" if head and text else line.strip()

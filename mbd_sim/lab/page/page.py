@@ -135,8 +135,17 @@ class Page:
         self.session.ask(f"drag {phase}", lambda session: session.drag(page, phase, part, point, target))
 
     def _opened(self, client: Any) -> None:
-        camera = client.camera
-        aim(camera, self._extent, camera.aspect, camera.image_width)
+        sizes = [(0, 0)]
+
+        def follow(_: Any) -> None:
+            """Aim at the mechanism again when the window has another size, as after turning a phone."""
+            camera = client.camera
+            if sizes[-1] != (size := (camera.image_width, camera.image_height)):
+                sizes.append(size)
+                aim(camera, self._extent, camera.aspect, camera.image_width)
+
+        client.camera.on_update(follow)
+        aim(client.camera, self._extent, client.camera.aspect, client.camera.image_width)
         self.session.ask(f"page {client.client_id}", lambda session: session.enter(client.client_id))
 
     def _closed(self, client: Any) -> None:

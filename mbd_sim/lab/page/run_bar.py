@@ -39,6 +39,7 @@ class RunBar:
         self._speed.on_update(self._set_speed)
         keys = dict(KEYS)
         self.time: Any = None
+        self._shown_time = 0.0
         if session.of_node:
             del keys["arrowleft"]
             gui.add_markdown(NOT_BACK)
@@ -58,9 +59,11 @@ class RunBar:
             return
         low, high = frame.span
         high = max(high, low + 1e-3)
-        if self._touched.free("time") and frame.number:
+        moved = self.time.value != self._shown_time  # by a user, and viser has not told yet
+        if self._touched.free("time") and frame.number and not moved:
+            self._shown_time = round(min(max(frame.time, low), high), 3)
             self.time.min, self.time.max = round(low, 3), round(high, 3)
-            self.time.value = round(min(max(frame.time, low), high), 3)
+            self.time.value = self._shown_time
 
     def _act(self, event: Any) -> None:
         if action := ACTIONS.get(event.target.value):  # a hostile page may send any text
@@ -75,5 +78,5 @@ class RunBar:
     def _wound(self, event: Any) -> None:
         if event.client is not None and self.time is not None:
             self._touched.touch("time")
-            where = self.time.value
+            where = self._shown_time = self.time.value
             self._session.ask("wind", lambda session: session.wind_to(where))

@@ -36,7 +36,7 @@ def add_ground(scene: Any, mechanism: Mechanism, extent: Extent, *, dark: bool) 
             position=middle - 0.5 * THICK * extent.size * normal,
             wxyz=to_quaternion(np.column_stack([x, np.cross(normal, x), normal])),
             color=(96, 104, 116) if dark else (170, 178, 188),
-            opacity=0.6,
+            opacity=0.4,
         )
 
 

@@ -137,8 +137,8 @@ class Scene:
         }
 
     def _show_arrows(self, frame: Frame) -> None:
-        contacts = frame.contacts if self.shown.contacts else np.empty((0, 6))
-        self._contacts.show(Vectors([(row[:3], row[3:]) for row in contacts]), self._pushes[: len(contacts)])
+        contacts = frame.contacts.reshape(-1, 2, 3) if self.shown.contacts else NOWHERE
+        self._contacts.show(Vectors([(point, force) for point, force in contacts]), self._pushes[: len(contacts)])
         for key, arrows in self._views.items():
             arrows.show(frame.watched.get(key) or Vectors())
         self._pull.show(Vectors([] if frame.pull is None else [(frame.pull[0], frame.pull[2])]))

@@ -24,8 +24,8 @@ MOST_POINTS = 5400  # three minutes at 30 points a second
 class Frame:
     """What pages show: all of one moment.
 
-        `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
-    `Model.pose_array`, `contacts` (n, 6) as in `Model.contact_places`; `watched` is what the session was asked to
+    `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
+    `Model.pose_array`, `contacts` (n, 2, 3) are points and forces; `watched` is what the session was asked to
     watch, by name. `pull` are the held point, the pointer (3,) and the force (3,), if something is held. `rate` is how
     many seconds are simulated in one, `speed` how many were asked for. `values` are those of the sliders by key, in SI
     units.

@@ -21,6 +21,8 @@ from mbd_sim.lab.session.hold import pulled, spring_for
 from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.session import Session
 
+LIVE_PERIOD = 0.1  # s between changes of live values, each of which the node validates for milliseconds
+
 
 class NodeSession(Session):
     """Shows a bench that is put into the states of a node. It ends with its `link` to the node."""
@@ -29,6 +31,7 @@ class NodeSession(Session):
 
     def __init__(self, bench: Bench, link: SocketEnd, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._link, self._requests, self._live = link, list[list[Any]](), dict[str, float]()
+        self._changed = -math.inf  # s of the clock, when live values were sent
         self._state: NodeState | None = None
         super().__init__(bench, running=False, clock=clock)
 
@@ -47,9 +50,10 @@ class NodeSession(Session):
         if hold is not None:
             point, target = hold.point.tolist(), hold.target.tolist()
             self._send("pull", hold.part, point, target, hold.stiffness, hold.damping)
-        if self._live:
+        if self._live and self._clock() - self._changed >= LIVE_PERIOD:
             self._send("live", self._live)
-        requests, self._requests, self._live = self._requests, [], {}
+            self._live, self._changed = {}, self._clock()
+        requests, self._requests = self._requests, []
         try:
             self._link.send(json.dumps({"requests": requests, "pages": len(self.pages)}).encode())
             answer = self._link.receive()
@@ -108,7 +112,7 @@ class NodeSession(Session):
         raise CommandError("a node is not wound back", "Reset it.")
 
     def change(self, key: str, value: float) -> None:
-        """See `Session`; changes of one turn are one, accepted or rejected as a whole."""
+        """See `Session`; changes within `LIVE_PERIOD` are one, accepted or rejected as a whole."""
         self._live[key] = value
 
     def set_effort(self, name: str, value: float) -> None:

@@ -193,6 +193,8 @@ class Candidates:
         able = [index for index in self._sticking if index not in self._loads and self._limit(index, forces) > 0.0]
         limits = [self._limit(index, forces) for index in able]
         rows = [self._model.frictions[index][0] for index in able]
+        if sum(map(len, rows)) < 2:  # nothing to share
+            return forces
         forces, shared = centered(self._terms.matrix, rows, limits, forces)
         self._reserves = {able[k]: limits[k] * (1.0 - self._use(able[k], forces)) for k in shared}
         return forces

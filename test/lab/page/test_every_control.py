@@ -55,11 +55,10 @@ class Controls:
             if tab == "Change":
                 self._open_folders()
             here = [u for u, h in self.handles.items() if u not in self.heard and self._is_here(u, h)]
-            for uuid in here:
-                self.use(uuid)
             wait_until(
                 lambda here=here: self.heard.issuperset(here),
                 f"what the server hears of {tab}",
+                meanwhile=lambda here=here: [self.use(uuid) for uuid in here if uuid not in self.heard],
                 report=lambda here=here: str([self.handles[u].label for u in here if u not in self.heard]),
             )
 

@@ -87,3 +87,15 @@ def test_planes_of_ground_are_found_once():
     (plane,) = planes(load_mechanism("bounce"), 1.0)
     assert np.allclose(plane[1], [0.0, 0.0, 1.0])
     assert len(planes(load_mechanism("column_of_beads"), 1.0)) == 1
+
+
+def test_the_force_of_a_contact_is_an_arrow_that_ends_there():
+    session = OwnSession(Bench.of(load_mechanism("bounce")), running=False)
+    session.step(6000)  # until it rests
+    session.turn()
+    nodes, model = RecordingScene(), session.bench.simulation.model
+    Scene(nodes, model, extent_of(model), None, dark=False).show(session.frame)
+    (arrow,) = nodes.nodes["/contacts"].points
+    size = extent_of(model).size
+    assert arrow[1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert arrow[0] == pytest.approx([0.0, 0.0, -0.25 * size], rel=1e-5)  # the weight of all parts

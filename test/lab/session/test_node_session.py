@@ -62,6 +62,19 @@ def test_each_control_is_a_request(node):
     assert node.turn() == []
 
 
+def test_live_values_of_a_tenth_of_a_second_are_one_change(node):
+    """A page that moves sliders as fast as it can must not keep the node validating."""
+    session, sent = node.session, []
+    now = session._clock()
+    for turn in range(60):
+        session._clock = lambda turn=turn: now + turn / 60.0
+        session.ask("value", lambda one, turn=turn: one.change("parameters.l", 0.3 + 1e-3 * turn))
+        sent += node.turn()
+    assert 9 <= len(sent) <= 11
+    session._clock = lambda: now + 2.0
+    assert node.turn() == [["live", {"parameters.l": 0.359}]]
+
+
 def test_the_states_of_the_node_are_shown(node):
     node.simulation.set_efforts({"rail": 3.0})
     node.simulation.step(500)
