@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,10 +23,6 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.notebook.simulation import Simulation
 from mbd_sim.pictures.drawing.animation import Animation
 from mbd_sim.simulation.run.arguments import positive_count
-
-if TYPE_CHECKING:
-    from mbd_sim.pictures.drawing.animation import Animation
-
 
 try:
     import gymnasium
