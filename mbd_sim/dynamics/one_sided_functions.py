@@ -63,7 +63,6 @@ class OneSidedFunctions:
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
-    - `driven(t, y, inputs)`: the positions of the gaps `equations.driven`.
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
       inputs.
     """
@@ -78,7 +77,6 @@ class OneSidedFunctions:
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
-    driven: ca.Function
 
 
 class OneSidedDynamics:
@@ -215,7 +213,6 @@ class OneSidedDynamics:
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, one_sided.places),
-            driven=_function("driven_gaps", inputs, ca.vertcat(ca.SX(0, 1), *one_sided.driven.values())),
         )
 
     def _rates(self, solution: ca.SX) -> SolvedPair:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +13,7 @@ from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
-from mbd_sim.dynamics.constraints.start import given_start, later_times, rheonomic
+from mbd_sim.dynamics.constraints.start import given_start, later_times
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
@@ -22,7 +22,6 @@ from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
-from mbd_sim.mechanism.values.source import dotted
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
@@ -101,7 +100,6 @@ class OneSidedEquations:
 
     `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
     the forces of those gaps that have a place. `are_lengths` (rows,) says of each row whether its position is in m.
-    `driven` are the positions of other gaps by the names of their elements, which nothing but drives and time change.
     """
 
     gaps: tuple[Gap, ...]
@@ -112,7 +110,6 @@ class OneSidedEquations:
     places: ca.SX
     units: NaturalUnits
     are_lengths: tuple[bool, ...]
-    driven: Mapping[str, ca.SX]
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -203,7 +200,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
     measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
-    unable = _unable_to_act(traced, equations, len(gaps))
+    unable, prescribed = _unable_to_act(traced, equations, len(gaps))
     unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
@@ -217,19 +214,17 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
-    prescribed = [row for row in sorted(unable) if row < len(gaps)] if rheonomic(traced.numeric) else []
-    driven = {dotted(gaps[row].row.owner): equations.position[row] for row in prescribed}
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
     layout = OneSidedLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
+    for row in prescribed:
+        equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
     numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
     places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
     units = natural_units(traced.numeric, traced.step)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
-    return OneSidedEquations(
-        tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths, driven
-    )
+    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
 
 
 def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
@@ -239,24 +234,29 @@ def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
     return any(not mechanism.coordinate(name).rotation for name in row.factors)
 
 
-def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> set[int]:
+def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> tuple[set[int], list[int]]:
     """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; their slip.
 
-    Rows of slip come after those of the `gaps`.
+    Rows of slip come after those of the `gaps`. The second result are gaps that only drives or time change: no force
+    opens them once they close.
     """
     found = {row for row in range(gaps, len(equations.rows)) if not equations.gradient[row, :].nnz()}
     if not gaps:
-        return found
+        return found, []
     functions, random = constraint_functions(traced, equations), np.random.default_rng(4)
     start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
     driven = [index for states in traced.layout.drives.values() for index in range(states.start, states.stop)]
-    zero = functions.position(0.0, start) >= -CLOSED * functions.row_sizes(0.0, start)
+    least = CLOSED * functions.row_sizes(0.0, start)
+    zero, unchanged = functions.position(0.0, start) >= -least, np.full(len(least), True)
     for time in (0.0, *later_times(traced.numeric)):
         q = functions.displaced(start, scales * random.normal(size=len(scales)))
         q[driven] += random.normal(size=len(driven))
         values = functions.values + random.normal(size=len(functions.values)) * functions.size
-        zero &= row_is_zero(functions.with_values(values).scaled_gradient(time, q))
-    return found | {row for row in range(gaps) if zero[row]}
+        other = functions.with_values(values)
+        unchanged &= abs(other.position(time, q) - other.position(0.0, start)) <= least
+        zero &= row_is_zero(other.scaled_gradient(time, q))
+    still = [row for row in range(gaps) if zero[row]]
+    return found | {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
 
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:

@@ -51,7 +51,6 @@ STILL = 1e-6  # of the natural length, by which a place may move while its part 
 
 def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: float) -> Iterator[str]:
     """A sentence on the contacts that steps of `step` s may miss in this state, with a step that does not."""
-    yield from _driven_through(model, time, y, inputs)
     if (functions := model.passing) is None:
         return
     given = inputs[: model.input_layout.values.start]
@@ -71,19 +70,6 @@ def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: flo
             f"bodies at {listed(names)} move by up to {farthest:.3g} m in a step of {step:g} s, "
             f"and can pass each other within it, as the contact is compliant. Try step {round_down(0.1 * shortest):g}, "
             "or make the contact rigid."
-        )
-
-
-def _driven_through(model: Model, time: float, y: Array, inputs: Array) -> Iterator[str]:
-    """A sentence on gaps that drives have closed, and that no force can open."""
-    if model.one_sided is None or (functions := model.equations.one_sided) is None or not functions.equations.driven:
-        return
-    found = zip(functions.equations.driven, evaluated(functions.driven, time, y, inputs).ravel(), strict=True)
-    least = STILL * natural_units(model.mechanism, model.equations.step).length
-    if names := [f"'{name}'" for name, gap in found if gap < -least]:
-        yield (
-            f"drives move bodies into each other at {listed(names)}: these gaps depend on prescribed motions alone, "
-            "and no force can keep them open. Remove these contacts, or change the drives."
         )
 
 

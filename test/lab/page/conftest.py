@@ -8,7 +8,7 @@ from test.docs.site_browser import browser
 from test.waiting import wait_until
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def chromium():
     pytest.importorskip("viser")
     playwright = pytest.importorskip("playwright.sync_api")
@@ -22,7 +22,7 @@ def chromium():
         opened.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def linkage(chromium, tmp_path_factory):
     """The page of a copy of the four-bar linkage; tests use `opened`."""
     from test.lab.page.browser_page import LARGE, BrowserPage
@@ -30,15 +30,16 @@ def linkage(chromium, tmp_path_factory):
     folder = tmp_path_factory.mktemp("lab")
     file = folder / "linkage.yaml"
     file.write_text(load_mechanism("four_bar").source.text, encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        with Lab(load_mechanism(file), port=0, running=False) as lab:
-            yield BrowserPage(chromium, lab, LARGE)
+    with Lab(load_mechanism(file), port=0, running=False) as lab:
+        page = BrowserPage(chromium, lab, LARGE)
+        yield page
+        page.close()
 
 
 @pytest.fixture
-def opened(linkage):
-    """The page of the linkage, paused at its start."""
+def opened(linkage, tmp_path, monkeypatch):
+    """The page of the linkage, paused at its start; recordings go to a folder of the test."""
+    monkeypatch.chdir(tmp_path)
     session = linkage.lab.session
 
     def begin(session):

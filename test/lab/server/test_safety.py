@@ -3,6 +3,7 @@
 import asyncio
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import websockets
@@ -57,6 +58,12 @@ def test_a_server_that_is_not_behind_the_gate_is_not_used():
         pass
 
 
+def run(coroutine):
+    """Run a coroutine in a thread of its own: Playwright's loop occupies that of the tests with pages."""
+    with ThreadPoolExecutor(1) as threads:
+        return threads.submit(asyncio.run, coroutine).result()
+
+
 @pytest.fixture(scope="module")
 def lab():
     with Lab(load_mechanism("simple_pendulum"), port=0) as lab:
@@ -81,7 +88,7 @@ def test_the_hook_stands_in_front_of_the_server(lab):
         async with connect(lab) as connection:
             return len(await connection.recv())
 
-    assert asyncio.run(try_it()) > 100
+    assert run(try_it()) > 100
 
 
 def test_no_page_can_open_the_tunnel(lab):
@@ -133,5 +140,5 @@ def test_bytes_that_are_no_message_end_only_the_page_that_sent_them(lab):
                         await bad.recv()
             assert await good.recv()
 
-    asyncio.run(send_nonsense())
+    run(send_nonsense())
     go_on(lab)

@@ -38,6 +38,7 @@ def test_of_several_wrenches_on_a_part_the_newest_is_due_once(buffer):
 
 def test_a_paused_simulation_does_not_collect_wrenches(buffer):
     """Nothing is due while paused, however many messages arrive."""
+    buffer.take("upper", None, "", X, NONE)
     tracemalloc.start()
     for _ in range(10_000):
         buffer.take("upper", None, "", X, NONE)
