@@ -61,6 +61,24 @@ class AnyPage:
         field.fill(text)
         field.press("Enter")
 
+    def select(self, label, option, control):
+        """Choose in a list until it has arrived: of two changes in a short time, the browser sends the last."""
+
+        def again():
+            self.choose(label, option)
+            self.page.wait_for_timeout(1000)
+
+        wait_until(lambda: control.value == option, f"the choice of {option}", meanwhile=again)
+
+    def enter(self, label, text, arrived, what, report=lambda: ""):
+        """Type a number until it has arrived: a field may be rewritten by the page at the moment of typing."""
+
+        def again():
+            self.type(label, text)
+            self.page.wait_for_timeout(1000)
+
+        wait_until(arrived, what, meanwhile=again, report=report)
+
 
 class BrowserPage(AnyPage):
     """A page of a lab in this process."""

@@ -21,8 +21,7 @@ def change(opened):
 
 
 def test_a_typed_length_changes_the_linkage_and_goes_back(change):
-    change.type("coupler (m)", "1.3")
-    wait_until(lambda: change.frame.values["parameters.coupler"] == 1.3, "the length")
+    change.enter("coupler (m)", "1.3", lambda: change.frame.values["parameters.coupler"] == 1.3, "the length")
     simulation = change.lab.session.bench.simulation
     tip, crank = simulation.point("coupler.tip").position, simulation.point("crank.tip").position
     assert np.linalg.norm(tip - crank) == pytest.approx(1.3, abs=1e-9)
@@ -31,7 +30,7 @@ def test_a_typed_length_changes_the_linkage_and_goes_back(change):
 
 
 def test_the_lines_for_the_file_are_copied(change):
-    change.type("coupler (m)", "1.3")
+    change.enter("coupler (m)", "1.3", lambda: change.frame.values["parameters.coupler"] == 1.3, "the length")
     change.page.get_by_text(re.compile("coupler: 1.3 m")).first.wait_for()
     change.button("Copy as YAML")
     assert "coupler: 1.3 m" in change.page.evaluate("getSelection().toString()")
@@ -39,19 +38,16 @@ def test_the_lines_for_the_file_are_copied(change):
 
 def test_a_typed_value_may_lie_outside_of_its_slider(change):
     (density,) = (one for one in change.lab.page._change._settings if one.key == "parameters.density")
-    change.type("density", "7.25")
-    wait_until(lambda: change.frame.values["parameters.density"] == 7.25, "the value")
+    change.enter("density", "7.25", lambda: change.frame.values["parameters.density"] == 7.25, "the value")
     assert density.high < 7.25
-    change.type("crank (m)", "0.6")
-    wait_until(lambda: change.frame.values["parameters.crank"] == 0.6, "the length")
+    change.enter("crank (m)", "0.6", lambda: change.frame.values["parameters.crank"] == 0.6, "the length")
     change.button("all")
     wait_until(lambda: change.frame.values["parameters.density"] == 1.0, "the file's density")
     wait_until(lambda: change.frame.values["parameters.crank"] == 0.5, "the file's length")
 
 
 def test_a_value_that_is_impossible_is_refused_with_the_reason(change):
-    change.type("coupler (m)", "9")
-    wait_until(lambda: change.frame.message, "the refusal")
+    change.enter("coupler (m)", "9", lambda: change.frame.message, "the refusal")
     assert "parameters.coupler" in change.frame.message
     assert change.frame.values["parameters.coupler"] == 1.4
     change.page.get_by_text(re.compile("parameters.coupler")).first.wait_for()
@@ -59,12 +55,14 @@ def test_a_value_that_is_impossible_is_refused_with_the_reason(change):
 
 def test_a_position_and_a_speed_are_set_with_loops_closed(change):
     change.folder("Positions")
-    change.type("crank_pivot (deg)", "120")
-    wait_until(lambda: abs(change.frame.positions[0] - np.radians(120.0)) < 1e-9, "the position")
+    change.enter(
+        "crank_pivot (deg)", "120", lambda: abs(change.frame.positions[0] - np.radians(120.0)) < 1e-9, "the position"
+    )
     change.folder("Positions")
     change.folder("Speeds")
-    change.type("crank_pivot (deg/s)", "-90")
-    wait_until(lambda: abs(change.frame.speeds[0] + np.radians(90.0)) < 1e-9, "the speed")
+    change.enter(
+        "crank_pivot (deg/s)", "-90", lambda: abs(change.frame.speeds[0] + np.radians(90.0)) < 1e-9, "the speed"
+    )
     violation = change.lab.session.bench.simulation.violation
     assert violation.position < 1e-9
     assert violation.velocity < 1e-9

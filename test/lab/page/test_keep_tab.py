@@ -46,8 +46,9 @@ def test_a_picture_shows_the_mechanism(keep):
 
 
 def test_an_animation_moves(keep):
-    keep.choose("Last", "2 s")
-    keep.choose("Format", "webp")
+    tab = keep.lab.page._keep
+    keep.select("Last", "2 s", tab._last)
+    keep.select("Format", "webp", tab._format)
     name, data = downloaded(keep, "Animation")
     animation = Image.open(io.BytesIO(data))
     assert name == "four_bar.webp"

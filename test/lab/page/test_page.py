@@ -32,8 +32,7 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
 
 def test_two_pages_see_the_same(opened, chromium):
     second = BrowserPage(chromium, opened.lab)
-    second.type("rocker (m)", "1.25")
-    wait_until(lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
+    second.enter("rocker (m)", "1.25", lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
     opened.tab("Change")
     opened.page.locator("input[value='1.25']").first.wait_for(state="attached")
     second.button("rocker: 1.2")

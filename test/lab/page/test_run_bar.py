@@ -45,8 +45,9 @@ def test_winding_back_by_the_time_line(opened):
     wait_until(lambda: not opened.frame.running, "the pause")
     reached = opened.frame.time
     wait_until(lambda: abs(opened.lab.page._run_bar.time.value - reached) < 1e-3, "the paused time in the page")
-    opened.type("Time (s)", "0.2")
-    wait_until(
+    opened.enter(
+        "Time (s)",
+        "0.2",
         lambda: opened.frame.time < 0.5 * (0.2 + reached),
         "the wound back time",
         report=lambda: f"{reached:g} s were reached; now {opened.frame.time:g} s",
