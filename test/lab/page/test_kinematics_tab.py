@@ -49,9 +49,9 @@ def test_other_lengths_give_another_path_and_impossible_ones_a_reason():
 
 def test_the_page_follows_the_lengths(opened):
     opened.tab("Kinematics")
-    opened.choose("Drive", "crank_pivot")
-    opened.choose("Path of", "coupler.tip")
     tab, scene = opened.lab.page._kinematics, opened.lab.page._scene
+    opened.select("Drive", "crank_pivot", tab._drive)
+    opened.select("Path of", "coupler.tip", tab._point)
     wait_until(lambda: tab._shown.transmission and len(scene._path.points) == 360, "the analysis")
     opened.page.get_by_text("Transmission angle now").first.wait_for()
     opened.page.get_by_text("Dead points").first.wait_for()
@@ -59,6 +59,6 @@ def test_the_page_follows_the_lengths(opened):
     opened.lab.page._preparer.ask("parameters.rocker", 1.3)
     wait_until(lambda: np.any(scene._path.points != before), "the path of the other linkage")
     opened.lab.page._preparer.ask("parameters.rocker", 1.2)
-    opened.choose("Path of", "none")
+    opened.select("Path of", "none", tab._point)
     wait_until(lambda: not len(scene._path.points), "no path")
-    opened.choose("Drive", "none")
+    opened.select("Drive", "none", tab._drive)
