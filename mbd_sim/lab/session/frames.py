@@ -86,6 +86,11 @@ class History:
         around = [self._points[index] for index in (at - 1, at) if 0 <= index < len(self._points)]
         return min(around, key=lambda one: abs(one[0] - time))[1]
 
+    def before(self, time: float) -> RunPoint | None:
+        """The last point before a time in s; None if there is none."""
+        at = bisect_left(self._points, time, key=lambda one: one[0])
+        return self._points[at - 1][1] if at else None
+
     def points(self) -> list[tuple[float, RunPoint]]:
         """All points with their times."""
         return list(self._points)

@@ -111,6 +111,10 @@ class NodeSession(Session):
         """
         raise CommandError("a node is not wound back", "Reset it.")
 
+    def step_back(self) -> None:
+        """Refuse, see `wind_to`."""
+        self.wind_to(self.frame.time)
+
     def change(self, key: str, value: float) -> None:
         """See `Session`; changes within `LIVE_PERIOD` are one, accepted or rejected as a whole."""
         self._live[key] = value
