@@ -228,6 +228,8 @@ def _range(mechanism: Mechanism, key: str, value: float, size: float) -> tuple[f
     """Sensible ends of a slider."""
     if key.startswith("gravity"):
         return -max(GRAVITY, abs(value)), max(GRAVITY, abs(value))
+    if key.endswith(".restitution"):
+        return 0.0, 1.0
     if value == 0.0:
         scale = weight(mechanism, size)
         return 0.0, _round(scale * size * (0.1 if key.endswith("damping") else 1.0))
