@@ -24,7 +24,7 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
     opened.button("Play")
     wait_until(lambda: opened.frame.running, "the run")
     opened.drag("rocker", np.array([0.5, 0.0, 0.0]), 80, -20, lambda: opened.frame.pull is not None)
-    opened.page.get_by_text(re.compile(r"pulled with .* N; the most is")).first.wait_for()
+    opened.page.get_by_text(re.compile(r"pulled with .* N of at most")).first.wait_for()
     opened.page.mouse.up()
     wait_until(lambda: opened.frame.pull is None, "the hand to let go")
     assert opened.frame.energies[3] != 0.0
