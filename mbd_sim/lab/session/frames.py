@@ -26,9 +26,9 @@ class Frame:
 
     `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
     `Model.pose_array`, `contacts` (n, 2, 3) are points and forces; `watched` is what the session was asked to
-    watch, by name. `pull` are the held point, the pointer (3,) and the force (3,), if something is held. `rate` is how
-    many seconds are simulated in one, `speed` how many were asked for. `values` are those of the sliders by key, in SI
-    units.
+    watch, by name. `pull` are the held point (3,), the pointer (3,), the force (3,) and the largest
+    one in N, if something is held. `rate` is how many seconds are simulated in one, `speed` how many were asked for.
+    `values` are those of the sliders by key, in SI units.
     """
 
     generation: int
@@ -44,7 +44,7 @@ class Frame:
     positions: Array
     speeds: Array
     watched: Mapping[str, Any]
-    pull: tuple[Array, Array, Array] | None
+    pull: tuple[Array, Array, Array, float] | None
     span: tuple[float, float]
     message: str
     recording: str

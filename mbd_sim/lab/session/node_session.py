@@ -49,7 +49,7 @@ class NodeSession(Session):
         hold, simulation = self.bench.hold, self.bench.simulation
         if hold is not None:
             point, target = hold.point.tolist(), hold.target.tolist()
-            self._send("pull", hold.part, point, target, hold.stiffness, hold.damping)
+            self._send("pull", hold.part, point, target, hold.stiffness, hold.damping, hold.strongest)
         if self._live and self._clock() - self._changed >= LIVE_PERIOD:
             self._send("live", self._live)
             self._live, self._changed = {}, self._clock()

@@ -221,7 +221,7 @@ class Session(ABC):
         pull = None
         if hold is not None:
             position, force = hold.acting(simulation)
-            pull = position, hold.target, force
+            pull = position, hold.target, force, hold.strongest
         return Frame(
             generation=self.generation,
             number=self.turns,

@@ -176,7 +176,7 @@ def test_pulling_is_the_same_wrench_from_a_script():
             arm = frame.rotation @ grabbed
             velocity = frame.velocity + np.cross(frame.angular_velocity, arm)
             force = hold.stiffness * (end - (frame.position + arm)) - hold.damping * velocity
-            script.set_wrench(part, force, at=grabbed)
+            script.set_wrench(part, force * min(1.0, hold.strongest / np.linalg.norm(force)), at=grabbed)
         if step == 1997:
             script.set_wrench(part)
         script.step()
