@@ -3,12 +3,13 @@
 import threading
 import time
 import types
+from dataclasses import astuple
 
 import pytest
 
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.stepping import clock as pacing
-from mbd_sim.ros.stepping.clock import MAX_LATENESS, FollowedClock, Histogram, Pacer
+from mbd_sim.ros.stepping.clock import MAX_LATENESS, DurationSummary, FollowedClock, Histogram, Pacer
 from mbd_sim.simulation.run.events import Event
 from test.ros.stepping.threads import collected, wait_for
 
@@ -84,12 +85,12 @@ def test_a_histogram_summarizes_what_came_since():
     histogram = Histogram()
     for count in range(1, 101):
         histogram.add(count * 1e-4)
-    assert histogram.summary() == pytest.approx((0.005, 0.0099, 0.01), abs=2e-5)
+    assert astuple(histogram.summary()) == pytest.approx((0.005, 0.0099, 0.01), abs=2e-5)
     before = histogram.counts()
-    assert histogram.summary(before) == (0.0, 0.0, 0.0)
+    assert histogram.summary(before) == DurationSummary(0.0, 0.0, 0.0)
     for seconds in (-1.0, 0.0, 3.0):
         histogram.add(seconds)
-    assert histogram.summary(before) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
+    assert astuple(histogram.summary(before)) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
 
 
 def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
