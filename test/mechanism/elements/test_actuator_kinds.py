@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[3]
 CYLINDER = "areas: [4 cm^2, 3 cm^2], stroke: 1, retracted: -0.5, dead_volumes: [1e-5, 1e-5]"
 KEYS = {
     "effort": "joint: rail, effort_limit: 50",
-    "dc_motor": "joint: rail, lead: 20 mm, torque_constant: 0.5, resistance: 2, inductance: 0.01",
+    "dc_motor": "joint: rail, lead: 20 mm, torque_constant: 0.5, resistance: 2, inductance: 0.01, voltage_limit: 24",
     "hydraulic_cylinder": f"joint: rail, {CYLINDER}, rated_flow: 20 L/min, supply: 150 bar",
     "pneumatic_cylinder": f"joint: rail, {CYLINDER}, conductance: 2e-8, supply: 7 bar",
 }
@@ -78,9 +78,26 @@ def test_it_acts_as_in_kanes_equations(kind):
     driving = {"one": (commands, {name: y[index] for name, index in states.items()})}
     exact = kane.equations(mechanism, q, u, none, 0.0, driving).accelerations
     found = np.array(derived.rates.call([0.0, y, inputs])[0]).ravel()[1:2]
+    read = dict(
+        zip(reading_names(actuator.motor), np.array(derived.actuators.readings(0.0, y, inputs))[:, 0], strict=True)
+    )
+    assert (read.get("voltage", 0.0) != 0.0) == actuator.motor.electric
     free = kane.equations(parse_mechanism(FREE), q, u, none).accelerations
     assert abs(exact[0] - free[0]) > 1e-3
     np.testing.assert_allclose(found, exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_only_commands_up_to_its_limit_have_an_effect(kind):
+    derived = derive(actuated(kind))
+    ((actuator,), (slots,)) = derived.mechanism.actuators, derived.actuator_layout.slots
+    found = []
+    for share in (0.9, 1.0, 1.5):
+        inputs = derived.inputs_without_commands
+        inputs[slots.commands[actuator.control]] = share * actuator.output_limit
+        found.append(np.array(derived.rates.call([0.0, derived.start_state, inputs])[0]).ravel())
+    np.testing.assert_array_equal(found[1], found[2])
+    assert np.max(np.abs(found[1] - found[0])) > 1e-3
 
 
 @pytest.mark.parametrize("kind", KEYS)
@@ -109,9 +126,9 @@ def test_its_readings_have_units_and_it_is_reported_exported_and_described(kind)
     (actuator,) = mechanism.actuators
     assert set(reading_names(actuator.motor)) <= set(ACTUATOR_UNITS)
     assert all(state.unit for state in export_model(mechanism).states)
-    assert (actuator.motor.electric, "voltage" in reading_names(actuator.motor)) != (True, False)
     report = actuator_report(actuator)
     assert (report["name"], report["type"]) == ("one", kind) and report["commands"] == list(actuator.channels)
+    assert report["limits"]
     for write in WRITERS.values():
         found = write(mechanism)
         assert 'name="one"' in found.text or any("one" in sentence for sentence in found.left_out)
