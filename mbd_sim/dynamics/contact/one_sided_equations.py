@@ -20,7 +20,7 @@ from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
-from mbd_sim.mechanism.elements.parts import Joint
+from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
 
@@ -203,9 +203,9 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
-    gaps, sticking = one_sided_rows(
-        traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses), units.length
-    )
+    still = still_axis(traced.poses)
+    along = _places(traced, still)
+    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, along)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
@@ -295,6 +295,14 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
         ):
             return axis
     return None
+
+
+def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
+    """Where parts are along the axis along which none moves, in m."""
+    if still is None:
+        return {}
+    parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
+    return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:

@@ -33,7 +33,7 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
     """The narrow phase of a contact with slots."""
     match contact.first, contact.second:
         case Solid() as first, Solid() as second:
-            return PolytopePair(first, second, contact.slots)
+            return PolytopePair(first, second, contact.slots, contact.still)
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
 
@@ -100,6 +100,7 @@ class FeaturePairs:
         self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
         bounds = [pair.phase.bounds for pair in self.pairs]
         self._centers = np.array([[each.center for each in both] for both in bounds])
+        self._across = np.array([_across(pair.contact.still) for pair in self.pairs])
         self._radii = np.array([[each.radius for each in both] for both in bounds])
 
     def poses(self, time: float, y: int, inputs: int) -> Array:
@@ -131,7 +132,7 @@ class FeaturePairs:
         for poses in (before, after):
             positions, rotations = unpack_poses(poses)
             centers = positions[self._parts] + _turned(rotations[self._parts], self._centers)
-            lines.append(centers[:, 0] - centers[:, 1])
+            lines.append((centers[:, 0] - centers[:, 1]) * self._across)
         gaps = sum(np.sqrt(dots(line, line)) - self._radii.sum(axis=1) for line in lines)
         moved = lines[1] - lines[0]
         path = np.sqrt(dots(moved, moved))
@@ -250,18 +251,23 @@ def _turned(rotations: Array, vectors: Array) -> Array:
 
 
 def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
-    """The poses of both parts."""
-    one, other = (Pose(row[:3], row[3:].reshape(3, 3).T) for row in (poses[pair.parts[0]], poses[pair.parts[1]]))
+    """The poses of both parts; of pairs in a plane, in this plane."""
+    across = _across(pair.contact.still)
+    one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in pair.parts))
     return one, other
+
+
+def _across(still: int | None) -> Array:
+    """0 for the axis along which nothing moves, and 1 for the others."""
+    return np.array([float(axis != still) for axis in range(3)])
 
 
 def _path(pair: FeaturePair, before: Array, after: Array) -> float:
     """How far in m a point of one body can have moved against the other one."""
     total, lines = 0.0, []
-    for bounds, part in zip(pair.phase.bounds, pair.parts, strict=True):
-        ends = [row[part] for row in (before, after)]
-        change = ends[1][3:] - ends[0][3:]
-        total += bounds.radius * float(np.sqrt((change * change).sum()))
-        lines.append([turned(row[3:].reshape(3, 3).T, bounds.center) + row[:3] for row in ends])
+    for bounds, *ends in zip(pair.phase.bounds, _poses_of(pair, before), _poses_of(pair, after), strict=True):
+        change = ends[1].rotation - ends[0].rotation
+        total += bounds.radius * float(np.sqrt(dots(change, change).max() * 3.0))
+        lines.append([turned(pose.rotation, bounds.center) + pose.position for pose in ends])
     moved = (lines[0][1] - lines[1][1]) - (lines[0][0] - lines[1][0])
     return total + float(np.sqrt(dots(moved, moved)))
