@@ -235,6 +235,12 @@ class FeaturePairs:
                 for slot in closed:
                     inputs[pair.numbers[slot]] = pair.phase.renewed(*both, inputs[pair.numbers[slot]])
 
+    def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
+        """The distance of the two bodies in m, by the index of each of their gaps."""
+        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+        found = ((pair, pair.phase.distance(*_poses_of(pair, poses))) for pair in self.pairs)
+        return {gap: distance for pair, distance in found for gap in pair.gaps}
+
     def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
         """The contacts whose bodies penetrate each other at a state, with the depths in m."""
         poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
