@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
+from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
@@ -52,7 +53,7 @@ class FeaturePair:
     parts: tuple[int, int]
 
 
-class Motion(Protocol):
+class PosesInTime(Protocol):
     """A motion from a state on: what is read of it after a length in s."""
 
     def poses(self, length: float) -> Array:
@@ -115,7 +116,7 @@ class FeaturePairs:
         """The slots of a pair that are closed."""
         return [slot for slot, gap in enumerate(pair.gaps) if inputs[self._closed + gap]]
 
-    def first_change(self, motion: Motion, inputs: Array, first: float | None, length: float) -> float | None:
+    def first_change(self, motion: PosesInTime, inputs: Array, first: float | None, length: float) -> float | None:
         """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
         end = length if first is None else first
         for index in self._near(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
@@ -138,9 +139,7 @@ class FeaturePairs:
         path = np.sqrt(dots(moved, moved))
         return np.flatnonzero(gaps <= PATH * path + 4.0 * self._tolerance)
 
-    def _change(self, pair: FeaturePair, motion: Motion, inputs: Array, end: float) -> float | None:
-        from mbd_sim.simulation.contact.search import first_zero
-
+    def _change(self, pair: FeaturePair, motion: PosesInTime, inputs: Array, end: float) -> float | None:
         closed = self.closed(pair, inputs)
         gaps = [pair.gaps[slot] for slot in closed]
 
@@ -166,11 +165,9 @@ class FeaturePairs:
         return first_zero(value, end, min(start + offset, margin(0.0) + self._tolerance), last, 0.0)
 
     def _passed(
-        self, pair: FeaturePair, motion: Motion, distance: Callable[[float], float], end: float, last: float
+        self, pair: FeaturePair, motion: PosesInTime, distance: Callable[[float], float], end: float, last: float
     ) -> float | None:
         """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it."""
-        from mbd_sim.simulation.contact.search import first_zero
-
         path = PATH * _path(pair, motion.poses(0.0), motion.poses(end))
         if last >= path or (start := distance(0.0)) + last >= path or start <= self._tolerance:
             return None
