@@ -434,8 +434,8 @@ def _outside(body: _Placed, edge: int, line: Array) -> float:
 
 
 def _line_distances(points: Array, body: _Placed) -> Array:
-    """The distances of points (n, 3) from the lines of edges (n, k)."""
-    starts, directions, _ = body.segments()
+    """The distances of points (n, 3) from the lines of edges (n, k); none where bodies have no edges."""
+    starts, directions = (each[: len(body.body.edges)] for each in body.segments()[:2])
     line = points[:, None] - starts
     apart = line - dots(line, directions)[..., None] * directions
     return np.sqrt(dots(apart, apart))
