@@ -268,7 +268,7 @@ class _ContactBuilder:
         elif inside:
             message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
             self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
-        elif one.radius + other.radius == 0.0 and len(one.vertices) < MOST_SLOTS and len(other.vertices) < MOST_SLOTS:
+        elif one.thin and other.thin:
             message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
             self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
         else:
