@@ -69,12 +69,15 @@ class OneSidedStepper:
         self.observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
 
-    def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
+    def advance(
+        self, y: Array, inputs: Array, history: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array
+    ) -> bool:
         """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
 
+        :param history: what the method keeps of earlier steps, behind the inputs in memory.
         :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes, first = y.copy(), inputs.copy(), int(counter[0])
+        before, modes, kept, first = y.copy(), inputs.copy(), history.copy(), int(counter[0])
         self._new.clear()
         try:
             done = 0
@@ -89,7 +92,7 @@ class OneSidedStepper:
                     done += 1
             counter[0] = first + n
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
-            y[:], inputs[:], counter[0] = before, modes, first
+            y[:], inputs[:], history[:], counter[0] = before, modes, kept, first
             if isinstance(error, FloatingPointError):
                 return False
             raise
