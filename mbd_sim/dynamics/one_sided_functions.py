@@ -59,7 +59,7 @@ class OneSidedFunctions:
       natural units, those of forces in that of the weight if it is larger. Then, for friction along two directions, the
       rates in 1/s at which it can turn its slip.
     - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
-      rates (gaps,).
+      rates (gaps,), but not of slots.
     - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
       contact forces, and the sizes of sliding and of static friction (frictions, 2).
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
@@ -206,7 +206,10 @@ class OneSidedDynamics:
             for element in one_sided.frictions
         ]
         gaps = one_sided.layout.gaps
-        gap_rates = gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
+        open_gaps, gap_rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
+        for index, gap in enumerate(one_sided.gaps):
+            if gap.numbers is not None:  # what their bodies do before they touch is not known to the slots
+                open_gaps[index], gap_rates[index] = 1.0, 0.0
         rates, readings = self._rates(solution)
         return OneSidedFunctions(
             equations=one_sided,
@@ -214,7 +217,7 @@ class OneSidedDynamics:
             project=self._project(solution),
             readings=readings,
             open_start=merged_function(
-                "open_start", inputs, open_rates, ca.vertcat(gap_values(one_sided), gap_rates), *self._margin
+                "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),
             terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],

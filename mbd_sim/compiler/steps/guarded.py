@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import copy, for_each, load, loop, store
+from mbd_sim.compiler.ir.vectors import copy, for_each, load
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
 
@@ -143,11 +143,9 @@ def _emit_loop(
     emitter, size = StepEmitter(b, system, inputs, h), system.size
     emit_step, y, before = steps.whole(emitter), emitter.y, emitter.vector()
     check, sum_of_zeros = _Check(emitter, guards, closed), emitter.scalar()
-    is_to_event = b.icmp_signed("==", mode, integer(TO_EVENT))
     if system.samples is None:  # these change the state before a step
         emitter.start_slopes = check.slopes
-    history = element(b, inputs, system.inputs_size)
-    kept = element(b, history, steps.history)
+    kept = element(b, inputs, system.inputs_size + steps.history)
 
     def time_of(step: Value) -> Value:
         return b.fmul(b.sitofp(step, DOUBLE), h)
@@ -186,15 +184,10 @@ def _emit_loop(
     b.cbranch(is_event, event, head)
 
     b.position_at_end(event)
-    with b.if_else(is_to_event) as (to_event, whole):
-        with to_event:
-            copy(b, size, before, state)
-            if emitter.kept is not None:  # an event begins a new history
-                total = steps.history + kept_at_start(size, guards.gaps, guards.rows)
-                loop(b, 0, total, lambda i: store(b, number(0.0), history, i))
-        with whole:
-            if emitter.kept is not None:
-                emitter.kept.end(FALSE)
+    if emitter.kept is not None:
+        emitter.kept.end(FALSE)
+    with b.if_then(b.icmp_signed("==", mode, integer(TO_EVENT))):
+        copy(b, size, before, state)
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     b.ret(index)
 

@@ -67,9 +67,8 @@ def test_arrays_in_registers_or_in_memory_give_the_same_bits(monkeypatch, method
     assert found[0] == found[1] == found[2]
 
 
-# With events in free flight and while something sticks, slides or rolls; a loop whose friction depends on its loads; a
-# disc that stands on its edge; and legs with loops that take turns on the ground.
-WITH_EVENTS = ["rocking", "elbow_stop", "stops", "spinning_ball", "slider_crank_friction", "bowling", "jansen_walker"]
+# With events in free flight and while something sticks or slides; and a loop whose friction depends on its loads.
+WITH_EVENTS = ["rocking", "elbow_stop", "stops", "spinning_ball", "slider_crank_friction", "bowling"]
 
 
 @pytest.mark.parametrize("name", WITH_EVENTS)
