@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import copy, for_each, load
+from mbd_sim.compiler.ir.vectors import copy, for_each, load, loop, store
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
 
@@ -145,7 +145,8 @@ def _emit_loop(
     check, sum_of_zeros = _Check(emitter, guards, closed), emitter.scalar()
     if system.samples is None:  # these change the state before a step
         emitter.start_slopes = check.slopes
-    kept = element(b, inputs, system.inputs_size + steps.history)
+    history = element(b, inputs, system.inputs_size)
+    kept = element(b, history, steps.history)
 
     def time_of(step: Value) -> Value:
         return b.fmul(b.sitofp(step, DOUBLE), h)
@@ -184,10 +185,15 @@ def _emit_loop(
     b.cbranch(is_event, event, head)
 
     b.position_at_end(event)
-    if emitter.kept is not None:
-        emitter.kept.end(FALSE)
-    with b.if_then(b.icmp_signed("==", mode, integer(TO_EVENT))):
-        copy(b, size, before, state)
+    with b.if_else(b.icmp_signed("==", mode, integer(TO_EVENT))) as (to_event, whole):
+        with to_event:
+            copy(b, size, before, state)
+            if emitter.kept is not None:  # a new history begins after the event
+                kept_size = steps.history + kept_at_start(size, guards.gaps, guards.rows)
+                loop(b, 0, kept_size, lambda i: store(b, number(0.0), history, i))
+        with whole:
+            if emitter.kept is not None:
+                emitter.kept.end(FALSE)
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     b.ret(index)
 

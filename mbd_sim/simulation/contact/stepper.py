@@ -87,7 +87,6 @@ class OneSidedStepper:
                 taken = self._without_event(y, inputs, first + done, h, count, estimate)
                 done += taken
                 if taken < count:
-                    history[:] = 0.0  # a new one begins after the event
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
                     done += 1
                 if features is not None:
