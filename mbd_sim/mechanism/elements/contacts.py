@@ -54,6 +54,15 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
+
+    at: Attachment
+    axes: Array
+    radii: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Barrel:
     """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
 
@@ -80,7 +89,7 @@ class Cam:
     profile: TimeExpression
 
 
-ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam
+ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam
 
 
 @dataclass(frozen=True)
@@ -101,9 +110,9 @@ class Cushion:
 class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
-    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
-    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
-    `quantity` both and the corner or rim in one word.
+    Pairs are ball and face, rim and face, rim point and face, ellipsoid and face, ball and ball, ball and barrel, two
+    barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both
+    for people, `quantity` both and the corner or rim in one word.
     """
 
     name: str
