@@ -27,6 +27,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Face,
     Rim,
     RimPoint,
+    Solid,
 )
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -62,7 +63,8 @@ def passing_functions(mechanism: Mechanism, loaded: Sequence[str] = ()) -> Passi
 
     :param loaded: see `trace`.
     """
-    pairs = [*_constraint_pairs(mechanism), *map(_contact_pair, mechanism.contacts)]
+    static = [contact for contact in mechanism.contacts if not contact.slots]  # the others are followed within a step
+    pairs = [*_constraint_pairs(mechanism), *map(_contact_pair, static)]
     if not pairs:
         return None
     traced = trace(mechanism, loaded)
@@ -146,7 +148,7 @@ def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
 def _arms(body: ContactBody) -> list[tuple[float, Array]]:
     """Radii of a body that is not a ball, each with a direction: that about which it is round, or one across a cam."""
     match body:
-        case Ball() | Face():
+        case Ball() | Face() | Solid():
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
