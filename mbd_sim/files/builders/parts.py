@@ -51,6 +51,7 @@ def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Pr
         points=point_poses(spec.points),
         shapes=_drawn_shapes(shapes),
         meshes=meshes,
+        collisions=None if spec.collisions is None else tuple(map(build_shape, spec.collisions)),
     )
 
 
@@ -67,6 +68,11 @@ def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
 def shapes_of(spec: file.PartSpec) -> list[AnyShapeSpec]:
     """The shapes of a part."""
     return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
+
+
+def touching_shapes(spec: file.PartSpec) -> list[AnyShapeSpec]:
+    """The shapes of a part that can touch others."""
+    return shapes_of(spec) if spec.collisions is None else spec.collisions
 
 
 def _drawn_shapes(specs: list[AnyShapeSpec]) -> tuple[Shape, ...]:
@@ -245,7 +251,7 @@ def build_shape(shape: schema.AnyShapeSpec) -> Shape:
             size = shape.size
         case _:
             assert_never(shape)
-    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole)
+    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole, shape.name)
 
 
 def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> MassProperties:

@@ -41,6 +41,7 @@ class Shape:
     pose: Pose
     color: str | None = None
     hole: bool = False
+    name: str | None = None
 
     __repr__ = short_repr
 
@@ -57,7 +58,10 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
+    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame.
+
+    `collisions` are the shapes that can touch others, if these are not the `shapes`, which are drawn.
+    """
 
     name: str
     mass: float
@@ -66,6 +70,12 @@ class Part:
     points: Mapping[str, Pose] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()
     meshes: tuple[Mesh, ...] = ()
+    collisions: tuple[Shape, ...] | None = None
+
+    @property
+    def touching(self) -> tuple[Shape, ...]:
+        """The shapes that can touch others."""
+        return self.shapes if self.collisions is None else self.collisions
 
     def __repr__(self) -> str:
         return f"<Part {self.name}: {self.mass:g} kg, {counted(len(self.points), 'point')}>"
