@@ -81,7 +81,7 @@ def _source(text: str, file: str, base: Base | None) -> Source:
         from mbd_sim.files.text.xml import is_xml
 
         if is_xml(text):
-            return _xml_source(text, file, base)
+            return _with_hulls(_xml_source(text, file, base))
     from mbd_sim.files.checks.repetition import expanded
     from mbd_sim.files.text.yaml_text import parse_source
 
@@ -90,11 +90,17 @@ def _source(text: str, file: str, base: Base | None) -> Source:
         from mbd_sim.files.urdf.overlay import with_urdf
 
         source = with_urdf(source, base)
-    if "meshes" not in text and source.text is not None:
+    if not any(word in text for word in ("meshes", "hull")) and source.text is not None:
         return source
-    from mbd_sim.files.text.mesh_files import with_mesh_solids
+    from mbd_sim.files.text.mesh_files import with_mesh_hulls, with_mesh_solids
 
-    return with_mesh_solids(source)
+    return with_mesh_solids(with_mesh_hulls(source))
+
+
+def _with_hulls(source: Source) -> Source:
+    from mbd_sim.files.text.mesh_files import with_mesh_hulls
+
+    return with_mesh_hulls(source)
 
 
 def _xml_source(text: str, file: str, base: Base | None) -> Source:

@@ -9,14 +9,16 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import assert_never
 
 import numpy as np
 
 from mbd_sim.base.errors import InputError, quoted
 from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.parts import pose_of, touching_shapes
+from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
 from mbd_sim.files.builders.welded import free_parts
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -33,6 +35,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Contact,
     ContactBody,
     Cushion,
+    Ellipsoid,
     Face,
     Rim,
     Solid,
@@ -43,6 +46,7 @@ from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
 
 SIDES = {-1: "-", 1: "+"}
+MOST_ON_PLANE = 16  # corners of a hull, each with rows of its own: with 20 of them, the first start takes 20 s
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -54,16 +58,16 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
-    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims and corners."""
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Ellipsoid]]:
+    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims, corners and tip."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
     pose = pose_of(shape)
 
     def at(*offset: float) -> Attachment:
-        return Attachment(part, pose.position + pose.rotation @ np.array(offset))
+        return Attachment(part, pose.position + pose.rotation @ array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | Ellipsoid]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -91,14 +95,26 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
                 (FIRST_RIM.strip(), Rim(first, axis, r, length)),
                 (LAST_RIM.strip(), Rim(last, axis, r, length, first=False)),
             ]
+        case schema.ConeSpec(radius=r, length=length):
+            base, tip = (at(0.0, 0.0, 0.5 * side * length) for side in (-1, 1))
+            return [("", Rim(base, axis, r)), ("tip", Ball(tip, 0.0))]
+        case schema.CapsuleSpec(radius=r, length=length):
+            return [(f"end {SIDES[side]}", Ball(at(0.0, 0.0, 0.5 * side * length), r)) for side in SIDES]
+        case schema.EllipsoidSpec(radii=radii):
+            return [("", Ellipsoid(at(0.0, 0.0, 0.0), pose.rotation, radii))]
+        case schema.HullSpec():
+            found, _ = hull_of(shape)
+            return [(f"corner {number}", Ball(at(*corner), 0.0)) for number, corner in enumerate(found, start=1)]
         case schema.PlateSpec(size=(x, y)):
             return corners(x, y, 0.0)
         case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
+        case _:
+            assert_never(shape)
 
 
 def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
-    """A shape, or a point, as a ball or a cylinder; None for shapes with corners."""
+    """A shape, or a point, as a ball or a cylinder; None for others."""
     if isinstance(shape, Pose):
         return Ball(Attachment(part, np.array(shape.position)), 0.0)
     pose = pose_of(shape)
@@ -112,8 +128,18 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             return Barrel(center, pose.rotation[:, 2], r, 0.0)
         case schema.CylinderSpec(radius=r, length=length):
             return Barrel(center, pose.rotation[:, 2], r, length)
-        case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec():
+        case (
+            schema.RodSpec()
+            | schema.PlateSpec()
+            | schema.BlockSpec()
+            | schema.ConeSpec()
+            | schema.CapsuleSpec()
+            | schema.EllipsoidSpec()
+            | schema.HullSpec()
+        ):
             return None
+        case _:
+            assert_never(shape)
 
 
 def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
@@ -138,8 +164,21 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
         case schema.BlockSpec(size=(x, y, z)):
             signs = product((-1, 1), repeat=3)
             return polytope(part, placed(*((0.5 * a * x, 0.5 * b * y, 0.5 * c * z) for a, b, c in signs)), BLOCK, 0.0)
-        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec():
+        case schema.CapsuleSpec(radius=r, length=length):
+            return polytope(part, placed((0.0, 0.0, -0.5 * length), (0.0, 0.0, 0.5 * length)), (), r)
+        case schema.HullSpec():
+            points, faces = hull_of(shape)
+            return polytope(part, placed(*points), faces, 0.0)
+        case (
+            schema.DiscSpec()
+            | schema.RingSpec()
+            | schema.CylinderSpec()
+            | schema.ConeSpec()
+            | schema.EllipsoidSpec()
+        ):
             return None
+        case _:
+            assert_never(shape)
 
 
 def polytope(part: str, points: Sequence[Array], faces: tuple[tuple[int, ...], ...], radius: float) -> Solid:
@@ -265,12 +304,12 @@ class _ContactBuilder:
         one, other = (solid(each.part, each.shape) for each in (first, second))
         pair = f"{_article(first.kind)} cannot be in contact with {_article(second.kind)}"
         if one is None or other is None:
-            remedy = "Blocks, plates, rods, spheres and points can be in contact with each other and with planes."
+            remedy = "Blocks, plates, hulls, rods, capsules, spheres and points can be, and all shapes with planes."
             self._context.report(where, pair, remedy)
         elif inside:
             message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
             self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
-        elif one.radius + other.radius == 0.0 and len(one.vertices) < MOST_SLOTS and len(other.vertices) < MOST_SLOTS:
+        elif one.radius + other.radius == 0.0 and max(len(one.faces), len(other.faces)) < 3:
             message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
             self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
         else:
@@ -303,7 +342,12 @@ class _ContactBuilder:
             for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, face.at.part):
                     break
-                for label, body in edges(solid.part, solid.shape):
+                bodies = edges(solid.part, solid.shape)
+                if len(bodies) > MOST_ON_PLANE:
+                    message = f"{solid.name} has {len(bodies)} corners, too many for a contact with a plane"
+                    self._context.report(place, message, f"Give its hull at most {MOST_ON_PLANE} points.")
+                    break
+                for label, body in bodies:
                     quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
                     yield quantity, (solid.name, names), body, face
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import assert_never
+from typing import Literal, assert_never
 
 import numpy as np
 
@@ -28,19 +28,37 @@ def is_frame_name(text: str) -> bool:
     return is_name(text) and not text.startswith("/") and text != GROUND
 
 
+ShapeKind = Literal[
+    "rod", "particle", "disc", "ring", "plate", "block", "cylinder", "cone", "capsule", "sphere", "ellipsoid", "hull"
+]
+
+
+MOST_CORNERS = 100  # of a hull
+
+
+@dataclass(frozen=True)
+class Polyhedron:
+    """A convex polyhedron: its `corners` in m, and its `faces` as places in these, counterclockwise from outside."""
+
+    corners: tuple[tuple[float, float, float], ...]
+    faces: tuple[tuple[int, ...], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A shape to draw: `kind` as in the file, centered on `pose`; rods and axial shapes are along z.
+    """A shape to draw: `kind` as in the file, its box centered on `pose`; rods and axial shapes are along z.
 
-    `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
-    (x, y, z) for blocks and (length, radius) for cylinders.
+    `size` is (length, radius) for rods, cylinders, cones and capsules, (radius,) for discs, rings, spheres and
+    particles, (x, y) for plates, (x, y, z) for blocks and the radii of ellipsoids, and empty for a hull, of which the
+    corners of `hull` are in the frame of `pose`.
     """
 
-    kind: str
+    kind: ShapeKind
     size: tuple[float, ...]
     pose: Pose
     color: str | None = None
     hole: bool = False
+    hull: Polyhedron | None = None
     name: str | None = None
 
     __repr__ = short_repr
