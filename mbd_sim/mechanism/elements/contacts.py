@@ -54,6 +54,15 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
+
+    at: Attachment
+    axes: Array
+    radii: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Barrel:
     """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
 
@@ -107,7 +116,7 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
-ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam | Solid
+ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid
 
 
 @dataclass(frozen=True)
@@ -128,11 +137,11 @@ class Cushion:
 class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
-    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
-    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
-    `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have `slots`,
-    with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and nothing
-    moves; None in space.
+    Pairs are ball and face, rim and face, rim point and face, ellipsoid and face, ball and ball, ball and barrel, two
+    barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both
+    for people, `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have
+    `slots`, with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and
+    nothing moves; None in space.
     """
 
     name: str

@@ -40,7 +40,7 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint, Mesh, Part
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint, Mesh, Part, Polyhedron
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Linear
 from mbd_sim.pictures.shapes import palette
@@ -51,7 +51,9 @@ from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     POINT_MASS_RADIUS,
     Box,
+    Cone,
     Cylinder,
+    Ellipsoid,
     Ring,
     Rod,
     Solid,
@@ -177,8 +179,15 @@ def _marks(solid: Solid) -> Lines | None:
         case Ring(radius):
             return Lines(tuple(diameters(radius, (0.0,))), 0.015 * radius)
         case Sphere(radius, particle=False):
-            return Lines((meridian(radius),), 0.015 * radius)
-        case Sphere() | Rod() | Box():
+            return Lines((meridian(radius, radius),), 0.015 * radius)
+        case Ellipsoid(radii):
+            return Lines((meridian(radii[0], radii[2]),), 0.015 * min(radii))
+        case Cone(length, radius):
+            sides = 1.005 * np.array(
+                [[-radius, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0], [radius, 0.0, -length / 2.0]]
+            )
+            return Lines((sides[:2], sides[1:], sides[::2]), 0.015 * radius)
+        case Sphere() | Rod() | Box() | Polyhedron():
             return None
         case _:
             assert_never(solid)

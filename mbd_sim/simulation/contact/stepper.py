@@ -69,12 +69,16 @@ class OneSidedStepper:
         self.observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
 
-    def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
+    def advance(
+        self, y: Array, inputs: Array, history: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array
+    ) -> bool:
         """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
 
+        :param history: what the method keeps of earlier steps, behind the inputs in memory.
         :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes, first, features = y.copy(), inputs.copy(), int(counter[0]), self._model.features
+        before, modes, kept, first = y.copy(), inputs.copy(), history.copy(), int(counter[0])
+        features = self._model.features
         self._new.clear()
         try:
             done = 0
@@ -89,7 +93,7 @@ class OneSidedStepper:
                     features.end_step((first + done) * h, y, inputs)
             counter[0] = first + n
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
-            y[:], inputs[:], counter[0] = before, modes, first
+            y[:], inputs[:], history[:], counter[0] = before, modes, kept, first
             if isinstance(error, FloatingPointError):
                 return False
             raise
