@@ -323,6 +323,8 @@ class PolytopePair:
             across = cross(direction[:, None], other_direction)
             size = np.sqrt(dots(across, across))
             between = np.abs(dots(across, start[:, None] - other_start)) / np.where(size > PARALLEL, size, 1.0)
+            if not self._radius:  # of which the sign is not known yet
+                between = np.where(between <= -lowest, 0.0, between)
             yield from ((EDGE_EDGE, i, j) for i, j in within(np.where(size > PARALLEL, between, np.inf)))
 
     def _meeting(self, a: _Placed, b: _Placed, kind: int, i: int, j: int) -> _Meeting:
