@@ -167,13 +167,7 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
         case schema.HullSpec():
             points, faces = hull_of(shape)
             return polytope(part, placed(*points), faces, 0.0)
-        case (
-            schema.DiscSpec()
-            | schema.RingSpec()
-            | schema.CylinderSpec()
-            | schema.ConeSpec()
-            | schema.EllipsoidSpec()
-        ):
+        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec() | schema.ConeSpec() | schema.EllipsoidSpec():
             return None
         case _:
             assert_never(shape)
