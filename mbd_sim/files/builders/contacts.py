@@ -18,9 +18,10 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.parts import hull_of, pose_of, shapes_of
+from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
+from mbd_sim.files.builders.welded import free_parts
 from mbd_sim.files.schema import shapes as schema
-from mbd_sim.files.schema.constraints import ContactSpec
+from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.units import split_unit
@@ -41,6 +42,7 @@ from mbd_sim.mechanism.elements.contacts import (
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
 
 SIDES = {-1: "-", 1: "+"}
@@ -207,7 +209,7 @@ class _ContactBuilder:
         points = context.points_by_part
         self._names = {name: known and dict.fromkeys(known) for name, known in points.items()}
         for name, spec in parts.items():
-            shapes = dict.fromkeys(shape.name for shape in shapes_of(spec) if shape.name)
+            shapes = dict.fromkeys(shape.name for shape in touching_shapes(spec) if shape.name)
             self._names[name] = {**shapes, **dict.fromkeys(spec.points)}
 
     def build(self, name: str, spec: ContactSpec) -> list[Contact]:
@@ -301,7 +303,7 @@ class _ContactBuilder:
         elif inside:
             message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
             self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
-        elif one.radius + other.radius == 0.0 and max(len(one.faces), len(other.faces)) < 3:
+        elif one.thin and other.thin:
             message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
             self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
         else:
@@ -330,9 +332,8 @@ class _ContactBuilder:
             if cam is not None and self._differ((*where, "cam"), cam.at.part, face.at.part):
                 yield f"{_word(spec.cam)} on {_word(names)}", (spec.cam, names), cam, face
             return
-        for index, reference in enumerate(spec.parts or []):
-            place = (*where, "parts", index)
-            for solid in self._solids(place, reference):
+        for place, written in self._references(where, spec, face.at.part):
+            for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, face.at.part):
                     break
                 bodies = edges(solid.part, solid.shape)
@@ -349,9 +350,8 @@ class _ContactBuilder:
     ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
         """Rollers and points on a cam."""
         assert spec.cam is not None
-        for index, reference in enumerate(spec.parts or []):
-            place = (*where, "parts", index)
-            for solid in self._solids(place, reference):
+        for place, written in self._references(where, spec, cam.at.part):
+            for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, cam.at.part):
                     break
                 body = round_body(solid.part, solid.shape)
@@ -360,6 +360,17 @@ class _ContactBuilder:
                     self._context.report(place, message, "Give a sphere, cylinder, disc or point, or a 'plane'.")
                     break
                 yield f"{_word(solid.name)} on {_word(spec.cam)}", (solid.name, spec.cam), body, cam
+
+    def _references(self, where: Location, spec: ContactSpec, support: str) -> list[tuple[Location, str]]:
+        """The places and the names of the parts that touch a support, a part or ground."""
+        place: Location = (*where, "parts")
+        if spec.parts != ALL:
+            return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
+        solid = [name for name, part in self._parts.items() if any(not one.hole for one in touching_shapes(part))]
+        names = free_parts(solid, self._context.valid_joints.values(), support)
+        if not names:
+            self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
+        return [(place, reference(name)) for name in names]
 
     def _differ(self, where: Location, one: str, other: str) -> bool:
         if one == other:
@@ -377,7 +388,7 @@ class _ContactBuilder:
             self._context.problems.append(self._context.source.problem_of(where, error))
             return []
         spec = self._parts.get(part)
-        shapes = [] if spec is None else shapes_of(spec)
+        shapes = [] if spec is None else touching_shapes(spec)
         if named := [shape for shape in shapes if name and shape.name == name]:
             return [_TouchingShape(part, reference, named[0])]
         if spec is None and part != GROUND:

@@ -53,6 +53,7 @@ def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Pr
         points=point_poses(spec.points),
         shapes=_drawn_shapes(shapes),
         meshes=meshes,
+        collisions=None if spec.collisions is None else tuple(map(build_shape, spec.collisions)),
     )
 
 
@@ -69,6 +70,11 @@ def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
 def shapes_of(spec: file.PartSpec) -> list[AnyShapeSpec]:
     """The shapes of a part."""
     return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
+
+
+def touching_shapes(spec: file.PartSpec) -> list[AnyShapeSpec]:
+    """The shapes of a part that can touch others."""
+    return shapes_of(spec) if spec.collisions is None else spec.collisions
 
 
 def _drawn_shapes(specs: list[AnyShapeSpec]) -> tuple[Shape, ...]:
@@ -323,7 +329,7 @@ def build_shape(shape: schema.AnyShapeSpec) -> Shape:
             hull = Polyhedron(tuple((x, y, z) for x, y, z in map(_numbers, corners)), faces)
         case _:
             assert_never(shape)
-    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole, hull)
+    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole, hull, shape.name)
 
 
 def _numbers(point: Any) -> Any:

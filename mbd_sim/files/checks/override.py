@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _SECTIONS = (
     "tolerance",
     "gravity",
+    "limits",
     "parameters",
     "functions",
     "parts",

@@ -113,6 +113,11 @@ class Solid:
     radius: float
 
     @property
+    def thin(self) -> bool:
+        """Whether it has no volume: a plate, a rod or a point without a radius."""
+        return self.radius == 0.0 and len(self.faces) <= 2
+
+    @property
     def edges(self) -> tuple[tuple[int, int], ...]:
         """The pairs of vertices that edges connect, the smaller index first."""
         if len(self.vertices) == 2:

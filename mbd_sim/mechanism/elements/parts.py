@@ -59,6 +59,7 @@ class Shape:
     color: str | None = None
     hole: bool = False
     hull: Polyhedron | None = None
+    name: str | None = None
 
     __repr__ = short_repr
 
@@ -75,7 +76,10 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
+    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame.
+
+    `collisions` are the shapes that can touch others, if these are not the `shapes`, which are drawn.
+    """
 
     name: str
     mass: float
@@ -84,6 +88,12 @@ class Part:
     points: Mapping[str, Pose] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()
     meshes: tuple[Mesh, ...] = ()
+    collisions: tuple[Shape, ...] | None = None
+
+    @property
+    def touching(self) -> tuple[Shape, ...]:
+        """The shapes that can touch others."""
+        return self.shapes if self.collisions is None else self.collisions
 
     def __repr__(self) -> str:
         return f"<Part {self.name}: {self.mass:g} kg, {counted(len(self.points), 'point')}>"
