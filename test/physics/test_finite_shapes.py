@@ -98,7 +98,12 @@ def test_a_ball_rolls_over_an_edge_and_turns_about_it():
     sim = simulation(BALL.replace("STATE", start).replace("LAW", "friction: 1"), step=1e-3)
     edge, r = 0.5, 0.05
     rates = solve_ivp(
-        lambda _, y: [y[1], G * math.sin(y[0]) / (1.4 * r)], (0.5, 0.6), [0.0, 4.0], method="DOP853", rtol=1e-13, atol=1e-14
+        lambda _, y: [y[1], G * math.sin(y[0]) / (1.4 * r)],
+        (0.5, 0.6),
+        [0.0, 4.0],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
     )
     angle, turn = rates.y[:, -1]
     assert 0.3 < angle < 0.7

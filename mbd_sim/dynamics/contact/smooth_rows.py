@@ -6,9 +6,9 @@ A D² Aᵀ), the gap along a unit normal n, which points from the second body to
     g(n) = n·(c_A - c_B) - √(n·K_A n) - √(n·K_B n) - r_A - r_B.
 
 The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
-Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint among
-the numbers, which is renewed after each step. Its gradient is the unit normal where it is zero. A slot without features
-has zeros only; its gap is then the natural length.
+Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint
+among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that touch. A
+slot without features has zeros only; its gap is then the natural length.
 """
 
 from __future__ import annotations
@@ -19,17 +19,16 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.constraints.rows import IteratedNormal
 from mbd_sim.dynamics.contact.shapes import Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, ContactBody, Ellipsoid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cone, ContactBody, Ellipsoid, Solid
 
 SMOOTH_SIZE = 29  # numbers of a slot, of which the last one is the key
 NEWTON_STEPS = 3
 TINY = 1e-60
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
-
-Curved = Barrel | Cone | Ellipsoid
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,26 +76,35 @@ def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
 
 def smooth_touch(
     bodies: tuple[ContactBody, ContactBody],
-    radii: tuple[float, float],
     numbers: ca.SX,
     frames: tuple[SymbolicPose, SymbolicPose],
     length: float,
 ) -> Touch:
     """The geometry of a slot; the frames are at the points of both bodies, with the axes of their parts.
 
-    :param radii: by which the bodies are rounded, in m.
     :param length: the gap in m of a slot without features.
     """
     first, second = frames
+    radii = [body.radius if isinstance(body, Solid) else 0.0 for body in bodies]
     c_a, c_b, d_a, d_b, hint, side = (numbers[k : k + 3] for k in (0, 3, 6, 9, 22, 25))
     k_a, k_b, on_b, on_a, two, free, sign, on_second = (numbers[k] for k in range(14, 22))
     at, other = first.position + first.rotation @ c_a, second.position + second.rotation @ c_b
     line, side = at - other, second.rotation @ side
     d_a, d_b = first.rotation @ d_a, second.rotation @ d_b
     grams = [_gram(body, frame, numbers[12 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))]
-    turned = second.rotation @ hint
-    normal = on_b * turned + on_a * (first.rotation @ hint) + two * _across_both(d_a, d_b, k_a, k_b, sign, 1.0 - two)
-    normal += free * _iterated(turned, d_a + d_b, k_b - k_a, line, grams, side, free)
+    fixed = on_b * (second.rotation @ hint) + on_a * (first.rotation @ hint)
+    fixed += two * _across_both(d_a, d_b, k_a, k_b, sign, 1.0 - two)
+    bound, cosine = free * (d_a + d_b), free * (k_b - k_a)
+
+    def following(given: ca.SX) -> ca.SX:
+        """The normal after one step from a given one."""
+        return fixed + free * _newton_step(given, bound, cosine, line, grams, side, free)
+
+    start = fixed + free * (second.rotation @ hint)
+    normal, value = ca.SX.sym("normal", 3), start
+    for _ in range(NEWTON_STEPS):
+        value = following(value)
+    iterated = IteratedNormal(normal, value, following(normal))
     arms = [_arm(gram, normal) for gram in grams]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free
@@ -105,7 +113,7 @@ def smooth_touch(
     one = ca.cross(side, normal)
     one /= ca.sqrt(ca.dot(one, one) + TINY)
     point = on_second * seen + (1.0 - on_second) * crossing
-    return Touch(distance + (1.0 - used) * length, normal, point, (one, ca.cross(normal, one)))
+    return Touch(distance + (1.0 - used) * length, normal, point, (one, ca.cross(normal, one)), iterated)
 
 
 def _arm(gram: ca.SX, normal: ca.SX) -> ca.SX:
@@ -123,32 +131,29 @@ def _across_both(d_a: ca.SX, d_b: ca.SX, k_a: ca.SX, k_b: ca.SX, sign: ca.SX, un
     return alpha * d_b + beta * d_a + sign * ca.sqrt((rest + unused) / square) * across
 
 
-def _iterated(
-    hint: ca.SX, direction: ca.SX, cosine: ca.SX, line: ca.SX, grams: list[ca.SX], side: ca.SX, used: ca.SX
+def _newton_step(
+    given: ca.SX, direction: ca.SX, cosine: ca.SX, line: ca.SX, grams: list[ca.SX], side: ca.SX, used: ca.SX
 ) -> ca.SX:
-    """The normal n = k d + √(1 - k²) m at which the gap is largest, by Newton steps of m from the hint."""
-    direction, cosine = used * direction, used * cosine
+    """A step of n = k d + √(1 - k²) m toward the normal at which the gap is largest; d is zero where none is given."""
     bound, scale = ca.dot(direction, direction), ca.sqrt(1.0 - cosine * cosine)
-    m = _unit(hint - direction * ca.dot(direction, hint))
-    for _ in range(NEWTON_STEPS):
-        one = _unit(bound * ca.cross(direction, m) + (1.0 - bound) * ca.cross(side, m))
-        other = (1.0 - bound) * ca.cross(m, one)
-        normal = cosine * direction + scale * m
-        slope, bend = line, ca.SX(3, 3)
-        for gram in grams:
-            found = gram @ normal
-            size = ca.sqrt(ca.dot(normal, found) + TINY)
-            arm = found / size
-            slope, bend = slope - arm, bend - (gram - arm @ arm.T) / size
-        tangents = ca.horzcat(one, other)
-        gradient = used * scale * (tangents.T @ slope)
-        hessian = scale * scale * (tangents.T @ bend @ tangents) - scale * ca.dot(m, slope) * ca.SX.eye(2)
-        hessian = used * hessian - (1.0 - used) * ca.SX.eye(2)
-        determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] * hessian[1, 0]
-        first = (hessian[0, 1] * gradient[1] - hessian[1, 1] * gradient[0]) / determinant
-        second = (hessian[1, 0] * gradient[0] - hessian[0, 0] * gradient[1]) / determinant
-        m = _unit(m + first * one + second * other)
-    return cosine * direction + scale * m
+    m = _unit(given - direction * ca.dot(direction, given))
+    one = _unit(bound * ca.cross(direction, m) + (1.0 - bound) * ca.cross(side, m))
+    other = (1.0 - bound) * ca.cross(m, one)
+    normal = cosine * direction + scale * m
+    slope, bend = line, ca.SX(3, 3)
+    for gram in grams:
+        found = gram @ normal
+        size = ca.sqrt(ca.dot(normal, found) + TINY)
+        arm = found / size
+        slope, bend = slope - arm, bend - (gram - arm @ arm.T) / size
+    tangents = ca.horzcat(one, other)
+    gradient = used * scale * (tangents.T @ slope)
+    hessian = scale * scale * (tangents.T @ bend @ tangents) - scale * ca.dot(m, slope) * ca.SX.eye(2)
+    hessian = used * hessian - (1.0 - used) * ca.SX.eye(2)
+    determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] * hessian[1, 0]
+    first = (hessian[0, 1] * gradient[1] - hessian[1, 1] * gradient[0]) / determinant
+    second = (hessian[1, 0] * gradient[0] - hessian[0, 0] * gradient[1]) / determinant
+    return cosine * direction + scale * _unit(m + first * one + second * other)
 
 
 def _along(apart: ca.SX, d_a: ca.SX, d_b: ca.SX, normal: ca.SX, unused: ca.SX) -> ca.SX:

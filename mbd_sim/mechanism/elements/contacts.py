@@ -126,6 +126,7 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
+Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
 ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid
 
 

@@ -1,8 +1,8 @@
 """Convex bodies that may be round, as the hull of points, circles and ellipsoids.
 
-A *corner* is a point, a rim or an ellipsoid: its support function is h(n) = c·n + √(n·K n), with K = 0, ρ² (1 - a aᵀ) or
-A D² Aᵀ. A *side* is a line that slides along two corners, with normals n·d = k: an edge, with its direction d and k = 0, or
-the generatrix of a cylinder or a cone, with its axis. A *face* is plane.
+A *corner* is a point, a rim or an ellipsoid: its support function is h(n) = c·n + √(n·K n), with K = 0, ρ² (1 - a aᵀ)
+or A D² Aᵀ. A *side* is a line that slides along two corners, with normals n·d = k: an edge, with its direction d and
+k = 0, or the generatrix of a cylinder or a cone, with its axis. A *face* is plane.
 
 All sums are written out: their bits do not depend on the processor.
 """
@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.dynamics.contact.smooth_rows import Curved
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Curved, Ellipsoid, Solid
 from mbd_sim.simulation.contact.features.polytopes import cross, dots, turned
 
 TINY = 1e-60
@@ -24,7 +23,7 @@ TINY = 1e-60
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A plane face: its unit `normal` (3,), and a `border` (n, 3) of corners, or a disc of a `radius` about `center`."""
+    """A plane face: its unit `normal` (3,), and a `border` (n, 3) of corners, or a circle about its `center`."""
 
     normal: Array
     center: Array
@@ -117,7 +116,7 @@ def _body(corners: Array, grams: Array, sides: object, faces: object, spread: fl
         tuple(faces),  # type: ignore[arg-type]
         radius,
         curved,
-        curved[pairs].any(axis=1),
+        np.array([bool(curved[pair].any()) for pair in pairs], dtype=bool),
         center,
         float(np.sqrt(dots(arms, arms).max())) + spread + radius,
     )

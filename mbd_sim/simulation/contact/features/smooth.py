@@ -1,8 +1,8 @@
 """The narrow phase of two convex bodies of which at least one is round.
 
-Along every unit normal n, the planes that support both bodies are s(n) = -h_A(-n) - h_B(n) apart, and the bodies by the
-largest s(n). It is found among the normals of faces, those of pairs of sides, and those at which s(n) of two corners, or
-of a side and a corner, is largest; the latter by Newton's method.
+Along every unit normal n, the planes that support both bodies are s(n) = -h_A(-n) - h_B(n) apart, and the bodies by
+the largest s(n). It is found among the normals of faces, those of pairs of sides, and those at which s(n) of two
+corners, or of a side and a corner, is largest; the latter by Newton's method.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from mbd_sim.dynamics.contact.smooth_rows import (
     FIXED_SECOND,
     ITERATED,
     TWO_SIDES,
-    Curved,
     SmoothFeatures,
 )
-from mbd_sim.mechanism.elements.contacts import Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Curved, Ellipsoid, Solid
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
 from mbd_sim.simulation.contact.features.polytopes import BORDER, SUPPORT, TURNED, cross, dots, turned
 from mbd_sim.simulation.contact.features.round_bodies import PlacedBody, RoundBody, round_body
@@ -36,6 +35,7 @@ CONVERGED = 1e-9  # change of a normal, after which it is exact to round-off
 LARGEST_STEP = 0.5  # rad
 HINT = 0.1  # rad by which a normal may turn from its hint
 NEAR = 1e-7  # of the size of both bodies, within which two points of contact are one
+FAR = 2e5  # times this, from which on the distance is only known to be not less
 STARTS = np.array([v for v in product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
 STARTS /= np.sqrt((STARTS * STARTS).sum(axis=1))[:, None]
 ANGLES = np.arange(16) * (2.0 * np.pi / 16)
@@ -92,7 +92,12 @@ class SmoothPair:
     def distance(self, one: Pose, other: Pose) -> float:
         """See `NarrowPhase`."""
         a, b = self._placed(one, other)
-        return self._separation(a, b, np.vstack([normals for _, normals in self._stationary(a, b)]))
+        simple = np.vstack([_faces(a, b)[1], _across_sides(a, b)[1], turned(b.rotation, STARTS)])
+        apart = self._separation(a, b, simple)
+        if apart > FAR * self._near or not self._keys:
+            return apart
+        pairs = _pairs(self._keys, a, b)
+        return max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
 
     def _separation(self, a: PlacedBody, b: PlacedBody, normals: Array) -> float:
         return float(self._supports(a, b, normals).max())
@@ -103,8 +108,7 @@ class SmoothPair:
 
     def _stationary(self, a: PlacedBody, b: PlacedBody) -> Iterator[tuple[list[tuple[int, int, int, int]], Array]]:
         """The keys (kind, i, j, sign) of pairs of features, and their normals (k, 3)."""
-        faces = [(CORNER_FACE, NONE, j, 0) for j in range(len(b.normals))]
-        yield faces + [(FACE_CORNER, i, NONE, 0) for i in range(len(a.normals))], np.vstack([b.normals, -a.normals])
+        yield _faces(a, b)
         yield _across_sides(a, b)
         if self._keys:
             pairs = _pairs(self._keys, a, b)
@@ -236,8 +240,8 @@ class SmoothPair:
         if kind == FACE_CORNER:
             return np.asarray(-a.normals[i])
         if kind == SIDE_SIDE:
-            return _across_both(a, b, np.array([i]), np.array([j]), float(sign))[0]
-        return _iterated(a, b, _pairs([key], a, b), turned(b.rotation, numbers[None, 22:25]))[0]
+            return np.asarray(_across_both(a, b, np.array([i]), np.array([j]), float(sign))[0])
+        return np.asarray(_iterated(a, b, _pairs([key], a, b), turned(b.rotation, numbers[None, 22:25]))[0])
 
 
 def _rim(shape: RoundBody, corner: int, record: Curved | Solid) -> float:
@@ -275,6 +279,13 @@ def _pairs(keys: list[tuple[int, int, int, int]], a: PlacedBody, b: PlacedBody) 
             directions[place] = body.directions[side]
             cosines[place] = (-1.0, 1.0)[own] * body.body.cosines[side]
     return _Pairs(keys, corners, directions, cosines)
+
+
+def _faces(a: PlacedBody, b: PlacedBody) -> tuple[list[tuple[int, int, int, int]], Array]:
+    """The normals of the faces of both."""
+    keys = [(CORNER_FACE, NONE, j, 0) for j in range(len(b.normals))]
+    keys += [(FACE_CORNER, i, NONE, 0) for i in range(len(a.normals))]
+    return keys, np.vstack([b.normals, -a.normals])
 
 
 def _across_sides(a: PlacedBody, b: PlacedBody) -> tuple[list[tuple[int, int, int, int]], Array]:
