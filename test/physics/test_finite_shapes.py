@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from mbd_sim import Simulation
-from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.files.load import parse_mechanism
 
 G = 9.81

@@ -7,8 +7,8 @@ A D² Aᵀ), the gap along a unit normal n, which points from the second body to
 
 The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
 Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint
-among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that touch. A
-slot without features has zeros only; its gap is then the natural length.
+among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that
+touch. A slot without features has zeros only; its gap is then the natural length.
 """
 
 from __future__ import annotations

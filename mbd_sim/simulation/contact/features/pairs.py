@@ -25,6 +25,7 @@ from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, tu
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
 
 PATH = 1.05  # of the straight line, the path of a body in a step
+AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
 BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
@@ -127,13 +128,21 @@ class FeaturePairs:
     def first_change(self, motion: PosesInTime, inputs: Array, first: float | None, length: float) -> float | None:
         """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
         end = length if first is None else first
-        for index in self._near(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
+        for index in self._approaching(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
             found = self._change(self.pairs[index], motion, inputs, end)
             if found is not None:
                 first = end = found
                 if not end:
                     break
         return first
+
+    def _approaching(self, before: Array, after: Array) -> NDArray[np.intp]:
+        """The pairs that may have met on the way from the poses before to those after it: not those at rest."""
+        moves = np.any(np.abs(after - before) > AT_REST * self._tolerance, axis=1)
+        if not moves.any():
+            return np.zeros(0, dtype=np.intp)
+        near = self._near(before, after)
+        return near[np.any(moves[self._parts[near]], axis=1)]
 
     def _near(self, before: Array, after: Array) -> NDArray[np.intp]:
         """The pairs whose spheres may meet on the way from the poses before to those after it."""
@@ -149,15 +158,19 @@ class FeaturePairs:
 
     def _change(self, pair: FeaturePair, motion: PosesInTime, inputs: Array, end: float) -> float | None:
         closed = self.closed(pair, inputs)
-        gaps = [pair.gaps[slot] for slot in closed]
+        gaps, known = [pair.gaps[slot] for slot in closed], dict[float, tuple[Pose, Pose]]()
+
+        def poses(s: float) -> tuple[Pose, Pose]:
+            if s not in known:
+                known[s] = _poses_of(pair, motion.poses(s))
+            return known[s]
 
         def distance(s: float) -> float:
-            found = pair.phase.distance(*_poses_of(pair, motion.poses(s)))
+            found = pair.phase.distance(*poses(s))
             return found - min(0.0, *motion.gaps(s)[gaps].tolist()) if gaps else found
 
         def margin(s: float) -> float:
-            poses = _poses_of(pair, motion.poses(s))
-            return min((pair.phase.margin(*poses, inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
+            return min((pair.phase.margin(*poses(s), inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
 
         last, room = distance(end), margin(end)
         if last >= 0.0 and room >= -self._tolerance:
