@@ -21,6 +21,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    Cone,
     Contact,
     ContactBody,
     Ellipsoid,
@@ -154,7 +155,7 @@ def _arms(body: ContactBody) -> list[tuple[float, Array]]:
             return [(_radius(body), body.axes[:, 0])]
         case Ellipsoid(radii=radii, axes=axes):
             return list(zip(radii, axes.T, strict=True))
-        case Rim() | RimPoint() | Barrel():
+        case Rim() | RimPoint() | Barrel() | Cone():
             return [(body.radius, body.axis)]
         case _:
             assert_never(body)

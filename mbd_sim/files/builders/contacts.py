@@ -32,8 +32,10 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    Cone,
     Contact,
     ContactBody,
+    Curved,
     Cushion,
     Ellipsoid,
     Face,
@@ -56,6 +58,7 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (1, 5, 7, 3),
 )
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
+ROUND_SLOTS = 4  # at most, of a pair with a cylinder, a disc, a ring or a cone
 
 
 def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Ellipsoid]]:
@@ -142,8 +145,8 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             assert_never(shape)
 
 
-def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
-    """A shape, or a point, as a convex body; None for round shapes with edges."""
+def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
+    """A shape, or a point, as a convex body."""
     if isinstance(shape, Pose):
         return polytope(part, [shape.position], (), 0.0)
     pose = pose_of(shape)
@@ -169,8 +172,14 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
         case schema.HullSpec():
             points, faces = hull_of(shape)
             return polytope(part, placed(*points), faces, 0.0)
-        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec() | schema.ConeSpec() | schema.EllipsoidSpec():
-            return None
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
+            return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, 0.0)
+        case schema.CylinderSpec(radius=r, length=length):
+            return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+        case schema.ConeSpec(radius=r, length=length):
+            return Cone(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+        case schema.EllipsoidSpec(radii=radii):
+            return Ellipsoid(Attachment(part, pose.position), pose.rotation, radii)
         case _:
             assert_never(shape)
 
@@ -228,11 +237,14 @@ class _ContactBuilder:
         if len(self._context.problems) > before:
             return []
         law = contact_law(spec)
-        if isinstance(law, Cushion) and any(slots_of(first, second) for _, _, first, second in pairs):
-            message = "blocks, plates and rods are rigid in contact with each other"
+        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
+        if isinstance(law, Cushion) and any(slots):
+            message = (
+                "only spheres, points, cylinders, discs and rings can have a 'stiffness' in contact with each other"
+            )
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
-        return [Contact(name, *pair, law, spec.inside, slots_of(*pair[2:])) for pair in pairs]
+        return [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
 
     def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
         """Refuse a stiffness with a unit that does not fit the exponent."""
@@ -294,16 +306,12 @@ class _ContactBuilder:
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """Two convex bodies; None, with a problem, if one of them is not among those that can touch each other."""
+        """Two convex bodies; None, with a problem, if they cannot touch each other."""
         one, other = (solid(each.part, each.shape) for each in (first, second))
-        pair = f"{_article(first.kind)} cannot be in contact with {_article(second.kind)}"
-        if one is None or other is None:
-            remedy = "Blocks, plates, hulls, rods, capsules, spheres and points can be, and all shapes with planes."
-            self._context.report(where, pair, remedy)
-        elif inside:
+        if inside:
             message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
             self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
-        elif one.thin and other.thin:
+        elif _is_thin(one) and _is_thin(other):
             message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
             self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
         else:
@@ -408,10 +416,20 @@ class _ContactBuilder:
         ]
 
 
-def slots_of(first: ContactBody, second: ContactBody) -> int:
+def _is_thin(body: Solid | Curved) -> bool:
+    """Whether a body has no volume."""
+    return body.thin if isinstance(body, Solid) else isinstance(body, Barrel) and body.length == 0.0
+
+
+def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
-    if not isinstance(first, Solid) or not isinstance(second, Solid):
+    static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
+    if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0
+    if isinstance(first, Ellipsoid) or isinstance(second, Ellipsoid):
+        return 1
+    if not isinstance(first, Solid) or not isinstance(second, Solid):
+        return min(len(each.vertices) if isinstance(each, Solid) else ROUND_SLOTS for each in (first, second))
     fewest = min(len(first.vertices), len(second.vertices))
     corners = sum(max(map(len, each.faces), default=len(each.vertices)) for each in (first, second))
     return fewest if fewest <= 2 else min(corners, MOST_SLOTS)

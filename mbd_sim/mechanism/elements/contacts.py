@@ -73,6 +73,16 @@ class Barrel:
 
 
 @dataclass(frozen=True, eq=False)
+class Cone:
+    """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
 class Face:
     """A plane; its `normal` points away from the material."""
 
@@ -116,7 +126,8 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
-ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid
+Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
+ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid
 
 
 @dataclass(frozen=True)

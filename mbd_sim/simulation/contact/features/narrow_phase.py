@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.dynamics.contact.feature_rows import Features
+from mbd_sim.dynamics.contact.smooth_rows import SmoothFeatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,7 @@ class NarrowPhase(Protocol):
         Where they are apart, any positive number that is not more than their distance will do.
         """
 
-    def touching(self, one: Pose, other: Pose, tolerance: float) -> list[Features]:
+    def touching(self, one: Pose, other: Pose, tolerance: float) -> Sequence[Features | SmoothFeatures]:
         """The features whose gaps are zero up to the tolerance in m, or as negative as the distance; in a fixed order.
 
         All points that can bear a force: the corners of the area where faces touch. At most as many as there are slots.

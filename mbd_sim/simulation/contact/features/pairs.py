@@ -17,12 +17,12 @@ from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
 from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Contact, Ellipsoid, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
+from mbd_sim.simulation.contact.features.smooth import SmoothPair
 
 PATH = 1.05  # of the straight line, the path of a body in a step
 AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
@@ -36,6 +36,11 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
     match contact.first, contact.second:
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
+        case (
+            (Solid() | Barrel() | Cone() | Ellipsoid()) as first,
+            (Solid() | Barrel() | Cone() | Ellipsoid()) as second,
+        ):
+            return SmoothPair(first, second, contact.slots)
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
 
@@ -95,7 +100,10 @@ class FeaturePairs:
         self.pairs: list[FeaturePair] = []
         first = features
         for contact, gaps in slots.items():
-            numbers = tuple(slice(first + SLOT_SIZE * k, first + SLOT_SIZE * (k + 1)) for k in range(len(gaps)))
+            known = one_sided.gaps[gaps[0]].numbers
+            assert known is not None
+            size = known.shape[0]  # of a slot, the last of whose numbers is its key
+            numbers = tuple(slice(first + size * k, first + size * (k + 1)) for k in range(len(gaps)))
             parts = rows[contact.first.at.part], rows[contact.second.at.part]
             self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
             first = numbers[-1].stop
@@ -214,16 +222,16 @@ class FeaturePairs:
         for slot in self.closed(pair, inputs):
             numbers = inputs[pair.numbers[slot]]
             if pair.phase.margin(*both, numbers) >= -BORDER * self._tolerance:
-                kept[int(numbers[KEY])] = slot
+                kept[int(numbers[-1])] = slot
         found = [each for each in pair.phase.touching(*both, self._tolerance) if each.key not in kept]
-        old = {int(inputs[numbers][KEY]): slot for slot, numbers in enumerate(pair.numbers)}
+        old = {int(inputs[numbers][-1]): slot for slot, numbers in enumerate(pair.numbers)}
         free = [slot for slot in range(len(pair.gaps)) if slot not in kept.values()]
         chosen = {old[each.key]: each for each in found if old.get(each.key) in free}
         free = [slot for slot in free if slot not in chosen]
         chosen |= dict(zip(free, (each for each in found if each.key not in old), strict=False))
         for slot in range(len(pair.gaps)):
             if slot in chosen:
-                if inputs[pair.numbers[slot]][KEY] != chosen[slot].key:
+                if inputs[pair.numbers[slot]][-1] != chosen[slot].key:
                     self._empty(pair, slot, inputs)
                 inputs[pair.numbers[slot]] = chosen[slot].numbers
             elif slot not in kept.values():
