@@ -83,6 +83,8 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
             return corners(x, y, 0.0)
         case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
+        case schema.OutlineSpec():
+            return []
 
 
 def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
@@ -100,7 +102,7 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             return Barrel(center, pose.rotation[:, 2], r, 0.0)
         case schema.CylinderSpec(radius=r, length=length):
             return Barrel(center, pose.rotation[:, 2], r, length)
-        case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec():
+        case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec() | schema.OutlineSpec():
             return None
 
 

@@ -17,6 +17,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array, distance, fsum
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import rotation_matrix
+from mbd_sim.files.builders.outlines import check_outlines, outline_axes, outline_of
 from mbd_sim.files.schema import file
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.fields import PointSpec
@@ -24,6 +25,7 @@ from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.mechanism.elements.parts import Mesh, Part, Shape
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
+from mbd_sim.mechanism.outlines.area import area_of
 from mbd_sim.mechanism.values.source import Location, Source
 
 
@@ -31,6 +33,8 @@ def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Pr
     """A part; its problems are added to `problems`."""
     location: Location = ("parts", name)
     shapes = shapes_of(spec)
+    if not check_outlines(shapes, location, spec.shape is not None, source, problems):
+        return Part(name, spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)), point_poses(spec.points))
     meshes = tuple(
         Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
         for mesh in spec.meshes
@@ -180,7 +184,15 @@ class _ShapeInertia:
 
     dimension: int  # 0 for a particle, 1 a line, 2 a surface, 3 a solid; sizes of one dimension can be compared
     measure: float  # length, area or volume in m^dimension; 1 for a particle
-    moments: tuple[float, float, float]  # principal moments about the center for unit mass, m²
+    moments: tuple[float, float, float]  # moments about the mass center for unit mass, in the shape's axes, m²
+    product: float = 0.0  # ∫ x y dm for unit mass, m²
+    center: tuple[float, float] = (0.0, 0.0)  # of mass, m
+
+    def body(self, mass: float) -> MassProperties:
+        """With this mass in kg, in the frame of the shape."""
+        moments = np.diag(array(self.moments))
+        moments[0, 1] = moments[1, 0] = -self.product
+        return MassProperties(mass, np.array([*self.center, 0.0]), mass * moments)
 
 
 def _box_moments(x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -213,8 +225,20 @@ def _solid(shape: schema.AnyShapeSpec) -> _ShapeInertia:
             return _ShapeInertia(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
         case schema.ParticleSpec():
             return _ShapeInertia(0, 1.0, (0.0, 0.0, 0.0))
+        case schema.OutlineSpec():
+            return _extruded(shape)
         case _:
             assert_never(shape)
+
+
+def _extruded(shape: schema.OutlineSpec) -> _ShapeInertia:
+    """A plate, or with a thickness a prism; one that is not closed has no mass."""
+    if not shape.closed:
+        return _ShapeInertia(0, 1.0, (0.0, 0.0, 0.0))
+    area, deep = area_of(outline_of(shape)), shape.thickness or 0.0
+    xx, yy, across = area.xx / area.area, area.yy / area.area, deep * deep / 12.0
+    dimension, measure = (3, area.area * deep) if deep else (2, area.area)
+    return _ShapeInertia(dimension, measure, (yy + across, xx + across, xx + yy), area.xy / area.area, area.center)
 
 
 def pose_of(shape: schema.AnyShapeSpec) -> Pose:
@@ -225,12 +249,15 @@ def pose_of(shape: schema.AnyShapeSpec) -> Pose:
     rotation = rotation_matrix(shape.rotate)
     if isinstance(shape, schema.AxialShapeSpec):
         rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
+    elif isinstance(shape, schema.OutlineSpec):
+        rotation = rotation @ outline_axes(shape)
     return Pose(array(shape.at), rotation)
 
 
 def build_shape(shape: schema.AnyShapeSpec) -> Shape:
     """The shape to draw."""
     size: tuple[float, ...]
+    pose, outline = pose_of(shape), None
     match shape:
         case schema.RodSpec(start=a, end=b, radius=r):
             length = distance(a, b)
@@ -243,9 +270,13 @@ def build_shape(shape: schema.AnyShapeSpec) -> Shape:
             size = (length, r)
         case schema.PlateSpec() | schema.BlockSpec():
             size = shape.size
+        case schema.OutlineSpec(thickness=thickness):
+            outline, size = outline_of(shape), (thickness or 0.0,)
+            x, y = outline.middle
+            pose, outline = pose @ Pose(np.array([x, y, 0.0]), np.eye(3)), outline.moved(-x, -y)
         case _:
             assert_never(shape)
-    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole)
+    return Shape(shape.type, size, pose, shape.color, shape.hole, outline)
 
 
 def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> MassProperties:
@@ -260,7 +291,7 @@ def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> Mass
     bodies = []
     for shape, solid, value in zip(shapes, solids, given, strict=True):
         kilograms = value if value is not None else per_measure * solid.measure
-        body = MassProperties(kilograms, np.zeros(3), kilograms * np.diag(array(solid.moments))).placed(pose_of(shape))
+        body = solid.body(kilograms).placed(pose_of(shape))
         bodies.append(body.scaled(-1.0) if shape.hole else body)
     return composite(bodies)
 

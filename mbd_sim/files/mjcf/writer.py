@@ -134,7 +134,9 @@ def _add_bodies(document: MjcfDocument) -> None:
             _add_joint(document, frame, joint)
         _add_inertial(document, frame, body)
         for shape in body.part.shapes:
-            if not shape.hole:
+            if shape.kind == "outline":
+                document.leave_out("outlines", name)
+            elif not shape.hole:
                 _add_geom(frame, shape)
         for point, pose in body.part.points.items():
             document.site(name, pose, f"{name}.{point}")

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.fields import (
     Color,
     Direction,
+    Length,
     Mass,
     Name,
     PositiveDensity,
     PositiveLength,
+    QuantityField,
     RotationSpec,
     Spec,
     Vector,
+    written_as,
 )
 
 
@@ -116,7 +119,68 @@ class SphereSpec(PlacedShapeSpec):
     density: PositiveDensity | None = None
 
 
+PlanePoint = tuple[Length, Length]
+WholeNumber = Annotated[float, QuantityField("", at_least=1)]
+_CURVES = ("through", "center", "radius", "involute")
+
+
+class StrokeSpec(Spec):
+    """A piece of an outline to the point `to`: an arc through a point, around a center, of a radius, or an involute.
+
+    A positive `radius` turns to the left, a negative one to the right, both by less than half a turn, as the arc around
+    a `center` does. The `involute` of a circle with this radius around `center` leads through both ends. Without any of
+    these the piece is a line. `round` is the radius of the arc that replaces the corner at `to`.
+    """
+
+    to: PlanePoint
+    through: PlanePoint | None = None
+    center: PlanePoint | None = None
+    radius: Length | None = None
+    involute: PositiveLength | None = None
+    round: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> StrokeSpec:
+        given = [key for key in _CURVES if getattr(self, key) is not None]
+        if len(given) > 1 and given != ["center", "involute"]:
+            raise InputError(f"has {' and '.join(given)}", "Give one of them.")
+        return self
+
+
+PlanePointOrStroke = Annotated[
+    Annotated[PlanePoint, Tag("list")] | Annotated[StrokeSpec, Tag("mapping")], Discriminator(written_as)
+]
+
+
+class OutlineSpec(PlacedShapeSpec):
+    """A uniform body with the outline of a chain of lines and curves, in a plane through `at`.
+
+    Without a `thickness` it is a thin plate, and if it is not `closed` a wall
+    without mass, whose material is on the left. The chain can be repeated around the origin of its plane.
+    """
+
+    type: Literal["outline"]
+    plane: Literal["xy", "xz", "yz"] = "xy"
+    points: list[PlanePointOrStroke] = Field(min_length=2)
+    closed: bool = True
+    repeat: WholeNumber = Field(1.0, description="how often the chain is passed, each time turned further by 1/repeat")
+    thickness: PositiveLength | None = None
+    density: PositiveDensity | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> OutlineSpec:
+        if not float(self.repeat).is_integer():
+            raise InputError("repeat must be a whole number", "Write for example 12.", self.repeat)
+        if not self.closed and self.mass != 0.0:
+            raise InputError("an outline that is not closed has no mass", "Add 'mass: 0'.")
+        if not self.closed and self.repeat > 1.0:
+            raise InputError("an outline that is not closed cannot be repeated", "Remove one of the two.")
+        if self.density is not None and self.thickness is None:
+            raise InputError("a density needs a thickness", "Add 'thickness', or give 'mass'.")
+        return self
+
+
 AnyShapeSpec = Annotated[
-    RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec,
+    RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec | OutlineSpec,
     Field(discriminator="type"),
 ]

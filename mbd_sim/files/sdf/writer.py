@@ -25,6 +25,7 @@ from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.outlines.pieces import polyline
 from mbd_sim.mechanism.values.names import unique_name
 
 NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal"}
@@ -281,7 +282,11 @@ def _add_link(document: SdfDocument, part: Part) -> None:
 
 def _add_shape(link: Element, name: str, shape: Shape) -> None:
     visual = ElementTree.SubElement(link, "visual", name=name)
-    _add_pose(visual, shape.pose)
+    pose, height = shape.pose, 0.0
+    if shape.outline is not None:  # SDF extrudes it from its plane upward
+        height = shape.size[0] or THICKNESS * shape.outline.size
+        pose = pose @ Pose(np.array([0.0, 0.0, -0.5 * height]), np.eye(3))
+    _add_pose(visual, pose)
     geometry = ElementTree.SubElement(visual, "geometry")
     match shape.kind, shape.size:
         case ("block", size):
@@ -297,6 +302,11 @@ def _add_shape(link: Element, name: str, shape: Shape) -> None:
             _add_sizes(ElementTree.SubElement(geometry, "cylinder"), radius, THICKNESS * radius)
         case ("sphere" | "particle", (radius,)):
             _add(ElementTree.SubElement(geometry, "sphere"), "radius", number(radius))
+        case ("outline", _) if shape.outline is not None:
+            form = ElementTree.SubElement(geometry, "polyline")
+            for point in polyline(shape.outline):
+                _add(form, "point", text(point))
+            _add(form, "height", number(height))
     if shape.color:
         color = np.array([*(int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)), 1.0])
         material = ElementTree.SubElement(visual, "material")

@@ -197,6 +197,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
         "actuators": [actuator.name for actuator in mechanism.actuators],
         "contacts between shapes": [contact.name for contact in mechanism.contacts],
+        "outlines": [part.name for part in mechanism.parts.values() if any(shape.outline for shape in part.shapes)],
     }
     return tuple(f"{kind}: {listed(names, max_count=1000)}" for kind, names in found.items() if names)
 
@@ -288,7 +289,7 @@ def _add_link(robot: Element, part: Part) -> None:
         geometry = _add_geometry(link, "visual", part, mesh)
         ElementTree.SubElement(geometry, "mesh", filename=mesh.file, scale=_text(np.array(mesh.scale)))
     for shape in part.shapes:
-        if not shape.hole:
+        if not shape.hole and shape.outline is None:
             _add_shape(_add_geometry(link, "collision" if part.meshes else "visual", part, shape), shape)
 
 

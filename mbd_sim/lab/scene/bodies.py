@@ -15,7 +15,8 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
 from mbd_sim.pictures.shapes.primitives import Form, Lines, Primitive, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere
+from mbd_sim.pictures.shapes.prisms import prism_mesh
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Prism, Ring, Rod, Sphere
 from mbd_sim.simulation.model.model import Model
 
 THIN = 0.25  # of the width of a line, for lines as thin as they can be seen
@@ -85,6 +86,9 @@ class Bodies:
 
                 mesh = trimesh.creation.torus(radius, tube, major_sections=64, minor_sections=12)
                 return [add.add_mesh_simple(path, mesh.vertices, mesh.faces, **place)]
+            case Prism() as prism:
+                vertices, faces = prism_mesh(prism)
+                return [add.add_mesh_simple(path, vertices, faces, flat_shading=True, **place)]
             case Box(size):
                 return [add.add_box(path, dimensions=size, **place)]
             case Sphere(radius):

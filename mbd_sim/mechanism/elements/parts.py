@@ -16,6 +16,7 @@ from mbd_sim.base.errors import counted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive, JointCoordinate, JointKind, JointType
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ElasticLaw, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.values.names import is_name
@@ -33,7 +34,7 @@ class Shape:
     """A shape to draw: `kind` as in the file, centered on `pose`; rods and axial shapes are along z.
 
     `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
-    (x, y, z) for blocks and (length, radius) for cylinders.
+    (x, y, z) for blocks, (length, radius) for cylinders, and (thickness,) for an `outline`, which is in the x-y plane.
     """
 
     kind: str
@@ -41,6 +42,7 @@ class Shape:
     pose: Pose
     color: str | None = None
     hole: bool = False
+    outline: Outline | None = None
 
     __repr__ = short_repr
 

@@ -52,6 +52,7 @@ from mbd_sim.pictures.shapes.solids import (
     POINT_MASS_RADIUS,
     Box,
     Cylinder,
+    Prism,
     Ring,
     Rod,
     Solid,
@@ -178,7 +179,7 @@ def _marks(solid: Solid) -> Lines | None:
             return Lines(tuple(diameters(radius, (0.0,))), 0.015 * radius)
         case Sphere(radius, particle=False):
             return Lines((meridian(radius),), 0.015 * radius)
-        case Sphere() | Rod() | Box():
+        case Sphere() | Rod() | Box() | Prism():
             return None
         case _:
             assert_never(solid)

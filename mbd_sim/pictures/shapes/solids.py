@@ -13,6 +13,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.mechanism.elements.parts import Part, Shape
+from mbd_sim.mechanism.outlines.pieces import polyline
 
 COIL_TURNS = 9
 COIL_END = 0.08  # straight part at each end of a coil, relative to its length
@@ -137,7 +138,16 @@ class Sphere:
     particle: bool = False
 
 
-Solid = Rod | Cylinder | Ring | Box | Sphere
+@dataclass(frozen=True)
+class Prism:
+    """A body of a `height` along z with an outline through `corners` in x and y, or without `closed` a wall."""
+
+    corners: tuple[tuple[float, float], ...]
+    height: float
+    closed: bool = True
+
+
+Solid = Rod | Cylinder | Ring | Box | Sphere | Prism
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -160,6 +170,9 @@ def solid_of(shape: Shape) -> Solid:
             return Box((x, y, z))
         case ((("sphere" | "particle") as kind), (radius,)):
             return Sphere(radius, particle=kind == "particle")
+        case "outline", (thickness,) if shape.outline is not None:
+            corners = tuple((x, y) for x, y in polyline(shape.outline).tolist())
+            return Prism(corners, thickness or PLATE_THICKNESS * shape.outline.size, shape.outline.closed)
         case _:
             raise ValueError(f"no solid for a shape of kind '{shape.kind}' and size {shape.size}")
 
@@ -175,6 +188,8 @@ def half_sizes(shape: Shape) -> Array:
             return np.array([x, y, 0.0]) / 2.0
         case "block", (x, y, z):
             return np.array([x, y, z]) / 2.0
+        case "outline", (thickness,) if shape.outline is not None:
+            return np.array([*(0.5 * np.ptp(polyline(shape.outline), axis=0)), 0.5 * thickness])
     return np.full(3, shape.size[0])
 
 

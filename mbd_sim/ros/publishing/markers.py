@@ -23,7 +23,8 @@ from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere, circle
+from mbd_sim.pictures.shapes.prisms import prism_mesh
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Prism, Ring, Rod, Sphere, circle
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
@@ -103,6 +104,9 @@ def fixed_markers(primitive: Primitive, source: str, size: float) -> list[FixedM
         case Ring(radius, tube):
             rim = np.column_stack([radius * circle(np.linspace(0.0, 2.0 * np.pi, 49)), np.zeros(49)])
             return [marker(Marker.LINE_STRIP, (2.0 * tube, 0.0, 0.0), points=rim)]
+        case Prism() as prism:
+            corners, triangles = prism_mesh(prism)
+            return [marker(Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), points=corners[triangles.ravel()])]
         case Box(sides):
             return [marker(Marker.CUBE, sides)]
         case Sphere(radius):
