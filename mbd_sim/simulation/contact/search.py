@@ -7,7 +7,7 @@ bracketing root finder on the one-step map.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,11 +81,15 @@ def _root(
 class TrialMotion:
     """The motion from one state on, with all that was computed of it."""
 
-    def __init__(self, model: OneSidedModel, y: Array, inputs: Array, t: float) -> None:
+    def __init__(
+        self, model: OneSidedModel, y: Array, inputs: Array, t: float, known: Mapping[float, Array] | None = None
+    ) -> None:
+        """:param known: states after some lengths in s."""
         self._model, self._y, self._inputs, self._t = model, y, inputs, t
         self._inputs_address = address(inputs)
-        self._states: dict[float, Array] = {0.0: y.copy()}
+        self._states: dict[float, Array] = {0.0: y.copy(), **(known or {})}
         self._readings: dict[float, OneSidedReadings] = {}
+        self._poses: dict[float, Array] = {}
 
     def state(self, length: float) -> Array:
         """The state after a length in s."""
@@ -103,6 +107,19 @@ class TrialMotion:
         if found is None:
             found = self._model.readings_at(self._t + length, address(self.state(length)), self._inputs_address)
             self._readings[length] = found
+        return found
+
+    def gaps(self, length: float) -> Array:
+        """The gaps (gaps,) after a length in s."""
+        return self.readings(length).gaps
+
+    def poses(self, length: float) -> Array:
+        """The poses of the parts after a length in s, in mechanisms with slots."""
+        found = self._poses.get(length)
+        if found is None:
+            assert self._model.features is not None
+            found = self._model.features.poses(self._t + length, address(self.state(length)), self._inputs_address)
+            self._poses[length] = found
         return found
 
 
@@ -191,6 +208,8 @@ class EventSearch:
                     return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
         for index in self._may_graze(before, after, inputs, length):
             first = self._grazing(motion, index, first, length)
+        if self._model.features is not None:
+            first = self._model.features.first_change(motion, inputs, first, length)
         if first is None:
             return Stage(length, motion.state(length), False, creeps=self._creeps(after, sliding))
         return Stage(first, motion.state(first), True, stopped if first == length else frozenset())
@@ -212,7 +231,7 @@ class EventSearch:
         limit = self._tolerance * self._model.gap_units
         turns = (down < 0.0) & (up > 0.0) & (before.gaps > limit)
         near = np.minimum(before.gaps, after.gaps) <= limit + FALLING * length * np.maximum(-down, up)
-        open_ones = ~closed & ~self._model.clutches & (after.gaps >= -limit)
+        open_ones = ~closed & ~self._model.clutches & ~self._model.slots & (after.gaps >= -limit)
         return np.flatnonzero(turns & near & open_ones).tolist()
 
     def _grazing(self, motion: TrialMotion, index: int, first: float | None, length: float) -> float | None:

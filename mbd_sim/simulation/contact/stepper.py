@@ -20,7 +20,7 @@ from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import NoSolutionError
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
-from mbd_sim.simulation.contact.search import EventSearch
+from mbd_sim.simulation.contact.search import EventSearch, TrialMotion
 
 EVENTS_KEPT = 10_000
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
@@ -74,19 +74,19 @@ class OneSidedStepper:
 
         :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes, first = y.copy(), inputs.copy(), int(counter[0])
+        before, modes, first, features = y.copy(), inputs.copy(), int(counter[0]), self._model.features
         self._new.clear()
         try:
             done = 0
             while done < n:
-                addresses = y.ctypes.data, inputs.ctypes.data
-                taken = self._model.kernel.advance_to_event(*addresses, first + done, h, n - done, estimate.ctypes.data)
-                if taken < 0:
-                    raise FloatingPointError
+                count = n - done if features is None else 1
+                taken = self._without_event(y, inputs, first + done, h, count, estimate)
                 done += taken
-                if done < n:
+                if taken < count:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
                     done += 1
+                if features is not None:
+                    features.end_step((first + done) * h, y, inputs)
             counter[0] = first + n
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
             y[:], inputs[:], counter[0] = before, modes, first
@@ -96,6 +96,21 @@ class OneSidedStepper:
         self._keep_new()
         return True
 
+    def _without_event(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> int:
+        """Take up to n steps, one where features can change, that have no event; how many were taken."""
+        features = self._model.features
+        before = y.copy() if features is not None else y
+        addresses = y.ctypes.data, inputs.ctypes.data
+        taken = self._model.kernel.advance_to_event(*addresses, first, h, n, estimate.ctypes.data)
+        if taken < 0:
+            raise FloatingPointError
+        if features is not None and taken:
+            motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
+            if features.first_change(motion, inputs, None, h) is not None:
+                y[:] = before
+                return 0
+        return taken
+
     def find_modes(self, time: float, y: Array, inputs: Array) -> None:
         """Find the modes of a state as if nothing were known of them, with impacts of contacts that approach.
 
@@ -103,6 +118,7 @@ class OneSidedStepper:
         """
         self._new.clear()
         self._model.modes(inputs)[:] = 0.0
+        self._renew(time, y, inputs)
         self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
         self._keep_new()
 
@@ -136,6 +152,7 @@ class OneSidedStepper:
     def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> frozenset[int]:
         """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
         layout, modes = self._model.layout, self._model.modes(inputs)
+        self._renew(time, y, inputs)
         readings = self._model.readings(time, y, inputs)
         reached = readings.guards <= self._tolerance
         old, speeds = modes.copy(), y[self._speeds].copy()
@@ -151,6 +168,10 @@ class OneSidedStepper:
         if (decided.count > 1 and is_same) or decided.count > MOST_AT_ONCE:
             return frozenset(np.flatnonzero(reached).tolist())
         return frozenset()
+
+    def _renew(self, time: float, y: Array, inputs: Array) -> None:
+        if self._model.features is not None:
+            self._model.features.renew(time, y, inputs)
 
     def _resolve(
         self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
