@@ -15,7 +15,17 @@ from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements import constraints as c
-from mbd_sim.mechanism.elements.contacts import CAM_ANGLE, Ball, Barrel, Cam, Contact, ContactBody, Face, Solid
+from mbd_sim.mechanism.elements.contacts import (
+    CAM_ANGLE,
+    Ball,
+    Barrel,
+    Cam,
+    Contact,
+    ContactBody,
+    Face,
+    PlanarBody,
+    Solid,
+)
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -137,7 +147,7 @@ def _axis(body: ContactBody) -> Array:
     """The direction about which a body is round; of a cam, one across it."""
     if isinstance(body, Cam):
         return body.axes[:, 0]
-    assert not isinstance(body, Ball | Face | Solid)
+    assert not isinstance(body, Ball | Face | Solid | PlanarBody)
     return body.axis
 
 
@@ -151,7 +161,7 @@ def _radius(body: ContactBody) -> float:
     match body:
         case Cam():
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
-        case Face():
+        case Face() | PlanarBody():
             return 0.0
         case _:
             return body.radius

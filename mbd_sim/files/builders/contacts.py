@@ -16,6 +16,7 @@ from mbd_sim.base.errors import InputError, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment
+from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import pose_of, shapes_of
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ContactSpec
@@ -33,6 +34,7 @@ from mbd_sim.mechanism.elements.contacts import (
     ContactBody,
     Cushion,
     Face,
+    PlanarBody,
     Rim,
     Solid,
 )
@@ -49,11 +51,12 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 2, 6, 4),
     (1, 5, 7, 3),
 )
+ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
-    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims and corners."""
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | PlanarBody]]:
+    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims, corners and outline."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
     pose = pose_of(shape)
@@ -61,7 +64,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
     def at(*offset: float) -> Attachment:
         return Attachment(part, pose.position + pose.rotation @ np.array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -94,7 +97,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
         case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
         case schema.OutlineSpec():
-            return []
+            return [("", planar_body(part, shape, pose, hollow=False))]
 
 
 def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
@@ -138,7 +141,7 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
         case schema.BlockSpec(size=(x, y, z)):
             signs = product((-1, 1), repeat=3)
             return polytope(part, placed(*((0.5 * a * x, 0.5 * b * y, 0.5 * c * z) for a, b, c in signs)), BLOCK, 0.0)
-        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec():
+        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec() | schema.OutlineSpec():
             return None
 
 
@@ -196,7 +199,7 @@ class _ContactBuilder:
             return []
         law = contact_law(spec)
         if isinstance(law, Cushion) and any(slots_of(first, second) for _, _, first, second in pairs):
-            message = "blocks, plates and rods are rigid in contact with each other"
+            message = "blocks, plates, rods and outlines are rigid in contact with each other"
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
         return [Contact(name, *pair, law, spec.inside, slots_of(*pair[2:])) for pair in pairs]
@@ -234,6 +237,8 @@ class _ContactBuilder:
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """Two round bodies as the records of a gap; None, with a problem, if they have none."""
+        if any(isinstance(each.shape, schema.OutlineSpec) for each in (first, second)):
+            return self._outline_pair(where, first, second, inside)
         bodies = [round_body(each.part, each.shape) for each in (first, second)]
         if bodies[0] is None or bodies[1] is None:
             return self._solid_pair(where, first, second, inside)
@@ -257,6 +262,21 @@ class _ContactBuilder:
             self._context.report(where, "two points cannot touch", "Give one of them a shape with a radius.")
             return None
         return one, other
+
+    def _outline_pair(
+        self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
+    ) -> tuple[ContactBody, ContactBody] | None:
+        """An outline and another one, or a roller; None, with a problem, for other shapes."""
+        found = [_planar(each, inside and each is second) for each in (first, second)]
+        if found[0] is None or found[1] is None:
+            other = second if found[1] is None else first
+            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
+            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
+            if inside and not isinstance(second.shape, schema.OutlineSpec):
+                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
+            self._context.report(where, message, remedy)
+            return None
+        return found[0], found[1]
 
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
@@ -305,8 +325,21 @@ class _ContactBuilder:
                 if not self._differ(place, solid.part, face.at.part):
                     break
                 for label, body in edges(solid.part, solid.shape):
+                    if isinstance(body, PlanarBody):
+                        yield from self._outline_on_face(place, solid, body, names, face)
+                        continue
                     quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
                     yield quantity, (solid.name, names), body, face
+
+    def _outline_on_face(
+        self, where: Location, shape: _TouchingShape, body: PlanarBody, names: str, face: Face
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        across = body.axes[:, 2]
+        if abs(float(across @ face.normal)) > ACROSS:
+            message = f"the plane does not cut that of the outline {shape.name!r} at a right angle"
+            self._context.report(where, message, "Choose another 'normal', or the 'plane' of the outline.")
+            return
+        yield f"{_word(shape.name)} on {_word(names)}", (shape.name, names), body, planar_face(face, across)
 
     def _on_cam(
         self, where: Location, spec: ContactSpec, cam: Cam
@@ -361,8 +394,18 @@ class _ContactBuilder:
         ]
 
 
+def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
+    """A shape, or a point, as the outline of a planar body; None for those that have none."""
+    if isinstance(shape.shape, schema.OutlineSpec):
+        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
+    body = None if encloses else round_body(shape.part, shape.shape)
+    return None if body is None else round_planar_body(body)
+
+
 def slots_of(first: ContactBody, second: ContactBody) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
+    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
+        return outline_slots(first, second)
     if not isinstance(first, Solid) or not isinstance(second, Solid):
         return 0
     fewest = min(len(first.vertices), len(second.vertices))

@@ -14,8 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from mbd_sim.base.errors import InputError, Problem
-from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.files.schema.shapes import AnyShapeSpec, OutlineSpec, StrokeSpec
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Face, PlanarBody
+from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.outlines.area import runs_clockwise
 from mbd_sim.mechanism.outlines.crossings import ROUND_OFF, crossing_points, lies_on, self_crossing
 from mbd_sim.mechanism.outlines.pieces import Outline, Piece, Point, Round, Straight
@@ -23,6 +26,8 @@ from mbd_sim.mechanism.values.source import Location, Source
 
 SMOOTH = 1e-6  # rad, turn up to which a joint is no corner
 MEETS = 1e-6  # relative; how exactly the ends of an arc must have the same distance from its center
+FAR = 1e6  # m, to the ends of a plane
+MOST_POINTS = 4  # in which two outlines can touch at once
 AXES = {
     "xy": np.eye(3),
     "xz": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -53,9 +58,10 @@ class _Stroke:
         return (self.spec.round or 0.0) if self.spec is not None else 0.0
 
 
-def outline_of(spec: OutlineSpec) -> Outline:
+def outline_of(spec: OutlineSpec, hollow: bool = False) -> Outline:
     """The outline of a shape in its plane.
 
+    :param hollow: the material is around it.
     :raises OutlineError: it cannot be built.
     """
     strokes = _strokes(spec)
@@ -75,7 +81,7 @@ def outline_of(spec: OutlineSpec) -> Outline:
         kept.append(stroke)
     pieces = _rounded(pieces, kept, spec.closed)
     outline = Outline(tuple(pieces), spec.closed)
-    if spec.closed and runs_clockwise(outline):
+    if spec.closed and runs_clockwise(outline) is not hollow:
         outline = Outline(tuple(_reversed(piece) for piece in reversed(pieces)))
     return Outline(tuple(_with_corners(outline)), spec.closed)
 
@@ -320,6 +326,44 @@ def _with_corners(outline: Outline) -> Iterator[Piece]:
         turn = math.remainder(following.first - piece.last, 2.0 * math.pi)
         if turn > SMOOTH:
             yield Round(piece.end, 0.0, piece.last, piece.last + turn)
+
+
+def planar_body(part: str, spec: OutlineSpec, pose: Pose, hollow: bool) -> PlanarBody:
+    """What others touch of an outline with this pose of its plane; it is around them where it is `hollow`."""
+    return PlanarBody(Attachment(part, np.zeros(3)), pose.position, pose.rotation, outline_of(spec, hollow))
+
+
+def round_planar_body(body: Ball | Barrel) -> PlanarBody:
+    """A point or a roller as a circle across its axis."""
+    circle = Outline((Round((0.0, 0.0), body.radius, -math.pi, math.pi),))
+    has_plane = isinstance(body, Barrel)
+    axes = aligning_z(body.axis) if isinstance(body, Barrel) else np.eye(3)
+    return PlanarBody(Attachment(body.at.part, np.zeros(3)), body.at.point, axes, circle, has_plane)
+
+
+def planar_face(face: Face, across: Array) -> PlanarBody:
+    """A plane as an outline, of which `across` (3,) is the axis."""
+    axes = np.column_stack([np.cross(face.normal, across), face.normal, across])
+    outline = Outline((Straight((FAR, 0.0), (-FAR, 0.0)),), closed=False)
+    return PlanarBody(Attachment(face.at.part, np.zeros(3)), face.at.point, axes, outline)
+
+
+def outline_slots(first: PlanarBody, second: PlanarBody) -> int:
+    """In how many points two outlines can touch: a roller in two of a hollow one, others in up to four."""
+    outlines = [body.outline for body in (first, second) if not _is_circle(body.outline)]
+    if len(outlines) == 2:
+        return MOST_POINTS
+    return 1 if _is_convex(outlines[0]) else 2
+
+
+def _is_circle(outline: Outline) -> bool:
+    return len(outline.pieces) == 1 and isinstance(outline.pieces[0], Round)
+
+
+def _is_convex(outline: Outline) -> bool:
+    turned = sum(piece.last - piece.first for piece in outline.pieces)
+    is_convex = all(piece.last >= piece.first for piece in outline.pieces)
+    return outline.closed and is_convex and abs(turned - 2.0 * math.pi) < SMOOTH * len(outline.pieces)
 
 
 def outline_axes(spec: OutlineSpec) -> Array:

@@ -91,6 +91,11 @@ class PieceTable:
         return np.asarray(~self.straight & (self.radii == 0.0) & (self.growths == 0.0))
 
     @cached_property
+    def shortest(self) -> float:
+        """The length in m of the shortest straight piece, or without any the size."""
+        return min(self.size, 2.0 * float(np.min(self.halves[self.straight], initial=np.inf)))
+
+    @cached_property
     def along(self) -> Array:
         """The directions (n, 2) of straight pieces."""
         return np.stack([-self.starts[:, 1], self.starts[:, 0]], axis=1)
@@ -117,7 +122,7 @@ def table_of(outline: Outline) -> PieceTable:
         middles=np.array([middle for middle, _ in around]),
         spreads=np.array([spread for _, spread in around]),
         dents=_dents_of(outline),
-        size=outline.size if len(pieces) > 1 else 2.0 * around[0][1],
+        size=(outline.size if len(pieces) > 1 else 2.0 * around[0][1]) or math.inf,  # a point has none
     )
 
 
@@ -147,8 +152,9 @@ class Distances:
     """The distances of k pairs of pieces, in the axes of the second outline.
 
     `gaps` (k,) in m are negative where the pieces penetrate each other. `margins` (k,) in m say how far the pair is
-    from where neighbors take its place, negative where these have, or where the pair cannot touch. `normals` (k, 2)
-    are those of the second pieces, `points` and `others` (k, 2) where the two would touch.
+    from where neighbors take its place, negative where these have, or where the pair cannot touch. Both ends of a
+    straight piece that lies on another one with the same gap, but for a small part of it, have small margins.
+    `normals` (k, 2) are those of the second pieces, `points` and `others` (k, 2) where the two would touch.
     """
 
     gaps: Array
@@ -177,7 +183,7 @@ def distances(one: PieceTable, other: PieceTable, place: PlaneMotion, firsts: In
     turned = _turned(normals)
     points = centers - radii[:, None] * normals - growths[:, None] * turned
     others = other_centers + other_radii[:, None] * normals + other_growths[:, None] * turned
-    scale = min(one.size, other.size)
+    scale = 0.25 * min(one.shortest, other.shortest)
     margins = np.minimum(
         np.where(flat, np.inf, scale * _room(one, firsts, -normals, place)),
         np.where(other_flat, np.inf, scale * _room(other, seconds, normals, STILL)),

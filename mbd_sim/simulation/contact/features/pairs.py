@@ -18,9 +18,10 @@ from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Contact, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
 
 PATH = 1.05  # of the straight line, the path of a body in a step
@@ -34,6 +35,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
     match contact.first, contact.second:
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots)
+        case PlanarBody() as first, PlanarBody() as second:
+            return OutlinePair(first, second, contact.slots, contact.names)
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
 
