@@ -137,8 +137,17 @@ def _strokes(spec: OutlineSpec) -> list[_Stroke]:
                 continue
             center = (0.0, 0.0) if entry.involute and entry.center is None else entry.center
             through = entry.through and turned(entry.through)
-            found.append(_Stroke(turned(entry.to), index, entry, through, center and turned(center)))
+            found.append(_Stroke(turned(_target(entry)), index, entry, through, center and turned(center)))
     return found
+
+
+def _target(entry: StrokeSpec) -> Point:
+    """The point to which an entry leads."""
+    if entry.to is not None:
+        return entry.to
+    assert entry.polar is not None
+    radius, angle = float(entry.polar[0]), float(entry.polar[1])
+    return radius * math.cos(angle), radius * math.sin(angle)
 
 
 def _piece(start: Point, stroke: _Stroke) -> Piece:

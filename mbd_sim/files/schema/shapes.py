@@ -8,6 +8,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.fields import (
+    Angle,
     Color,
     Direction,
     Length,
@@ -125,14 +126,16 @@ _CURVES = ("through", "center", "radius", "involute")
 
 
 class StrokeSpec(Spec):
-    """A piece of an outline to the point `to`: an arc through a point, around a center, of a radius, or an involute.
+    """A piece of an outline to a point: a line, an arc, or the involute of a circle.
 
-    A positive `radius` turns to the left, a negative one to the right, both by less than half a turn, as the arc around
-    a `center` does. The `involute` of a circle with this radius around `center` leads through both ends. Without any of
-    these the piece is a line. `round` is the radius of the arc that replaces the corner at `to`.
+    The point is given by `to`, or in `polar` coordinates. An arc leads `through` a third point, around a `center`, or
+    has a `radius`, positive where it turns to the left; the latter two turn by less than half a turn. The `involute` of
+    a circle with this radius around `center` leads through both ends. `round` is the radius of the arc that replaces
+    the corner at the point.
     """
 
-    to: PlanePoint
+    to: PlanePoint | None = None
+    polar: tuple[Length, Angle] | None = Field(None, description="in place of 'to': radius and angle about the origin")
     through: PlanePoint | None = None
     center: PlanePoint | None = None
     radius: Length | None = None
@@ -141,6 +144,8 @@ class StrokeSpec(Spec):
 
     @model_validator(mode="after")
     def _one_curve(self) -> StrokeSpec:
+        if (self.to is None) == (self.polar is None):
+            raise InputError("needs one of to, polar", "Give the point to which the piece leads.")
         given = [key for key in _CURVES if getattr(self, key) is not None]
         if len(given) > 1 and given != ["center", "involute"]:
             raise InputError(f"has {' and '.join(given)}", "Give one of them.")

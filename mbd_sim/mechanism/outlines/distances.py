@@ -199,19 +199,23 @@ def distances(one: PieceTable, other: PieceTable, place: PlaneMotion, firsts: In
     return Distances(gaps, np.where(possible, margins, -np.inf), normals, points, others)
 
 
-def lower_bounds(one: PieceTable, other: PieceTable, place: PlaneMotion) -> Array:
-    """Distances (n, m) in m that no two pieces fall below, from the circles around them; less than 0 if these meet."""
-    middles, along = place.points(one.middles), place.directions(one.along)
-    lines = middles[:, None] - other.middles
-    beside = [np.clip(_dots(lines, direction), -half, half) for direction, half in (
-        (along[:, None], one.halves[:, None]), (other.along[None], other.halves[None]))]  # fmt: skip
-    from_straight = lines - beside[0][..., None] * along[:, None]
-    to_straight = lines - beside[1][..., None] * other.along[None]
-    found = np.hypot(lines[..., 0], lines[..., 1]) - one.spreads[:, None] - other.spreads
-    straight = np.hypot(from_straight[..., 0], from_straight[..., 1]) - other.spreads
-    found = np.where(one.straight[:, None], np.maximum(found, straight), found)
-    straight = np.hypot(to_straight[..., 0], to_straight[..., 1]) - one.spreads[:, None]
-    return np.where(other.straight, np.maximum(found, straight), found)
+def lower_bounds(one: PieceTable, other: PieceTable, place: PlaneMotion, firsts: Indices, seconds: Indices) -> Array:
+    """Distances (n, m) in m that pairs of pieces do not fall below, from the circles around them.
+
+    They are less than 0 where these overlap.
+    """
+    middles, along = place.points(one.middles[firsts])[:, None], place.directions(one.along[firsts])[:, None]
+    other_middles, other_along = other.middles[seconds], other.along[seconds]
+    halves, other_halves = one.halves[firsts][:, None], other.halves[seconds]
+    spreads, other_spreads = one.spreads[firsts][:, None], other.spreads[seconds]
+    lines = middles - other_middles
+    found = np.hypot(lines[..., 0], lines[..., 1]) - spreads - other_spreads
+    beside = lines - np.clip(_dots(lines, along), -halves, halves)[..., None] * along
+    nearer = np.hypot(beside[..., 0], beside[..., 1]) - other_spreads
+    found = np.where(one.straight[firsts][:, None], np.maximum(found, nearer), found)
+    beside = lines - np.clip(_dots(lines, other_along), -other_halves, other_halves)[..., None] * other_along
+    nearer = np.hypot(beside[..., 0], beside[..., 1]) - spreads
+    return np.where(other.straight[seconds], np.maximum(found, nearer), found)
 
 
 def _dots(one: Array, other: Array) -> Array:

@@ -46,7 +46,7 @@ def test_the_least_gap_of_pairs_is_the_distance_of_two_outlines(seed):
     polygons = [polyline(each, 4e-3) for each in outlines]
     expected = nearest_points(place.points(polygons[0]), polygons[1])
     assert np.min(found.gaps[valid]) == pytest.approx(expected, abs=4e-5)  # chords of both
-    bounds = lower_bounds(*tables, place).ravel()
+    bounds = lower_bounds(*tables, place, *(np.arange(len(each)) for each in tables)).ravel()
     assert np.all(found.gaps[valid] >= bounds[valid] - 1e-9)
     apart = np.linalg.norm(found.points - found.others, axis=1)
     np.testing.assert_allclose(apart[valid], found.gaps[valid], atol=1e-12)

@@ -58,7 +58,9 @@ class OutlinePair:
         self._bodies, self._slots, self._names = (first, second), slots, names
         self._tables = table_of(first.outline), table_of(second.outline)
         self._scale = min(table.size for table in self._tables)
-        self.bounds = _bounds(first, self._tables[0]), _bounds(second, self._tables[1])
+        self._latest: tuple[PlaneMotion, tuple[_Found | None, float]] | None = None  # is asked for several times
+        self._circles = _circle(self._tables[0]), _circle(self._tables[1])
+        self.bounds = _sphere(first, *self._circles[0]), _sphere(second, *self._circles[1])
 
     def distance(self, one: Pose, other: Pose) -> float:
         """See `NarrowPhase`."""
@@ -99,8 +101,12 @@ class OutlinePair:
     def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
         """See `NarrowPhase`."""
         first, second = divmod(int(numbers[KEY]) - 1, len(self._tables[1]))
-        chosen = np.array([first]), np.array([second])
-        return max(float(distances(*self._tables, self._place(one, other), *chosen).margins[0]), -self._scale)
+        place = self._place(one, other)
+        found, _ = self._near(place)
+        rows = [] if found is None else np.flatnonzero((found.firsts == first) & (found.seconds == second)).tolist()
+        if found is None or not rows:
+            return -self._scale
+        return max(float(found.at.margins[rows[0]]), -self._scale)
 
     def renewed(self, one: Pose, other: Pose, numbers: Array) -> Array:
         """See `NarrowPhase`."""
@@ -118,13 +124,31 @@ class OutlinePair:
 
     def _near(self, place: PlaneMotion) -> tuple[_Found | None, float]:
         """The pairs of pieces that may be near each other; and a distance below which no other pair is."""
-        bounds = lower_bounds(*self._tables, place)
-        near = bounds <= REACH * self._scale
-        others = float(np.min(bounds[~near], initial=np.inf))
+        if self._latest is not None and self._latest[0] == place:
+            return self._latest[1]
+        found = self._near_pairs(place)
+        self._latest = place, found
+        return found
+
+    def _near_pairs(self, place: PlaneMotion) -> tuple[_Found | None, float]:
+        one, other = self._tables
+        (center, radius), (other_center, other_radius) = self._circles
+        reach = REACH * self._scale
+        lines = place.points(one.middles) - other_center, other.middles - place.points(center[None])
+        apart = (
+            np.hypot(*lines[0].T) - one.spreads - other_radius,
+            np.hypot(*lines[1].T) - other.spreads - radius,
+        )
+        chosen = [np.flatnonzero(each <= reach) for each in apart]
+        beyond = min(float(np.min(each[each > reach], initial=np.inf)) for each in apart)
+        bounds = lower_bounds(one, other, place, *chosen)
+        near = bounds <= reach
+        beyond = min(beyond, float(np.min(bounds[~near], initial=np.inf)))
         if not np.any(near):
-            return None, others
-        firsts, seconds = np.nonzero(near)
-        return _Found(firsts, seconds, distances(*self._tables, place, firsts, seconds)), others
+            return None, beyond
+        rows, columns = np.nonzero(near)
+        firsts, seconds = chosen[0][rows], chosen[1][columns]
+        return _Found(firsts, seconds, distances(one, other, place, firsts, seconds)), beyond
 
     def _penetrating(self, found: _Found, place: PlaneMotion, rows: list[int]) -> list[int]:
         """Those of some pairs that penetrate each other where they face each other, without deeper ones beside them."""
@@ -177,11 +201,15 @@ def _is_same(at: Distances, row: int, known: int, tolerance: float) -> bool:
     return bool(ax * bx + ay * by > 0.0 and abs(ax * by - ay * bx) <= PARALLEL)
 
 
-def _bounds(body: PlanarBody, table: PieceTable) -> Bounds:
-    """A sphere around an outline, twice as high as it is wide: both need not be at one place across their plane."""
+def _circle(table: PieceTable) -> tuple[Array, float]:
+    """The center (2,) and the radius in m of a circle around an outline."""
     low = np.min(table.middles - table.spreads[:, None], axis=0)
     high = np.max(table.middles + table.spreads[:, None], axis=0)
-    x, y = (0.5 * (low + high)).tolist()
-    radius = 0.5 * math.hypot(*(high - low).tolist())
-    center = body.origin + x * body.axes[:, 0] + y * body.axes[:, 1]
-    return Bounds(center, math.sqrt(2.0) * radius)
+    center = 0.5 * (low + high)
+    return center, float(np.max(np.hypot(*(table.middles - center).T) + table.spreads))
+
+
+def _sphere(body: PlanarBody, center: Array, radius: float) -> Bounds:
+    """Around an outline, higher than that: both need not be at one place across their plane."""
+    x, y = center.tolist()
+    return Bounds(body.origin + x * body.axes[:, 0] + y * body.axes[:, 1], math.sqrt(2.0) * radius)
