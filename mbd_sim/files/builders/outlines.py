@@ -99,9 +99,12 @@ def check_outlines(
     :param alone: the part has a `shape` and not `shapes`.
     :returns: whether all can be used.
     """
-    before = len(problems)
+    before, unknown = len(problems), False
     for number, shape in enumerate(shapes):
         if not isinstance(shape, OutlineSpec):
+            continue
+        if not _is_known(shape):  # the parameters that cause this are reported
+            unknown = True
             continue
         where = (*location, "shape") if alone else (*location, "shapes", number)
         try:
@@ -114,7 +117,17 @@ def check_outlines(
             at, one, other = (f"[{x:.6g}, {y:.6g}] m" for x, y in (found[2], *ends))
             message = f"the outline meets itself at {at}, in its pieces to {one} and to {other}"
             problems.append(source.problem((*where, "points"), message, "Its pieces may only meet at their ends."))
-    return len(problems) == before
+    return len(problems) == before and not unknown
+
+
+def _is_known(spec: OutlineSpec) -> bool:
+    """Whether all numbers of an outline are finite."""
+    numbers = [spec.repeat]
+    for entry in spec.points:
+        values = entry.model_dump().values() if isinstance(entry, StrokeSpec) else (entry,)
+        for value in values:
+            numbers += value if isinstance(value, tuple) else (value,) if value is not None else ()
+    return all(math.isfinite(number) for number in numbers)
 
 
 def _strokes(spec: OutlineSpec) -> list[_Stroke]:

@@ -156,18 +156,19 @@ class OutlinePair:
         for row in sorted(rows, key=lambda row: -at.gaps[row]):
             if at.gaps[row] < -REACH * self._scale:
                 break
-            if not any(self._is_beside(found, row, known) for known in kept) and self._is_inside(at, row, place):
+            if not any(self._is_beside(found, row, known) for known in kept) and self._is_inside(found, row, place):
                 kept.append(row)
         return kept
 
-    def _is_inside(self, at: Distances, row: int, place: PlaneMotion) -> bool:
-        (x, y), (other_x, other_y) = at.points[row].tolist(), at.others[row].tolist()
+    def _is_inside(self, found: _Found, row: int, place: PlaneMotion) -> bool:
+        """Whether the point of each piece is inside the other outline; if one is a corner, only its point need be."""
+        (x, y), (other_x, other_y) = found.at.points[row].tolist(), found.at.others[row].tolist()
         surface = -SURFACE * self._scale
-        if depth(self._tables[1], x, y) < surface:
+        if not self._tables[1].corners[found.seconds[row]] and depth(self._tables[1], x, y) < surface:
             return False
         dx, dy = other_x - place.x, other_y - place.y
         back = place.cosine * dx + place.sine * dy, place.cosine * dy - place.sine * dx
-        return depth(self._tables[0], *back) >= surface
+        return bool(self._tables[0].corners[found.firsts[row]]) or depth(self._tables[0], *back) >= surface
 
     def _is_beside(self, found: _Found, row: int, known: int) -> bool:
         """Whether a pair has a piece in common with a known one of less depth, at the same place."""
