@@ -9,7 +9,7 @@ Where contacts are, and the forces that they exert there, are expressed here too
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -20,6 +20,7 @@ from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
+from mbd_sim.dynamics.contact.planar_solids import in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
@@ -155,14 +156,21 @@ class StickingFriction:
 
 
 def one_sided_rows(
-    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX, still: int | None, length: float
+    mechanism: Mechanism,
+    bodies: BodySymbols,
+    time: ca.SX,
+    t: ca.SX,
+    length: float,
+    still: int | None,
+    places: Mapping[str, float],
 ) -> tuple[list[Gap], list[StickingFriction]]:
     """All gaps and all sticking friction: joints, constraints, then contacts.
 
     :param time: the symbol of time in the rows.
     :param t: the symbol of time in the forces.
-    :param still: see `touch`.
     :param length: the natural one in m.
+    :param still: see `touch`.
+    :param places: of the parts along this axis, in m.
     """
     gaps: list[Gap] = []
     frictions: list[StickingFriction] = []
@@ -179,7 +187,8 @@ def one_sided_rows(
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
         if contact.slots:
-            gaps += _slots(contact, bodies, length)
+            moving = contact if still is None else in_plane(contact, still, places)
+            gaps += [] if moving is None else _slots(moving, bodies, length)
         else:
             gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
     return gaps, frictions

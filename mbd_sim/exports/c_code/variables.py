@@ -12,7 +12,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.actuators import ENERGIES, FLUID
 from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES
 from mbd_sim.mechanism.contents import commanded_drives
-from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator, DcMotor, EffortMotor, FluidCylinder, Machine
+from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator
 from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import reference
@@ -109,18 +109,28 @@ def state_variables(equations: Equations, start: Array) -> tuple[Variable, ...]:
 
 
 def _actuator_states(equations: Equations, start: Array) -> dict[int, Variable]:
-    found = {}
-    for actuator, slots in zip(equations.mechanism.actuators, equations.actuator_layout.slots, strict=True):
-        units = {"current": "A", **dict.fromkeys(PRESSURES, "Pa"), **dict.fromkeys((*ENERGIES, *FLUID), "J")}
+    found, mechanism = {}, equations.mechanism
+    for actuator, slots in zip(mechanism.actuators, equations.actuator_layout.slots, strict=True):
+        units = _state_units(mechanism, actuator)
         for name, index in slots.states.items():
             about = f"{name.replace('_', ' ')} of {actuator.name}"
-            found[index] = variable("a", f"{actuator.name}.{name}", "state", units.get(name, ""), about, start[index])
+            found[index] = variable("a", f"{actuator.name}.{name}", "state", units[name], about, start[index])
         for channel, first in slots.lines.items():
             for place in range(slots.delay):
                 own = f"{actuator.name}.{channel}.waiting{place}"
                 about = f"command of the {channel} of {actuator.name} that waits for its delay"
-                found[first + place] = variable("a", own, "state", "", about, start[first + place])
+                found[first + place] = variable("a", own, "state", units[channel], about, start[first + place])
     return found
+
+
+def _state_units(mechanism: Mechanism, actuator: Actuator) -> dict[str, str]:
+    """The unit of each state that an actuator can have: see `mbd_sim.dynamics.layouts.actuators`."""
+    output = _command_unit(mechanism, actuator, actuator.control)
+    units = {"current": "A", **dict.fromkeys(PRESSURES, "Pa"), **dict.fromkeys((*ENERGIES, *FLUID), "J")}
+    units |= {"integral": output, "output": output}
+    if actuator.servo is not None:
+        units |= dict.fromkeys(("reference", "error"), _command_unit(mechanism, actuator, actuator.servo.controls))
+    return units | {channel: _command_unit(mechanism, actuator, channel) for channel in actuator.channels}
 
 
 def input_variables(equations: Equations, inputs: Array) -> tuple[Variable, ...]:
@@ -181,21 +191,11 @@ def drive_outputs(mechanism: Mechanism) -> list[Variable]:
     return found
 
 
-def _electric_units(machine: Machine) -> dict[str, str]:
-    match machine:
-        case DcMotor():
-            return {"voltage": "V", "current": "A"}
-        case EffortMotor() | FluidCylinder():
-            return {}
-        case _:
-            assert_never(machine)
-
-
 def actuator_outputs(mechanism: Mechanism, readings: Sequence[str]) -> list[tuple[int, int, Variable]]:
     """Effort, voltage and current of the actuators, with their row and column in the readings."""
     found = []
     for column, actuator in enumerate(mechanism.actuators):
-        electric = _electric_units(actuator.motor)
+        electric = {"voltage": "V", "current": "A"} if actuator.motor.electric else {}
         for what, unit in {"effort": _unit_of(mechanism, actuator, "effort"), **electric}.items():
             about = f"{what} of {actuator.name}"
             found.append((readings.index(what), column, variable(what, actuator.name, f"motor_{what}", unit, about)))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+import numpy as np
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
+from mbd_sim.base.geometry.batch import Batch, array
+from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.files.schema.fields import (
     Angle,
     Color,
@@ -14,6 +18,7 @@ from mbd_sim.files.schema.fields import (
     Length,
     Mass,
     Name,
+    Number,
     PositiveDensity,
     PositiveLength,
     QuantityField,
@@ -22,6 +27,7 @@ from mbd_sim.files.schema.fields import (
     Vector,
     written_as,
 )
+from mbd_sim.mechanism.elements.parts import MOST_CORNERS
 
 
 class ShapeSpec(Spec):
@@ -112,12 +118,77 @@ class CylinderSpec(AxialShapeSpec):
     density: PositiveDensity | None = None
 
 
+class ConeSpec(AxialShapeSpec):
+    """A uniform solid cone, whose base has its center at `at`; `axis` leads from there to the tip."""
+
+    type: Literal["cone"]
+    radius: PositiveLength
+    length: PositiveLength
+    density: PositiveDensity | None = None
+
+
+class CapsuleSpec(AxialShapeSpec):
+    """A uniform solid cylinder with half a ball on each end; `length` is between the centers of these."""
+
+    type: Literal["capsule"]
+    radius: PositiveLength
+    length: PositiveLength
+    density: PositiveDensity | None = None
+
+
 class SphereSpec(PlacedShapeSpec):
     """A uniform solid sphere."""
 
     type: Literal["sphere"]
     radius: PositiveLength
     density: PositiveDensity | None = None
+
+
+class EllipsoidSpec(PlacedShapeSpec):
+    """A uniform solid ellipsoid, `radii` along x, y, z."""
+
+    type: Literal["ellipsoid"]
+    radii: tuple[PositiveLength, PositiveLength, PositiveLength]
+    density: PositiveDensity | None = None
+
+
+class HullSpec(PlacedShapeSpec):
+    """A uniform solid, the convex hull of points or of the mesh in a file, which are given in a frame at `at`."""
+
+    type: Literal["hull"]
+    points: list[Vector] | None = Field(None, min_length=1, max_length=1000, description="those inside do not count")
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)] | None = None
+    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    density: PositiveDensity | None = None
+
+    @model_validator(mode="after")
+    def _points(self) -> HullSpec:
+        if (self.points is None) == (self.file is None):
+            raise InputError("needs either 'points' or a 'file'", "Give one of them.")
+        if 0.0 in self.scale:
+            raise InputError("has a scale of 0, which leaves nothing of it", "Write positive numbers.")
+        if self.points is not None:
+            self.polyhedron  # noqa: B018  (reports degenerate points)
+        return self
+
+    @cached_property
+    def polyhedron(self) -> tuple[Any, tuple[tuple[int, ...], ...]]:
+        """The corners (n, 3) in m in its frame, and the faces as places in these, counterclockwise from outside.
+
+        :raises InputError: the points lie in a plane, or the hull has too many corners.
+        """
+        points = array(self.points) * array(self.scale)
+        first = points.values[0] if isinstance(points, Batch) else points
+        if not np.all(np.isfinite(first)):
+            return points, ()  # the problem is reported where the numbers are
+        hull = convex_hull(first, MOST_CORNERS)
+        if hull.beyond:
+            message = f"has more than {MOST_CORNERS} corners"
+            raise InputError(message, "Leave out some, or give a 'file', of whose mesh those farthest out are taken.")
+        if isinstance(points, Batch):
+            others = [convex_hull(values, MOST_CORNERS) for values in points.values]
+            points.require(np.array([(one.corners, one.faces) == (hull.corners, hull.faces) for one in others]))
+        return points[list(hull.corners)], hull.faces
 
 
 PlanePoint = tuple[Length, Length]
@@ -186,6 +257,18 @@ class OutlineSpec(PlacedShapeSpec):
 
 
 AnyShapeSpec = Annotated[
-    RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec | OutlineSpec,
+    RodSpec
+    | ParticleSpec
+    | DiscSpec
+    | RingSpec
+    | PlateSpec
+    | BlockSpec
+    | CylinderSpec
+    | ConeSpec
+    | CapsuleSpec
+    | SphereSpec
+    | EllipsoidSpec
+    | HullSpec
+    | OutlineSpec,
     Field(discriminator="type"),
 ]

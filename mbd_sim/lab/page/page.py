@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy as np
+
 from mbd_sim.base.errors import listed
 from mbd_sim.lab.page.change_tab import ChangeTab
 from mbd_sim.lab.page.help_tab import HelpTab
@@ -176,9 +178,13 @@ class Page:
 
     def _status(self, frame: Frame) -> str:
         pace = f"running at {frame.rate:.3g} × real time" if frame.running else "paused"
-        account = (
-            "positions only" if self.session.bench.positions_only else f"energy residual {frame.energies[6]:.1e} J"
-        )
+        if frame.pull is not None:  # in place of the account, so that the panel keeps its height
+            force, most = (float(f"{one:.3g}") for one in (np.linalg.norm(frame.pull[2]), frame.pull[3]))
+            account = f"pulled with {force:g} N of at most {most:g} N"
+        elif self.session.bench.positions_only:
+            account = "positions only"
+        else:
+            account = f"energy residual {frame.energies[6]:.1e} J"
         lines = [f"t = {frame.time:.3f} s · {pace} · {account}"]
         if frame.message:
             lines.append(f"> {frame.message}")

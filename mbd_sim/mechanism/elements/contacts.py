@@ -55,6 +55,15 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
+
+    at: Attachment
+    axes: Array
+    radii: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Barrel:
     """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
 
@@ -95,6 +104,11 @@ class Solid:
     radius: float
 
     @property
+    def thin(self) -> bool:
+        """Whether it has no volume: a plate, a rod or a point without a radius."""
+        return self.radius == 0.0 and len(self.faces) <= 2
+
+    @property
     def edges(self) -> tuple[tuple[int, int], ...]:
         """The pairs of vertices that edges connect, the smaller index first."""
         if len(self.vertices) == 2:
@@ -118,7 +132,7 @@ class PlanarBody:
     has_plane: bool = True
 
 
-ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam | Solid | PlanarBody
+ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)
@@ -139,11 +153,11 @@ class Cushion:
 class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
-    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
-    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
-    `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have `slots`,
-    with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and nothing
-    moves; None in space.
+    Pairs are ball and face, rim and face, rim point and face, ellipsoid and face, ball and ball, ball and barrel, two
+    barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both
+    for people, `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have
+    `slots`, with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and
+    nothing moves; None in space.
     """
 
     name: str

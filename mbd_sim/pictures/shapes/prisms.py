@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.pictures.shapes.solids import Prism
 
 Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Prism:
+    """A body of a `height` along z with an outline through `corners` in x and y, or without `closed` a wall."""
+
+    corners: tuple[tuple[float, float], ...]
+    height: float
+    closed: bool = True
+
+
+def prism_triangles(prism: Prism) -> Array:
+    """The surface (n, 3, 3) of a prism, counterclockwise from outside."""
+    corners, triangles = prism_mesh(prism)
+    return corners[triangles]
 
 
 def prism_mesh(prism: Prism) -> tuple[Array, Indices]:

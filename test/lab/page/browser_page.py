@@ -5,14 +5,6 @@ import viser.transforms
 
 from test.waiting import PATIENCE, wait_until
 
-FLAGS = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--enable-webgl",
-    "--ignore-gpu-blocklist",
-)
 SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU longer
 LARGE = {"width": 900, "height": 440}
 
@@ -41,6 +33,14 @@ class AnyPage:
     def tab(self, name):
         self.page.get_by_role("tab", name=name).press("Enter")
 
+    def has_tabs_in_one_line(self):
+        """Whether all tabs are beside each other, and none is cut off."""
+        boxes = [tab.bounding_box() for tab in self.page.get_by_role("tab").all()]
+        ends = [box["x"] + box["width"] for box in boxes]
+        return (
+            len(boxes) == 6 and len({box["y"] for box in boxes}) == 1 and max(ends) <= self.page.viewport_size["width"]
+        )
+
     def folder(self, name):
         """Open or close a folder."""
         self.page.get_by_text(name, exact=True).last.dispatch_event("click")
@@ -60,6 +60,12 @@ class AnyPage:
         field = self.field(label)
         field.fill(text)
         field.press("Enter")
+
+    def downloaded(self, button):
+        """The name and the content of the file that a button sends."""
+        with self.page.expect_download() as download:
+            self.button(button)
+        return download.value.suggested_filename, download.value.path().read_bytes()
 
     def select(self, label, option, control):
         """Choose in a list until it has arrived: of two changes in a short time, the browser sends the last."""

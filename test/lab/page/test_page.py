@@ -24,6 +24,7 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
     opened.button("Play")
     wait_until(lambda: opened.frame.running, "the run")
     opened.drag("rocker", np.array([0.5, 0.0, 0.0]), 80, -20, lambda: opened.frame.pull is not None)
+    opened.page.get_by_text(re.compile(r"pulled with .* N of at most")).first.wait_for()
     opened.page.mouse.up()
     wait_until(lambda: opened.frame.pull is None, "the hand to let go")
     assert opened.frame.energies[3] != 0.0
@@ -57,6 +58,7 @@ def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
 def test_on_a_phone_the_mechanism_is_above_the_panel(opened, chromium):
     phone = BrowserPage(chromium, opened.lab, {"width": 390, "height": 844})
     assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert phone.has_tabs_in_one_line()
     panel = phone.page.get_by_role("button", name="Play").locator("xpath=ancestor::*[contains(@style, 'fixed')]")
     box = panel.first.bounding_box()
     assert (box["x"], box["width"]) == (0.0, 390.0)

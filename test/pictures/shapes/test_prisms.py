@@ -5,8 +5,7 @@ import pytest
 
 from mbd_sim.mechanism.outlines.area import area_of
 from mbd_sim.mechanism.outlines.pieces import polyline
-from mbd_sim.pictures.shapes.prisms import polygon_triangles, prism_mesh
-from mbd_sim.pictures.shapes.solids import Prism
+from mbd_sim.pictures.shapes.prisms import Prism, polygon_triangles, prism_mesh
 from test.generators.outlines import built, random_chain
 
 
