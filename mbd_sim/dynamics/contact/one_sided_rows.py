@@ -19,6 +19,7 @@ import numpy as np
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
+from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar_solids import in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
@@ -29,7 +30,7 @@ from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Contact, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
@@ -207,6 +208,9 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
     for slot in range(1, contact.slots + 1):
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
         match contact.first, contact.second:
+            case PlanarBody() as one, PlanarBody() as other:
+                numbers = ca.SX.sym("features", SLOT_SIZE)
+                touching = outline_touch(numbers, (one, other), *frames, length)
             case Solid(), Solid():
                 numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = slot_touch(numbers, *frames, length, contact.still)

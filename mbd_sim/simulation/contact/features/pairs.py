@@ -18,9 +18,10 @@ from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Contact, Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Contact, Ellipsoid, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
 
@@ -36,6 +37,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
     match contact.first, contact.second:
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
+        case PlanarBody() as first, PlanarBody() as second:
+            return OutlinePair(first, second, contact.slots, contact.names)
         case (
             (Solid() | Barrel() | Cone() | Ellipsoid()) as first,
             (Solid() | Barrel() | Cone() | Ellipsoid()) as second,
