@@ -9,7 +9,7 @@ Where contacts are, and the forces that they exert there, are expressed here too
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -18,7 +18,9 @@ import numpy as np
 
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
+from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
+from mbd_sim.dynamics.contact.planar_solids import in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
@@ -27,7 +29,7 @@ from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.elements.contacts import Contact
+from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
@@ -154,14 +156,21 @@ class StickingFriction:
 
 
 def one_sided_rows(
-    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX, still: int | None, length: float
+    mechanism: Mechanism,
+    bodies: BodySymbols,
+    time: ca.SX,
+    t: ca.SX,
+    length: float,
+    still: int | None,
+    places: Mapping[str, float],
 ) -> tuple[list[Gap], list[StickingFriction]]:
     """All gaps and all sticking friction: joints, constraints, then contacts.
 
     :param time: the symbol of time in the rows.
     :param t: the symbol of time in the forces.
-    :param still: see `touch`.
     :param length: the natural one in m.
+    :param still: see `touch`.
+    :param places: of the parts along this axis, in m.
     """
     gaps: list[Gap] = []
     frictions: list[StickingFriction] = []
@@ -178,7 +187,8 @@ def one_sided_rows(
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
         if contact.slots:
-            gaps += _slots(contact, bodies, length)
+            moving = contact if still is None else in_plane(contact, still, places)
+            gaps += [] if moving is None else _slots(moving, bodies, length)
         else:
             gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
     return gaps, frictions
@@ -195,7 +205,11 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
     for slot in range(1, contact.slots + 1):
         numbers = ca.SX.sym("features", SLOT_SIZE)
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
-        touching = slot_touch(numbers, *frames, length, contact.still)
+        if isinstance(contact.first, Cluster):
+            assert isinstance(contact.second, Face)
+            touching = cluster_touch(numbers, *frames, contact.second, length)
+        else:
+            touching = slot_touch(numbers, *frames, length, contact.still)
         gap = _gap_of(dataclasses.replace(contact, quantity=quantity), touching, *frames)
         yield dataclasses.replace(gap, contact=contact, numbers=numbers)
 

@@ -103,6 +103,11 @@ class Solid:
     radius: float
 
     @property
+    def thin(self) -> bool:
+        """Whether it has no volume: a plate, a rod or a point without a radius."""
+        return self.radius == 0.0 and len(self.faces) <= 2
+
+    @property
     def edges(self) -> tuple[tuple[int, int], ...]:
         """The pairs of vertices that edges connect, the smaller index first."""
         if len(self.vertices) == 2:
@@ -111,7 +116,18 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
-ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
+
+    Each touches a plane for itself; few touch it at a time.
+    """
+
+    at: Attachment
+    bodies: tuple[Ball | Rim, ...]
+
+
+ContactBody = Cluster | Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid
 
 
 @dataclass(frozen=True)

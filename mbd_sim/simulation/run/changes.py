@@ -183,7 +183,7 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
     gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
     for gap, distance, unit in gaps:
-        if gap.clutch or not distance < -limit * unit:
+        if gap.clutch or gap.numbers is not None or not distance < -limit * unit:
             continue
         row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
         match row.owner[0]:
@@ -195,6 +195,12 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
                 found.append(Penetration((*row.owner, "limits"), f"the joint is {depth} beyond its {row.quantity}"))
             case _:
                 found.append(Penetration(row.owner, f"the {row.quantity} is {depth} beyond the bound"))
+    if model.one_sided.features is not None:
+        for contact, depth_in_m in model.one_sided.features.depths(time, y, inputs):
+            if depth_in_m > limit * one_sided.units.length:
+                first, second = contact.names
+                text = f"'{first}' is {depth_in_m:.4g} m inside '{second}'"
+                found.append(Penetration(("contacts", contact.name), text))
     return found
 
 

@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
+from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
 
@@ -32,8 +34,10 @@ BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be bes
 def narrow_phase(contact: Contact) -> NarrowPhase:
     """The narrow phase of a contact with slots."""
     match contact.first, contact.second:
+        case Cluster() as cluster, Face() as face:
+            return ClusterOnPlane(cluster, face, contact.slots)
         case Solid() as first, Solid() as second:
-            return PolytopePair(first, second, contact.slots)
+            return PolytopePair(first, second, contact.slots, contact.still)
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
 
@@ -52,7 +56,7 @@ class FeaturePair:
     parts: tuple[int, int]
 
 
-class Motion(Protocol):
+class PosesInTime(Protocol):
     """A motion from a state on: what is read of it after a length in s."""
 
     def poses(self, length: float) -> Array:
@@ -100,6 +104,7 @@ class FeaturePairs:
         self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
         bounds = [pair.phase.bounds for pair in self.pairs]
         self._centers = np.array([[each.center for each in both] for both in bounds])
+        self._across = np.array([_across(pair.contact.still) for pair in self.pairs])
         self._radii = np.array([[each.radius for each in both] for both in bounds])
 
     def poses(self, time: float, y: int, inputs: int) -> Array:
@@ -114,7 +119,7 @@ class FeaturePairs:
         """The slots of a pair that are closed."""
         return [slot for slot, gap in enumerate(pair.gaps) if inputs[self._closed + gap]]
 
-    def first_change(self, motion: Motion, inputs: Array, first: float | None, length: float) -> float | None:
+    def first_change(self, motion: PosesInTime, inputs: Array, first: float | None, length: float) -> float | None:
         """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
         end = length if first is None else first
         for index in self._near(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
@@ -131,15 +136,13 @@ class FeaturePairs:
         for poses in (before, after):
             positions, rotations = unpack_poses(poses)
             centers = positions[self._parts] + _turned(rotations[self._parts], self._centers)
-            lines.append(centers[:, 0] - centers[:, 1])
+            lines.append((centers[:, 0] - centers[:, 1]) * self._across)
         gaps = sum(np.sqrt(dots(line, line)) - self._radii.sum(axis=1) for line in lines)
         moved = lines[1] - lines[0]
         path = np.sqrt(dots(moved, moved))
         return np.flatnonzero(gaps <= PATH * path + 4.0 * self._tolerance)
 
-    def _change(self, pair: FeaturePair, motion: Motion, inputs: Array, end: float) -> float | None:
-        from mbd_sim.simulation.contact.search import first_zero
-
+    def _change(self, pair: FeaturePair, motion: PosesInTime, inputs: Array, end: float) -> float | None:
         closed = self.closed(pair, inputs)
         gaps = [pair.gaps[slot] for slot in closed]
 
@@ -165,11 +168,9 @@ class FeaturePairs:
         return first_zero(value, end, min(start + offset, margin(0.0) + self._tolerance), last, 0.0)
 
     def _passed(
-        self, pair: FeaturePair, motion: Motion, distance: Callable[[float], float], end: float, last: float
+        self, pair: FeaturePair, motion: PosesInTime, distance: Callable[[float], float], end: float, last: float
     ) -> float | None:
         """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it."""
-        from mbd_sim.simulation.contact.search import first_zero
-
         path = PATH * _path(pair, motion.poses(0.0), motion.poses(end))
         if last >= path or (start := distance(0.0)) + last >= path or start <= self._tolerance:
             return None
@@ -234,6 +235,12 @@ class FeaturePairs:
                 for slot in closed:
                     inputs[pair.numbers[slot]] = pair.phase.renewed(*both, inputs[pair.numbers[slot]])
 
+    def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
+        """The distance of the two bodies in m, by the index of each of their gaps."""
+        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+        found = ((pair, pair.phase.distance(*_poses_of(pair, poses))) for pair in self.pairs)
+        return {gap: distance for pair, distance in found for gap in pair.gaps}
+
     def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
         """The contacts whose bodies penetrate each other at a state, with the depths in m."""
         poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
@@ -250,18 +257,23 @@ def _turned(rotations: Array, vectors: Array) -> Array:
 
 
 def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
-    """The poses of both parts."""
-    one, other = (Pose(row[:3], row[3:].reshape(3, 3).T) for row in (poses[pair.parts[0]], poses[pair.parts[1]]))
+    """The poses of both parts; of pairs in a plane, in this plane."""
+    across = _across(pair.contact.still)
+    one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in pair.parts))
     return one, other
+
+
+def _across(still: int | None) -> Array:
+    """0 for the axis along which nothing moves, and 1 for the others."""
+    return np.array([float(axis != still) for axis in range(3)])
 
 
 def _path(pair: FeaturePair, before: Array, after: Array) -> float:
     """How far in m a point of one body can have moved against the other one."""
     total, lines = 0.0, []
-    for bounds, part in zip(pair.phase.bounds, pair.parts, strict=True):
-        ends = [row[part] for row in (before, after)]
-        change = ends[1][3:] - ends[0][3:]
-        total += bounds.radius * float(np.sqrt((change * change).sum()))
-        lines.append([turned(row[3:].reshape(3, 3).T, bounds.center) + row[:3] for row in ends])
+    for bounds, *ends in zip(pair.phase.bounds, _poses_of(pair, before), _poses_of(pair, after), strict=True):
+        change = ends[1].rotation - ends[0].rotation
+        total += bounds.radius * float(np.sqrt(dots(change, change).max() * 3.0))
+        lines.append([turned(pose.rotation, bounds.center) + pose.position for pose in ends])
     moved = (lines[0][1] - lines[1][1]) - (lines[0][0] - lines[1][0])
     return total + float(np.sqrt(dots(moved, moved)))

@@ -9,7 +9,7 @@ All sums are written out: their bits do not depend on the processor.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -83,6 +83,39 @@ class Polytope:
         if len(self.edges):
             return self.starts, self.directions, self.lengths
         return self.vertices, np.zeros((1, 3)), np.zeros(1)
+
+
+class Polygon(Polytope):
+    """The cross-section of a prism along the axis `still`, counterclockwise about it; its sides are faces."""
+
+    def __init__(self, solid: Solid, still: int) -> None:
+        super().__init__(replace(solid, faces=()))
+        self.faces, count = solid.faces, len(solid.faces)
+        ends = np.array(solid.faces, dtype=int).reshape(-1, 2)
+        sides = self.vertices[ends[:, 1]] - self.vertices[ends[:, 0]]
+        self._sides = sides / np.sqrt(dots(sides, sides))[:, None]
+        self.normals = cross(self._sides, np.broadcast_to(np.eye(3)[still], (count, 3)))
+        self.offsets = dots(self.normals, self.vertices[ends[:, 0]])
+        self.edges, self.axes = (), np.zeros((0, 3))
+
+    @cached_property
+    def borders(self) -> tuple[Array, Array]:
+        """See `Polytope`; those of a side are its ends."""
+        return self.vertices[np.array(self.faces, dtype=int)], np.stack([self._sides, -self._sides], axis=1)
+
+    @cached_property
+    def from_vertices(self) -> list[list[Array]]:
+        """See `Polytope`; along the sides."""
+        found: list[list[Array]] = [[] for _ in self.vertices]
+        for (one, other), side in zip(self.faces, self._sides, strict=True):
+            found[one].append(side)
+            found[other].append(-side)
+        return found
+
+    @cached_property
+    def segments(self) -> tuple[Array, Array, Array]:
+        """See `Polytope`; the corners."""
+        return self.vertices, np.zeros_like(self.vertices), np.zeros(len(self.vertices))
 
 
 def _without_parallel(directions: Array) -> Array:
@@ -215,8 +248,12 @@ class PolytopePair:
 
     iterates = False
 
-    def __init__(self, first: Solid, second: Solid, slots: int) -> None:
-        self._first, self._second, self._slots = Polytope(first), Polytope(second), slots
+    def __init__(self, first: Solid, second: Solid, slots: int, still: int | None) -> None:
+        """:param still: the axis of ground across which both are polygons; None in space."""
+        self._first, self._second = (
+            Polytope(each) if still is None else Polygon(each, still) for each in (first, second)
+        )
+        self._slots = slots
         self._radius = first.radius + second.radius
         self._solid = bool(first.faces or second.faces)
         bodies = self._first, self._second
