@@ -21,6 +21,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    Cluster,
     Cone,
     Contact,
     ContactBody,
@@ -150,7 +151,7 @@ def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
 def _arms(body: ContactBody) -> list[tuple[float, Array]]:
     """Radii of a body that is not a ball, each with a direction: that about which it is round, or one across a cam."""
     match body:
-        case Ball() | Face() | Solid() | PlanarBody():
+        case Ball() | Face() | Solid() | PlanarBody() | Cluster():
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
@@ -176,5 +177,7 @@ def _radius(body: ContactBody) -> float:
             return 0.0
         case Ellipsoid():
             return min(body.radii)
+        case Cluster(bodies=bodies):
+            return max(each.radius for each in bodies)
         case _:
             return body.radius

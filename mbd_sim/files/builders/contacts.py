@@ -13,10 +13,11 @@ from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, quoted
+from mbd_sim.base.errors import InputError, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
@@ -50,7 +51,6 @@ from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
 
 SIDES = {-1: "-", 1: "+"}
-MOST_ON_PLANE = 16  # corners of a hull, each with rows of its own: with 20 of them, the first start takes 20 s
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -187,7 +187,7 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
         case schema.EllipsoidSpec(radii=radii):
             return Ellipsoid(Attachment(part, pose.position), pose.rotation, radii)
         case schema.OutlineSpec():
-            return None
+            raise ValueError("an outline touches in its plane")
         case _:
             assert_never(shape)
 
@@ -252,7 +252,10 @@ class _ContactBuilder:
             )
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
-        return [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
+        found = [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
+        if spec.parts is None or spec.plane is None or not isinstance(law, ContactLaw):
+            return found
+        return clustered(found, self._context.valid_joints.values(), welds=spec.parts == ALL)
 
     def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
         """Refuse a stiffness with a unit that does not fit the exponent."""
@@ -369,12 +372,7 @@ class _ContactBuilder:
             for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, face.at.part):
                     break
-                bodies = edges(solid.part, solid.shape)
-                if len(bodies) > MOST_ON_PLANE:
-                    message = f"{solid.name} has {len(bodies)} corners, too many for a contact with a plane"
-                    self._context.report(place, message, f"Give its hull at most {MOST_ON_PLANE} points.")
-                    break
-                for label, body in bodies:
+                for label, body in edges(solid.part, solid.shape):
                     if isinstance(body, PlanarBody):
                         yield from self._outline_on_face(place, solid, body, names, face)
                         continue
@@ -412,7 +410,16 @@ class _ContactBuilder:
         place: Location = (*where, "parts")
         if spec.parts != ALL:
             return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
-        solid = [name for name, part in self._parts.items() if any(not one.hole for one in touching_shapes(part))]
+        left_out = set(spec.without or ())
+        for index, part in enumerate(spec.without or ()):
+            if part not in self._parts:
+                message, remedy = f"there is no part {quoted(part)}", nearest(part, self._parts)
+                self._context.report((*where, "without", index), message, remedy)
+        solid = [
+            name
+            for name, part in self._parts.items()
+            if name not in left_out and any(not one.hole for one in touching_shapes(part))
+        ]
         names = free_parts(solid, self._context.valid_joints.values(), support)
         if not names:
             self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")

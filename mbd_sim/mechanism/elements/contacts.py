@@ -142,8 +142,19 @@ class PlanarBody:
     has_plane: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
+
+    Each touches a plane for itself; few touch it at a time.
+    """
+
+    at: Attachment
+    bodies: tuple[Ball | Rim, ...]
+
+
 Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
-ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid | PlanarBody
+ContactBody = Cluster | Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Contact, Ellipsoid, PlanarBody, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cluster, Cone, Contact, Ellipsoid, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.clearances import Clearances
+from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
@@ -35,6 +36,8 @@ BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be bes
 def narrow_phase(contact: Contact) -> NarrowPhase:
     """The narrow phase of a contact with slots."""
     match contact.first, contact.second:
+        case Cluster() as cluster, Face() as face:
+            return ClusterOnPlane(cluster, face, contact.slots)
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
         case PlanarBody() as first, PlanarBody() as second:
