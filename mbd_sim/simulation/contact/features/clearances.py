@@ -58,6 +58,5 @@ class Clearances:
         change, turned = other_line - line, other_rotations - rotations
         squares = dots(turned, turned)
         turning = np.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2])
-        return np.asarray(
-            np.sqrt(dots(change, change)) + turning[:, 0] * self._radii[:, 0] + turning[:, 1] * self._radii[:, 1]
-        )
+        at_ends = np.where(turning > 0.0, self._radii, 0.0) * turning  # a plane is infinite, but may not turn
+        return np.asarray(np.sqrt(dots(change, change)) + at_ends[:, 0] + at_ends[:, 1])
