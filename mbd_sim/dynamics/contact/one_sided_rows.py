@@ -16,6 +16,7 @@ from typing import assert_never
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
 from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
@@ -190,7 +191,10 @@ def one_sided_rows(
     for contact in without_repeated(rigid, still):
         moving = contact if still is None else in_plane(contact, still, places)
         if moving is None:
-            continue
+            message = "{} and {} never touch: they are beside each other along the axis along which nothing moves"
+            remedy = "Move their shapes into one plane, or remove the contact."
+            problem = message.format(*map(repr, contact.names))
+            raise MechanismError([mechanism.source.problem(("contacts", contact.name), problem, remedy)])
         if moving.slots:
             gaps += _slots(moving, bodies, length)
         else:
