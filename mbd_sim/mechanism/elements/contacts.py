@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 
 CAM_ANGLE = "angle"  # the variable of a cam's profile
@@ -73,6 +74,16 @@ class Barrel:
 
 
 @dataclass(frozen=True, eq=False)
+class Cone:
+    """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
 class Face:
     """A plane; its `normal` points away from the material."""
 
@@ -116,7 +127,23 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
-ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid
+@dataclass(frozen=True, eq=False)
+class PlanarBody:
+    """An outline in the x-y plane of `axes` (3, 3) through `origin` (3,), endless across it; a circle is a roller.
+
+    `at` is the origin of the part, in whose frame these are. Points and balls are circles in any plane, and so have no
+    plane of their own.
+    """
+
+    at: Attachment
+    origin: Array
+    axes: Array
+    outline: Outline
+    has_plane: bool = True
+
+
+Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
+ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class OneSidedStepper:
             done = 0
             while done < n:
                 count = n - done if features is None else 1
-                taken = self._without_event(y, inputs, first + done, h, count, estimate)
+                taken = self._without_event(y, inputs, history, first + done, h, count, estimate)
                 done += taken
                 if taken < count:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
@@ -100,7 +100,9 @@ class OneSidedStepper:
         self._keep_new()
         return True
 
-    def _without_event(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> int:
+    def _without_event(
+        self, y: Array, inputs: Array, history: Array, first: int, h: float, n: int, estimate: Array
+    ) -> int:
         """Take up to n steps, one where features can change, that have no event; how many were taken."""
         features = self._model.features
         before = y.copy() if features is not None else y
@@ -111,7 +113,7 @@ class OneSidedStepper:
         if features is not None and taken:
             motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
             if features.first_change(motion, inputs, None, h) is not None:
-                y[:] = before
+                y[:], history[:] = before, 0.0
                 return 0
         return taken
 
