@@ -150,7 +150,8 @@ class EventSearch:
         for index in self._may_graze(before, after, inputs, length):
             first = self._grazing(motion, index, first, length)
         if self._model.features is not None:
-            first = self._model.features.first_change(motion, inputs, first, length)
+            known = self._model.features.clearances()
+            first = self._model.features.first_change(motion, inputs, known, first, length)
         if first is None:
             return Stage(length, motion.state(length), False, creeps=self._creeps(after, sliding))
         return Stage(first, motion.state(first), True, stopped if first == length else frozenset())

@@ -7,7 +7,7 @@ keep their ends at k h, so that publishing and recording stay as they are.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +60,11 @@ class OneSidedStepper:
         rest_speed: float,
         tolerance: float,
         driven: bool,
+        held: Sequence[int] = (),
     ) -> None:
+        """:param held: the components of y that change between steps only."""
+        self._held = list(held)
+        self._clearances = None if model.features is None else model.features.clearances()
         self._model, self._energy, self._speeds, self._losses = model, energy, speeds, losses
         self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
         self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, tolerance)
@@ -110,9 +114,10 @@ class OneSidedStepper:
         taken = self._model.kernel.advance_to_event(*addresses, first, h, n, estimate.ctypes.data)
         if taken < 0:
             raise FloatingPointError
-        if features is not None and taken:
+        if features is not None and self._clearances is not None and taken:
+            before[self._held] = y[self._held]
             motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
-            if features.first_change(motion, inputs, None, h) is not None:
+            if features.first_change(motion, inputs, self._clearances, None, h) is not None:
                 y[:], history[:] = before, 0.0
                 return 0
         return taken

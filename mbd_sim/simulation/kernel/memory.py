@@ -163,4 +163,5 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         mechanism.rest_speed,
         guard_tolerance(model.equations),
         rheonomic(mechanism),
+        sorted(model.between_steps.held) if model.between_steps is not None else (),
     )
