@@ -21,14 +21,14 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
-    Cone,
     Contact,
     ContactBody,
-    Ellipsoid,
+    Egg,
     Face,
     Rim,
     RimPoint,
     Solid,
+    Taper,
 )
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -153,9 +153,9 @@ def _arms(body: ContactBody) -> list[tuple[float, Array]]:
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
-        case Ellipsoid(radii=radii, axes=axes):
+        case Egg(radii=radii, axes=axes):
             return list(zip(radii, axes.T, strict=True))
-        case Rim() | RimPoint() | Barrel() | Cone():
+        case Rim() | RimPoint() | Barrel() | Taper():
             return [(body.radius, body.axis)]
         case _:
             assert_never(body)
@@ -173,7 +173,7 @@ def _radius(body: ContactBody) -> float:
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
         case Face():
             return 0.0
-        case Ellipsoid():
+        case Egg():
             return min(body.radii)
         case _:
             return body.radius

@@ -54,7 +54,7 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipsoid:
+class Egg:
     """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
 
     at: Attachment
@@ -73,7 +73,7 @@ class Barrel:
 
 
 @dataclass(frozen=True, eq=False)
-class Cone:
+class Taper:
     """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
 
     at: Attachment
@@ -126,8 +126,8 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
-Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
-ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid
+Curved = Barrel | Taper | Egg  # those that touch with changing features
+ContactBody = Ball | Rim | RimPoint | Egg | Barrel | Taper | Face | Cam | Solid
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Contact, Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Contact, Egg, Solid, Taper
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
@@ -37,8 +37,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
         case (
-            (Solid() | Barrel() | Cone() | Ellipsoid()) as first,
-            (Solid() | Barrel() | Cone() | Ellipsoid()) as second,
+            (Solid() | Barrel() | Taper() | Egg()) as first,
+            (Solid() | Barrel() | Taper() | Egg()) as second,
         ):
             return SmoothPair(first, second, contact.slots)
         case one, other:
