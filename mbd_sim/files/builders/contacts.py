@@ -225,7 +225,7 @@ class _ContactBuilder:
         elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
             pairs += self._on_cam(where, spec, cam)
         self._check_stiffness(where, spec)
-        if len(self._context.problems) > before:
+        if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
         if isinstance(law, Cushion) and any(slots_of(first, second) for _, _, first, second in pairs):
