@@ -22,10 +22,12 @@ from mbd_sim.mechanism.elements.contacts import (
     Barrel,
     Cam,
     Cluster,
+    Cone,
     Contact,
     ContactBody,
     Ellipsoid,
     Face,
+    PlanarBody,
     Rim,
     RimPoint,
     Solid,
@@ -149,13 +151,13 @@ def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
 def _arms(body: ContactBody) -> list[tuple[float, Array]]:
     """Radii of a body that is not a ball, each with a direction: that about which it is round, or one across a cam."""
     match body:
-        case Ball() | Face() | Solid() | Cluster():
+        case Ball() | Face() | Solid() | PlanarBody() | Cluster():
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
         case Ellipsoid(radii=radii, axes=axes):
             return list(zip(radii, axes.T, strict=True))
-        case Rim() | RimPoint() | Barrel():
+        case Rim() | RimPoint() | Barrel() | Cone():
             return [(body.radius, body.axis)]
         case _:
             assert_never(body)
@@ -171,7 +173,7 @@ def _radius(body: ContactBody) -> float:
     match body:
         case Cam():
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
-        case Face():
+        case Face() | PlanarBody():
             return 0.0
         case Ellipsoid():
             return min(body.radii)

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.constraints.rows import perpendiculars
+from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
@@ -98,13 +98,15 @@ Sides = Callable[[ca.SX], tuple[ca.SX, ca.SX]]
 class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
-    The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip.
+    The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip. All may
+    depend on an `iterated` normal.
     """
 
     distance: ca.SX
     normal: ca.SX
     point: ca.SX
     sides: tuple[ca.SX, ca.SX]
+    iterated: IteratedNormal | None = None
 
 
 def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:

@@ -19,6 +19,7 @@ from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
+from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
 from mbd_sim.files.builders.welded import free_parts
 from mbd_sim.files.schema import shapes as schema
@@ -33,11 +34,14 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    Cone,
     Contact,
     ContactBody,
+    Curved,
     Cushion,
     Ellipsoid,
     Face,
+    PlanarBody,
     Rim,
     Solid,
 )
@@ -55,11 +59,13 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 2, 6, 4),
     (1, 5, 7, 3),
 )
+ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
+ROUND_SLOTS = 4  # at most, of a pair with a cylinder, a disc, a ring or a cone
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Ellipsoid]]:
-    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims, corners and tip."""
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Ellipsoid | PlanarBody]]:
+    """What of a shape, or of a point, can touch a plane, each with a name: balls, rims, corners, tip and outline."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
     pose = pose_of(shape)
@@ -67,7 +73,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
     def at(*offset: float) -> Attachment:
         return Attachment(part, pose.position + pose.rotation @ array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim | Ellipsoid]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | Ellipsoid | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -109,6 +115,8 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
             return corners(x, y, 0.0)
         case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
+        case schema.OutlineSpec():
+            return [("", planar_body(part, shape, pose, hollow=False))]
         case _:
             assert_never(shape)
 
@@ -136,14 +144,15 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             | schema.CapsuleSpec()
             | schema.EllipsoidSpec()
             | schema.HullSpec()
+            | schema.OutlineSpec()
         ):
             return None
         case _:
             assert_never(shape)
 
 
-def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
-    """A shape, or a point, as a convex body; None for round shapes with edges."""
+def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
+    """A shape, or a point, as a convex body."""
     if isinstance(shape, Pose):
         return polytope(part, [shape.position], (), 0.0)
     pose = pose_of(shape)
@@ -169,8 +178,16 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
         case schema.HullSpec():
             points, faces = hull_of(shape)
             return polytope(part, placed(*points), faces, 0.0)
-        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec() | schema.ConeSpec() | schema.EllipsoidSpec():
-            return None
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
+            return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, 0.0)
+        case schema.CylinderSpec(radius=r, length=length):
+            return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+        case schema.ConeSpec(radius=r, length=length):
+            return Cone(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+        case schema.EllipsoidSpec(radii=radii):
+            return Ellipsoid(Attachment(part, pose.position), pose.rotation, radii)
+        case schema.OutlineSpec():
+            raise ValueError("an outline touches in its plane")
         case _:
             assert_never(shape)
 
@@ -228,11 +245,14 @@ class _ContactBuilder:
         if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
-        if isinstance(law, Cushion) and any(slots_of(first, second) for _, _, first, second in pairs):
-            message = "blocks, plates and rods are rigid in contact with each other"
+        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
+        if isinstance(law, Cushion) and any(slots):
+            message = (
+                "only spheres, points, cylinders, discs and rings can have a 'stiffness' in contact with each other"
+            )
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
-        found = [Contact(name, *pair, law, spec.inside, slots_of(*pair[2:])) for pair in pairs]
+        found = [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
         if spec.parts is None or spec.plane is None or not isinstance(law, ContactLaw):
             return found
         return clustered(found, self._context.valid_joints.values(), welds=spec.parts == ALL)
@@ -270,6 +290,8 @@ class _ContactBuilder:
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """Two round bodies as the records of a gap; None, with a problem, if they have none."""
+        if any(isinstance(each.shape, schema.OutlineSpec) for each in (first, second)):
+            return self._outline_pair(where, first, second, inside)
         bodies = [round_body(each.part, each.shape) for each in (first, second)]
         if bodies[0] is None or bodies[1] is None:
             return self._solid_pair(where, first, second, inside)
@@ -294,19 +316,30 @@ class _ContactBuilder:
             return None
         return one, other
 
+    def _outline_pair(
+        self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
+    ) -> tuple[ContactBody, ContactBody] | None:
+        """An outline and another one, or a roller; None, with a problem, for other shapes."""
+        found = [_planar(each, inside and each is second) for each in (first, second)]
+        if found[0] is None or found[1] is None:
+            other = second if found[1] is None else first
+            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
+            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
+            if inside and not isinstance(second.shape, schema.OutlineSpec):
+                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
+            self._context.report(where, message, remedy)
+            return None
+        return found[0], found[1]
+
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """Two convex bodies; None, with a problem, if one of them is not among those that can touch each other."""
+        """Two convex bodies; None, with a problem, if they cannot touch each other."""
         one, other = (solid(each.part, each.shape) for each in (first, second))
-        pair = f"{_article(first.kind)} cannot be in contact with {_article(second.kind)}"
-        if one is None or other is None:
-            remedy = "Blocks, plates, hulls, rods, capsules, spheres and points can be, and all shapes with planes."
-            self._context.report(where, pair, remedy)
-        elif inside:
+        if inside:
             message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
             self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
-        elif one.thin and other.thin:
+        elif _is_thin(one) and _is_thin(other):
             message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
             self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
         else:
@@ -340,8 +373,21 @@ class _ContactBuilder:
                 if not self._differ(place, solid.part, face.at.part):
                     break
                 for label, body in edges(solid.part, solid.shape):
+                    if isinstance(body, PlanarBody):
+                        yield from self._outline_on_face(place, solid, body, names, face)
+                        continue
                     quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
                     yield quantity, (solid.name, names), body, face
+
+    def _outline_on_face(
+        self, where: Location, shape: _TouchingShape, body: PlanarBody, names: str, face: Face
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        across = body.axes[:, 2]
+        if abs(float(across @ face.normal)) > ACROSS:
+            message = f"the plane does not cut that of the outline {shape.name!r} at a right angle"
+            self._context.report(where, message, "Choose another 'normal', or the 'plane' of the outline.")
+            return
+        yield f"{_word(shape.name)} on {_word(names)}", (shape.name, names), body, planar_face(face, across)
 
     def _on_cam(
         self, where: Location, spec: ContactSpec, cam: Cam
@@ -415,10 +461,30 @@ class _ContactBuilder:
         ]
 
 
-def slots_of(first: ContactBody, second: ContactBody) -> int:
+def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
+    """A shape, or a point, as the outline of a planar body; None for those that have none."""
+    if isinstance(shape.shape, schema.OutlineSpec):
+        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
+    body = None if encloses else round_body(shape.part, shape.shape)
+    return None if body is None else round_planar_body(body)
+
+
+def _is_thin(body: Solid | Curved) -> bool:
+    """Whether a body has no volume."""
+    return body.thin if isinstance(body, Solid) else isinstance(body, Barrel) and body.length == 0.0
+
+
+def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
-    if not isinstance(first, Solid) or not isinstance(second, Solid):
+    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
+        return outline_slots(first, second)
+    static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
+    if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0
+    if isinstance(first, Ellipsoid) or isinstance(second, Ellipsoid):
+        return 1
+    if not isinstance(first, Solid) or not isinstance(second, Solid):
+        return min(len(each.vertices) if isinstance(each, Solid) else ROUND_SLOTS for each in (first, second))
     fewest = min(len(first.vertices), len(second.vertices))
     corners = sum(max(map(len, each.faces), default=len(each.vertices)) for each in (first, second))
     return fewest if fewest <= 2 else min(corners, MOST_SLOTS)

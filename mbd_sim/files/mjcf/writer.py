@@ -136,7 +136,9 @@ def _add_bodies(document: MjcfDocument) -> None:
             _add_joint(document, frame, joint)
         _add_inertial(document, frame, body)
         for count, shape in enumerate(body.part.shapes, start=1):
-            if not shape.hole:
+            if shape.kind == "outline":
+                document.leave_out("outlines", name)
+            elif not shape.hole:
                 _add_geom(document, frame, shape, f"{name}_{shape.kind}_{count}")
         for point, pose in body.part.points.items():
             document.site(name, pose, f"{name}.{point}")
@@ -259,6 +261,8 @@ def _geom(shape: Shape) -> tuple[str, list[float]] | Array:
         case "hull":
             assert shape.hull is not None
             return np.array(shape.hull.corners)
+        case "outline":
+            raise ValueError("MJCF has no outlines")
         case _:
             assert_never(shape.kind)
 

@@ -301,7 +301,7 @@ def _form(shape: Shape) -> tuple[str, dict[str, str]] | None:
             return "sphere", {"radius": number(size[0])}
         case "ellipsoid":
             return "ellipsoid", {"radii": text(np.array(size))}
-        case "cone" | "hull":
+        case "cone" | "hull" | "outline":
             return None
         case _:
             assert_never(shape.kind)

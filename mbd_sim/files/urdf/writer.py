@@ -327,7 +327,7 @@ def _form(shape: Shape) -> tuple[str, dict[str, str]] | None:
             return "cylinder", {"length": _number(THICKNESS * size[0]), "radius": _number(size[0])}
         case "sphere" | "particle":
             return "sphere", {"radius": _number(size[0])}
-        case "cone" | "ellipsoid" | "hull":
+        case "cone" | "ellipsoid" | "hull" | "outline":
             return None
         case _:
             assert_never(shape.kind)

@@ -15,6 +15,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
 from mbd_sim.pictures.shapes.primitives import Form, Lines, Primitive, primitives, wires
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, triangles_of
 from mbd_sim.simulation.model.model import Model
 
@@ -94,7 +95,7 @@ class Bodies:
 
                 ball = trimesh.creation.icosphere(subdivisions=3)
                 return [add.add_mesh_simple(path, ball.vertices * np.array(radii), ball.faces, **place)]
-            case Cone() | Polyhedron() as solid:
+            case Cone() | Polyhedron() | Prism() as solid:
                 corners = triangles_of(solid).reshape(-1, 3)
                 faces = np.arange(len(corners)).reshape(-1, 3)
                 return [add.add_mesh_simple(path, corners, faces, flat_shading=True, **place)]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 
 CAM_ANGLE = "angle"  # the variable of a cam's profile
@@ -73,6 +74,16 @@ class Barrel:
 
 
 @dataclass(frozen=True, eq=False)
+class Cone:
+    """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
 class Face:
     """A plane; its `normal` points away from the material."""
 
@@ -117,6 +128,21 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
+class PlanarBody:
+    """An outline in the x-y plane of `axes` (3, 3) through `origin` (3,), endless across it; a circle is a roller.
+
+    `at` is the origin of the part, in whose frame these are. Points and balls are circles in any plane, and so have no
+    plane of their own.
+    """
+
+    at: Attachment
+    origin: Array
+    axes: Array
+    outline: Outline
+    has_plane: bool = True
+
+
+@dataclass(frozen=True, eq=False)
 class Cluster:
     """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
 
@@ -127,7 +153,8 @@ class Cluster:
     bodies: tuple[Ball | Rim, ...]
 
 
-ContactBody = Cluster | Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid
+Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
+ContactBody = Cluster | Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

@@ -69,18 +69,22 @@ class OneSidedStepper:
         self.observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
 
-    def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
+    def advance(
+        self, y: Array, inputs: Array, history: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array
+    ) -> bool:
         """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
 
+        :param history: what the method keeps of earlier steps, behind the inputs in memory.
         :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes, first, features = y.copy(), inputs.copy(), int(counter[0]), self._model.features
+        before, modes, kept, first = y.copy(), inputs.copy(), history.copy(), int(counter[0])
+        features = self._model.features
         self._new.clear()
         try:
             done = 0
             while done < n:
                 count = n - done if features is None else 1
-                taken = self._without_event(y, inputs, first + done, h, count, estimate)
+                taken = self._without_event(y, inputs, history, first + done, h, count, estimate)
                 done += taken
                 if taken < count:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
@@ -89,14 +93,16 @@ class OneSidedStepper:
                     features.end_step((first + done) * h, y, inputs)
             counter[0] = first + n
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
-            y[:], inputs[:], counter[0] = before, modes, first
+            y[:], inputs[:], history[:], counter[0] = before, modes, kept, first
             if isinstance(error, FloatingPointError):
                 return False
             raise
         self._keep_new()
         return True
 
-    def _without_event(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> int:
+    def _without_event(
+        self, y: Array, inputs: Array, history: Array, first: int, h: float, n: int, estimate: Array
+    ) -> int:
         """Take up to n steps, one where features can change, that have no event; how many were taken."""
         features = self._model.features
         before = y.copy() if features is not None else y
@@ -107,7 +113,7 @@ class OneSidedStepper:
         if features is not None and taken:
             motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
             if features.first_change(motion, inputs, None, h) is not None:
-                y[:] = before
+                y[:], history[:] = before, 0.0
                 return 0
         return taken
 

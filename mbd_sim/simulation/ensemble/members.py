@@ -52,15 +52,16 @@ def find_modes_of_members(
             raise type(error)(f"member {member}: {error}") from error
 
 
-def advance_through_events(steppers: Sequence[OneSidedStepper]) -> Advance:
+def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int) -> Advance:
     """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive."""
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
         for group in groups:
             y, inputs, estimate, alive = (arrays[name][group, :, 0] for name in ("y", "inputs", "estimates", "alive"))
             if alive[0]:
+                own, history = inputs[:inputs_size], inputs[inputs_size:]
                 try:
-                    alive[0] = float(steppers[group].advance(y, inputs, np.array([first]), h, steps, estimate))
+                    alive[0] = float(steppers[group].advance(y, own, history, np.array([first]), h, steps, estimate))
                 except EventError:
                     alive[0] = 0.0
 
@@ -74,7 +75,7 @@ def member_groups(model: Model, count: int, steppers: Sequence[OneSidedStepper])
     """The arrays of `count` members, and what advances them."""
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if steppers:
-        return MemberGroups(count, 1, sizes, advance_through_events(steppers))
+        return MemberGroups(count, 1, sizes, advance_through_events(steppers, len(model.inputs)))
     if model.method.uses_series:  # each member needs its own expansions
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations

@@ -58,7 +58,7 @@ MISTAKES = {
     "a block and a pipe": ("{between: [pipe.outer, box]}", "contacts.k.between[1]", "a cylinder cannot be in contact with a block", "with each other"),
     "a block inside a ball": ("{between: [box, ball], inside: true}", "contacts.k.between[1]", "a sphere cannot enclose a block", "several blocks"),
     "a thin rod and a point": ("{between: [rod, drop]}", "contacts.k.between[1]", "rod and drop have no thickness", "a radius"),
-    "a compliant block": ("{between: [ball, box], stiffness: 1e5}", "contacts.k.stiffness", "blocks, plates and rods are rigid", "Remove 'stiffness'"),
+    "a compliant block": ("{between: [ball, box], stiffness: 1e5}", "contacts.k.stiffness", "are rigid in contact with each other", "Remove 'stiffness'"),
     "a block on a cam": ("{parts: [box], cam: coin, profile: 0.1}", "contacts.k.parts[0]", "a block cannot be in contact with a cam", ""),
     "two points": ("{between: [drop, rod.tip]}", "contacts.k.between[1]", "two points cannot touch", "a shape with a radius"),
     "too large inside": ("{between: [pipe.outer, coin], inside: true}", "contacts.k.between[1]", "is not less than 0.3 m of coin", "exchange them"),

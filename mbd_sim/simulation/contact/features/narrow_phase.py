@@ -17,18 +17,16 @@ class Bounds:
     radius: float
 
 
-class TouchingFeatures(Protocol):
-    """What touches at a slot, see `Features`."""
+class SlotFeatures(Protocol):
+    """What touches at a slot."""
 
     @property
     def key(self) -> int:
-        """By which the narrow phase knows it; not 0."""
-        ...
+        """By which the narrow phase knows the features; not 0."""
 
     @property
     def numbers(self) -> Array:
-        """The numbers (SLOT_SIZE,) of the slot, the key among them."""
-        ...
+        """All numbers (SLOT_SIZE,) of the slot."""
 
 
 class NarrowPhase(Protocol):
@@ -48,7 +46,7 @@ class NarrowPhase(Protocol):
         Where they are apart, any positive number that is not more than their distance will do.
         """
 
-    def touching(self, one: Pose, other: Pose, tolerance: float) -> Sequence[TouchingFeatures]:
+    def touching(self, one: Pose, other: Pose, tolerance: float) -> Sequence[SlotFeatures]:
         """The features whose gaps are zero up to the tolerance in m, or as negative as the distance; in a fixed order.
 
         All points that can bear a force: the corners of the area where faces touch. At most as many as there are slots.

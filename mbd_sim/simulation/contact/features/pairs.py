@@ -17,15 +17,17 @@ from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
 from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cluster, Cone, Contact, Ellipsoid, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
+from mbd_sim.simulation.contact.features.smooth import SmoothPair
 
 PATH = 1.05  # of the straight line, the path of a body in a step
+AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
 BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
@@ -38,6 +40,13 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
             return ClusterOnPlane(cluster, face, contact.slots)
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
+        case PlanarBody() as first, PlanarBody() as second:
+            return OutlinePair(first, second, contact.slots, contact.names)
+        case (
+            (Solid() | Barrel() | Cone() | Ellipsoid()) as first,
+            (Solid() | Barrel() | Cone() | Ellipsoid()) as second,
+        ):
+            return SmoothPair(first, second, contact.slots)
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
 
@@ -97,7 +106,10 @@ class FeaturePairs:
         self.pairs: list[FeaturePair] = []
         first = features
         for contact, gaps in slots.items():
-            numbers = tuple(slice(first + SLOT_SIZE * k, first + SLOT_SIZE * (k + 1)) for k in range(len(gaps)))
+            known = one_sided.gaps[gaps[0]].numbers
+            assert known is not None
+            size = known.shape[0]  # of a slot, the last of whose numbers is its key
+            numbers = tuple(slice(first + size * k, first + size * (k + 1)) for k in range(len(gaps)))
             parts = rows[contact.first.at.part], rows[contact.second.at.part]
             self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
             first = numbers[-1].stop
@@ -122,13 +134,21 @@ class FeaturePairs:
     def first_change(self, motion: PosesInTime, inputs: Array, first: float | None, length: float) -> float | None:
         """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
         end = length if first is None else first
-        for index in self._near(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
+        for index in self._approaching(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
             found = self._change(self.pairs[index], motion, inputs, end)
             if found is not None:
                 first = end = found
                 if not end:
                     break
         return first
+
+    def _approaching(self, before: Array, after: Array) -> NDArray[np.intp]:
+        """The pairs that may have met on the way from the poses before to those after it: not those at rest."""
+        moves = np.any(np.abs(after - before) > AT_REST * self._tolerance, axis=1)
+        if not moves.any():
+            return np.zeros(0, dtype=np.intp)
+        near = self._near(before, after)
+        return near[np.any(moves[self._parts[near]], axis=1)]
 
     def _near(self, before: Array, after: Array) -> NDArray[np.intp]:
         """The pairs whose spheres may meet on the way from the poses before to those after it."""
@@ -144,15 +164,19 @@ class FeaturePairs:
 
     def _change(self, pair: FeaturePair, motion: PosesInTime, inputs: Array, end: float) -> float | None:
         closed = self.closed(pair, inputs)
-        gaps = [pair.gaps[slot] for slot in closed]
+        gaps, known = [pair.gaps[slot] for slot in closed], dict[float, tuple[Pose, Pose]]()
+
+        def poses(s: float) -> tuple[Pose, Pose]:
+            if s not in known:
+                known[s] = _poses_of(pair, motion.poses(s))
+            return known[s]
 
         def distance(s: float) -> float:
-            found = pair.phase.distance(*_poses_of(pair, motion.poses(s)))
+            found = pair.phase.distance(*poses(s))
             return found - min(0.0, *motion.gaps(s)[gaps].tolist()) if gaps else found
 
         def margin(s: float) -> float:
-            poses = _poses_of(pair, motion.poses(s))
-            return min((pair.phase.margin(*poses, inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
+            return min((pair.phase.margin(*poses(s), inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
 
         last, room = distance(end), margin(end)
         if last >= 0.0 and room >= -self._tolerance:
@@ -204,16 +228,16 @@ class FeaturePairs:
         for slot in self.closed(pair, inputs):
             numbers = inputs[pair.numbers[slot]]
             if pair.phase.margin(*both, numbers) >= -BORDER * self._tolerance:
-                kept[int(numbers[KEY])] = slot
+                kept[int(numbers[-1])] = slot
         found = [each for each in pair.phase.touching(*both, self._tolerance) if each.key not in kept]
-        old = {int(inputs[numbers][KEY]): slot for slot, numbers in enumerate(pair.numbers)}
+        old = {int(inputs[numbers][-1]): slot for slot, numbers in enumerate(pair.numbers)}
         free = [slot for slot in range(len(pair.gaps)) if slot not in kept.values()]
         chosen = {old[each.key]: each for each in found if old.get(each.key) in free}
         free = [slot for slot in free if slot not in chosen]
         chosen |= dict(zip(free, (each for each in found if each.key not in old), strict=False))
         for slot in range(len(pair.gaps)):
             if slot in chosen:
-                if inputs[pair.numbers[slot]][KEY] != chosen[slot].key:
+                if inputs[pair.numbers[slot]][-1] != chosen[slot].key:
                     self._empty(pair, slot, inputs)
                 inputs[pair.numbers[slot]] = chosen[slot].numbers
             elif slot not in kept.values():
