@@ -242,7 +242,7 @@ class _ContactBuilder:
         elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
             pairs += self._on_cam(where, spec, cam)
         self._check_stiffness(where, spec)
-        if len(self._context.problems) > before:
+        if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
         slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
