@@ -177,12 +177,14 @@ class OneSidedModel:
             rows = list(self.frictions[element][0])
             return "slides" if element in sliding else "sticks", read.forces[rows], read.rates[rows]
 
+        apart = {} if self.features is None else self.features.distances(time, y, inputs)
         found: dict[str, ContactState] = {}
         for gap, name in enumerate(self.names):
             how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
             how = how if modes[gap] else "open"
             place = placed.get(gap, (None, None))
-            found[name] = ContactState(how, read.gaps[gap], read.rates[gap], read.forces[gap], forces, slip, *place)
+            size = apart[gap] if gap in apart and not modes[gap] else read.gaps[gap]
+            found[name] = ContactState(how, size, read.rates[gap], read.forces[gap], forces, slip, *place)
         for index, (rows, load) in enumerate(self.frictions):
             if load is None:
                 how, forces, slip = state(index)

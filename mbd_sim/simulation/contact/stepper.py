@@ -84,7 +84,7 @@ class OneSidedStepper:
             done = 0
             while done < n:
                 count = n - done if features is None else 1
-                taken = self._without_event(y, inputs, first + done, h, count, estimate)
+                taken = self._without_event(y, inputs, history, first + done, h, count, estimate)
                 done += taken
                 if taken < count:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
@@ -100,7 +100,9 @@ class OneSidedStepper:
         self._keep_new()
         return True
 
-    def _without_event(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> int:
+    def _without_event(
+        self, y: Array, inputs: Array, history: Array, first: int, h: float, n: int, estimate: Array
+    ) -> int:
         """Take up to n steps, one where features can change, that have no event; how many were taken."""
         features = self._model.features
         before = y.copy() if features is not None else y
@@ -111,7 +113,7 @@ class OneSidedStepper:
         if features is not None and taken:
             motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
             if features.first_change(motion, inputs, None, h) is not None:
-                y[:] = before
+                y[:], history[:] = before, 0.0
                 return 0
         return taken
 
@@ -123,7 +125,7 @@ class OneSidedStepper:
         self._new.clear()
         self._model.modes(inputs)[:] = 0.0
         self._renew(time, y, inputs)
-        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
+        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True)
         self._keep_new()
 
     def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
@@ -156,10 +158,10 @@ class OneSidedStepper:
     def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> frozenset[int]:
         """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
         layout, modes = self._model.layout, self._model.modes(inputs)
+        old, speeds = modes.copy(), y[self._speeds].copy()
         self._renew(time, y, inputs)
         readings = self._model.readings(time, y, inputs)
         reached = readings.guards <= self._tolerance
-        old, speeds = modes.copy(), y[self._speeds].copy()
         self._model.flip_signs(modes, reached)
         closed = modes[layout.closed] != 0.0
         touched = reached[: layout.gaps] & ~closed
@@ -167,6 +169,7 @@ class OneSidedStepper:
         at_limit = np.flatnonzero(reached[layout.gaps : layout.gaps + len(self._model.frictions)]).tolist()
         decided.yielding |= frozenset(at_limit) - frozenset(self._model.sliding(modes))
         self._resolve(time, y, inputs, Forced(decided.open, decided.yielding), touched, elastic)
+        self._record_changes(time, old, modes)
         decided.count += 1
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
         if (decided.count > 1 and is_same) or decided.count > MOST_AT_ONCE:
@@ -177,12 +180,9 @@ class OneSidedStepper:
         if self._model.features is not None:
             self._model.features.renew(time, y, inputs)
 
-    def _resolve(
-        self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
-    ) -> None:
+    def _resolve(self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool) -> None:
         """Impacts of touching contacts that approach, then the new modes."""
         model = self._model
-        old = model.modes(inputs).copy()
         readings = model.readings(time, y, inputs)
         touching = self._finder.is_touching(readings) | touched
         gaps = model.layout.gaps
@@ -204,8 +204,6 @@ class OneSidedStepper:
                     "compliant."
                 ) from error
         model.modes(inputs)[:] = modes
-        if not first:
-            self._record_changes(time, old, modes)
 
     def _names(self, touching: Mask) -> str:
         return ", ".join(name for name, at in zip(self._model.names, touching, strict=True) if at)
