@@ -58,8 +58,8 @@ class OneSidedFunctions:
       forces in that of the weight if it is larger. Then, for friction along two directions, the rates in 1/s at which
       it can turn its slip.
     - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,).
-    - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
-      contact forces, and the sizes of sliding and of static friction (frictions, 2).
+    - `terms(t, y, inputs)`: A (rows, rows) without friction, column by column, the rates of change (rows,) of the rows'
+      rates without contact forces, the sizes of sliding friction (frictions,), and those of static friction.
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
@@ -199,6 +199,7 @@ class OneSidedDynamics:
             ca.horzcat(element.sliding(one_sided.equations.velocity[element.rows[0]]), element.static)
             for element in one_sided.frictions
         ]
+        terms = self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)
         gaps = one_sided.layout.gaps
         rates = gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
         readings = one_sided_readings(one_sided, self.loads, self._matrix, self._weight, solution)
@@ -208,7 +209,7 @@ class OneSidedDynamics:
             project=self._project(solution),
             readings=_function("one_sided_readings", [*inputs, solution], readings),
             open_guards=_function("open_guards", inputs, ca.vertcat(gap_values(one_sided), rates)),
-            terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
+            terms=_function("contact_terms", inputs, ca.vertcat(*(ca.vec(ca.densify(one)) for one in terms))),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),

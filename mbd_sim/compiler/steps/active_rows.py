@@ -5,7 +5,7 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -153,10 +153,10 @@ class OneSidedSystem:
     """The functions of a system with `gaps` and `rows`, of which the gaps come first.
 
     `rates`, `project` and `readings` are pairs of a system and its result, see `emit_solved`; `open_guards(t, y,
-    inputs)` gives the gaps and their rates. Inputs from `first_mode` on are the `modes`: which gaps are closed, which
-    rows are active, and the directions of sliding; those from `first_given` on are the given forces. `slips` are the
-    pairs of rows with friction along two directions, at rest up to a `slow` speed. `gap_units` are those of the
-    tolerance of open gaps.
+    inputs)` gives the gaps and their rates; `event_readers` are further readers, which events need. Inputs from
+    `first_mode` on are the `modes`: which gaps are closed, which rows are active, and the directions of sliding; those
+    from `first_given` on are the given forces. `slips` are the pairs of rows with friction along two directions, at
+    rest up to a `slow` speed. `gap_units` are those of the tolerance of open gaps.
     """
 
     gaps: int
@@ -166,6 +166,7 @@ class OneSidedSystem:
     project: tuple[ca.Function, ca.Function]
     readings: tuple[ca.Function, ca.Function]
     open_guards: ca.Function
+    event_readers: Mapping[str, ca.Function]
     first_mode: int
     modes: int
     first_given: int

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +17,29 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
+from mbd_sim.simulation.contact.compiled.library import CompiledContacts
+from mbd_sim.simulation.contact.compiled.step import (
+    BRIEF,
+    CHANGED,
+    HARD,
+    LONGER,
+    MOST_AT_ONCE,
+    MOST_EVENTS,
+    MOST_STAGES,
+    NOT_FINITE,
+    NOT_SIMPLE,
+    SAME,
+)
 from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import NoSolutionError
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
 from mbd_sim.simulation.contact.search import EventSearch
 
+Marks: TypeAlias = NDArray[np.int64]
+
 EVENTS_KEPT = 10_000
-MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
-MOST_STAGES = 5000  # of a step
-MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
 CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
-LONGER = 4.0  # than the last part of a step that a next one may be
-BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
 
 
 class EventError(DivergedError):
@@ -37,23 +48,31 @@ class EventError(DivergedError):
 
 @dataclass
 class _Decided:
-    """What events at one instant have decided: gaps that `open`, friction that is `yielding`; and their `count`."""
+    """What events at one instant have decided: 1 for gaps that are `opening` and friction that is `yielding`.
 
-    open: frozenset[int] = frozenset()
-    yielding: frozenset[int] = frozenset()
+    `count` is the number of these events.
+    """
+
+    opening: Marks
+    yielding: Marks
     count: int = 0
+
+    def clear(self) -> None:
+        """Begin another instant."""
+        self.opening[:], self.yielding[:], self.count = 0, 0, 0
 
 
 class OneSidedStepper:
     """Advances a state `y` and the modes among its `inputs`, both in place.
 
     `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all. An `observer`
-    sees them as they are found.
+    sees them, in order, at the latest when a call of `advance` ends.
     """
 
     def __init__(
         self,
         model: OneSidedModel,
+        contacts: CompiledContacts,
         energy: Callable[[float, Array, Array], float],
         speeds: slice,
         losses: slice,
@@ -61,13 +80,24 @@ class OneSidedStepper:
         tolerance: float,
         driven: bool,
     ) -> None:
-        self._model, self._energy, self._speeds, self._losses = model, energy, speeds, losses
+        self._model, self._contacts, self._energy = model, contacts, energy
+        self._speeds, self._losses = speeds, losses
         self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
-        self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, tolerance)
+        self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, contacts, tolerance)
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS_KEPT)
         self.count = 0
-        self.observer: ContactObserver | None = None
+        self._observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
+
+    @property
+    def observer(self) -> ContactObserver | None:
+        """Who sees the events."""
+        return self._observer
+
+    @observer.setter
+    def observer(self, observer: ContactObserver | None) -> None:
+        self._observer = observer
+        self._contacts.observe(observer is not None)
 
     def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
         """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
@@ -79,12 +109,12 @@ class OneSidedStepper:
         try:
             done = 0
             while done < n:
-                addresses = y.ctypes.data, inputs.ctypes.data
-                taken = self._model.kernel.advance_to_event(*addresses, first + done, h, n - done, estimate.ctypes.data)
-                if taken < 0:
-                    raise FloatingPointError
+                taken, why = self._contacts.advance(y, inputs, first + done, h, n - done, estimate)
                 done += taken
-                if done < n:
+                self._note_compiled()
+                if why == NOT_FINITE:
+                    raise FloatingPointError
+                if why == HARD:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
                     done += 1
             counter[0] = first + n
@@ -107,10 +137,12 @@ class OneSidedStepper:
         self._keep_new()
 
     def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
-        t, events, ignored, longest, decided, creeping = start, 0, frozenset[int](), np.inf, _Decided(), 0
-        brief = BRIEF * (end - start)
+        """Take a step with events as `compiled.step.step` does, with those that it leaves to others."""
+        t, events, longest, creeping, brief = start, 0, np.inf, 0, BRIEF * (end - start)
+        ignored, decided = self._contacts.marks(self._model.guard_count), self._nothing_decided()
         for _ in range(MOST_STAGES):
-            stage = self._search.stage(y, inputs, t, min(end - t, brief) if ignored else end - t, longest, ignored)
+            is_ignored = bool(ignored.any())
+            stage = self._search.stage(y, inputs, t, min(end - t, brief) if is_ignored else end - t, longest, ignored)
             y[:] = stage.y
             longest = np.inf if stage.is_event else LONGER * stage.length
             is_last = stage.length >= end - t
@@ -121,36 +153,56 @@ class OneSidedStepper:
                 events += 1
                 if events > 2 * MOST_EVENTS:
                     break
-                decided = decided if stage.length == 0.0 else _Decided()
+                if stage.length > 0.0:
+                    decided.clear()
                 ignored = self._switch(t, y, inputs, decided, events <= MOST_EVENTS)
             elif stage.length > 0.0:
-                if ignored:
-                    brief, decided = LONGER * brief, _Decided()
-                ignored = frozenset()
+                if is_ignored:
+                    brief *= LONGER
+                    decided.clear()
+                ignored[:] = 0
             if is_last:
                 return
         self._record(ContactEvent(t, "contacts", ContactChange.BOUND))
         if t < end and self._model.kernel.part_step(y.ctypes.data, inputs.ctypes.data, t, end - t) < 0:
             raise FloatingPointError
 
-    def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> frozenset[int]:
+    def _nothing_decided(self) -> _Decided:
+        return _Decided(self._contacts.marks(self._model.layout.gaps), self._contacts.marks(len(self._model.frictions)))
+
+    def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> Marks:
         """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
+        before, kept = y.copy(), inputs.copy()
+        reached = self._contacts.marks(self._model.guard_count)
+        found = self._contacts.switch(time, y, inputs, decided.opening, decided.yielding, elastic, reached)
+        if found == NOT_SIMPLE:
+            y[:], inputs[:] = before, kept
+            found = self._decide(time, y, inputs, decided, elastic, reached)
+        else:
+            self._note_compiled()
+        decided.count += 1
+        if not ((decided.count > 1 and found == SAME) or decided.count > MOST_AT_ONCE):
+            reached[:] = 0
+        return reached
+
+    def _decide(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool, into: Marks) -> int:
+        """Make those changes without compiled code: whether anything has changed; the guards become 1 in `into`."""
         layout, modes = self._model.layout, self._model.modes(inputs)
         readings = self._model.readings(time, y, inputs)
         reached = readings.guards <= self._tolerance
+        into[:] = reached
         old, speeds = modes.copy(), y[self._speeds].copy()
         self._model.flip_signs(modes, reached)
         closed = modes[layout.closed] != 0.0
         touched = reached[: layout.gaps] & ~closed
-        decided.open |= frozenset(np.flatnonzero(reached[: layout.gaps] & closed).tolist())
-        at_limit = np.flatnonzero(reached[layout.gaps : layout.gaps + len(self._model.frictions)]).tolist()
-        decided.yielding |= frozenset(at_limit) - frozenset(self._model.sliding(modes))
-        self._resolve(time, y, inputs, Forced(decided.open, decided.yielding), touched, elastic)
-        decided.count += 1
+        decided.opening[reached[: layout.gaps] & closed] = 1
+        at_limit = reached[layout.gaps : layout.gaps + len(self._model.frictions)]
+        at_limit[self._model.sliding(modes)] = False
+        decided.yielding[at_limit] = 1
+        opening, yielding = (frozenset(np.flatnonzero(marks).tolist()) for marks in (decided.opening, decided.yielding))
+        self._resolve(time, y, inputs, Forced(opening, yielding), touched, elastic)
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
-        if (decided.count > 1 and is_same) or decided.count > MOST_AT_ONCE:
-            return frozenset(np.flatnonzero(reached).tolist())
-        return frozenset()
+        return SAME if is_same else CHANGED
 
     def _resolve(
         self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
@@ -228,6 +280,14 @@ class OneSidedStepper:
                 ContactEvent(time, self._model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor)
             )
 
+    def _note_compiled(self) -> None:
+        """Record the events of the last compiled call."""
+        for event in self._contacts.events():
+            if isinstance(event, ContactEvent):
+                self._record(event)
+            elif self.observer is not None:
+                self.observer.impact(event.time, event.before, event.after)
+
     def _record(self, event: ContactEvent) -> None:
         self._new.append(event)
         if self.observer is not None:
@@ -251,7 +311,7 @@ class OneSidedStepper:
             slid, slides = (index in elements for elements in sliding)
             reverses = slid and slides and sum(old[first + row] * new[first + row] for row in rows) < 0.0
             stuck = not slid and (load is None or old[load] != 0.0)
-            name = model.row_names[rows[0]] if load is None else model.names[load]
+            name = model.friction_name(index)
             if (slides and not slid) or reverses:
                 self._record(ContactEvent(time, name, ContactChange.SLIDES))
             elif not slides and (slid or not stuck):

@@ -146,6 +146,7 @@ class KernelMemory:
 def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
     from mbd_sim.dynamics.constraints.start import rheonomic
+    from mbd_sim.simulation.contact.compiled.library import CompiledContacts
     from mbd_sim.simulation.contact.one_sided_model import guard_tolerance
     from mbd_sim.simulation.contact.stepper import OneSidedStepper
 
@@ -154,12 +155,17 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     def energy(time: float, y: Array, inputs: Array) -> float:
         return model.energies(time, y, 0.0, inputs).total
 
-    return OneSidedStepper(
+    tolerance, driven = guard_tolerance(model.equations), rheonomic(mechanism)
+    contacts = CompiledContacts(
         model.one_sided,
-        energy,
+        model.kernel,
+        len(model.start),
         model.u_range,
-        model.loss_range,
+        model.loss_range.start,
         mechanism.rest_speed,
-        guard_tolerance(model.equations),
-        rheonomic(mechanism),
+        tolerance,
+        driven,
+    )
+    return OneSidedStepper(
+        model.one_sided, contacts, energy, model.u_range, model.loss_range, mechanism.rest_speed, tolerance, driven
     )
