@@ -89,21 +89,21 @@ setup(
     zip_safe=True,
     python_requires=">=3.11",
     install_requires=[
-        "casadi>=3.7",
+        "casadi>=3.8",
         "llvmlite>=0.45",
-        "matplotlib>=3.8",
+        "matplotlib>=3.8.4",
         "mcap>=1.5",
-        "numpy>=1.26",
-        "pydantic>=2.7",
+        "numpy>=2.0",
+        "pydantic>=2.14",
         "pyyaml>=6.0",
         "rerun-sdk>=0.38",
         "rich>=13.0",
-        "rosbags>=0.10",
-        "sympy>=1.12",
+        "rosbags>=0.10.8",
+        "sympy>=1.12.1",
         "zstandard>=0.21",
     ],
     extras_require={
-        "gym": ["gymnasium>=1.0"],
+        "gym": ["gymnasium>=1.1"],
         # Reading MJCF: the compiler of MuJoCo.
         "mjcf": ["mujoco-core>=4.0"],
         # Linear systems as objects of python-control.
@@ -131,7 +131,7 @@ setup(
         # The site: `make docs`.
         "docs": [
             "furo>=2024.8",
-            "gymnasium>=1.0",
+            "gymnasium>=1.1",
             "myst-nb>=1.2",
             "pandas>=2.0",
             "pyarrow>=14",
@@ -151,7 +151,7 @@ setup(
             "control>=0.10",
             "dask[distributed]>=2024.1",
             "fmpy>=0.3.20",
-            "gymnasium>=1.0",
+            "gymnasium>=1.1",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",

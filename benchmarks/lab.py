@@ -11,7 +11,6 @@ import argparse
 import base64
 import io
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -27,15 +26,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mbd_sim import load_mechanism
+from test.docs import site_browser
 
-FLAGS = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--enable-webgl",
-    "--ignore-gpu-blocklist",
-)
 SIZE = {"width": 1100, "height": 620}
 BESIDE_PANEL = (slice(80, 600), slice(20, 780))  # of a picture: no texts, notices and controls
 DIFFERENT, LEAST_PIXELS = 24, 40  # of 256, and how many pixels of a picture must differ
@@ -238,9 +230,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5)
     options = parser.parse_args()
-    rounds, program = options.rounds, os.environ.get("MBD_SIM_TEST_BROWSER") or shutil.which("chromium")
+    rounds, program = options.rounds, site_browser.browser()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=program, args=list(site_browser.FLAGS))
         in_the_program(10 * rounds)
         first_picture(browser, rounds)
         slider(browser, 4 * rounds)

@@ -57,7 +57,7 @@ class OneSidedFunctions:
       frictions + loads with one component,), which are negative where a mode ends. They are in natural units, those of
       forces in that of the weight if it is larger. Then, for friction along two directions, the rates in 1/s at which
       it can turn its slip.
-    - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,).
+    - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,), but not of slots.
     - `terms(t, y, inputs)`: A (rows, rows) without friction, column by column, the rates of change (rows,) of the rows'
       rates without contact forces, the sizes of sliding friction (frictions,), and those of static friction.
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
@@ -201,14 +201,17 @@ class OneSidedDynamics:
         ]
         terms = self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)
         gaps = one_sided.layout.gaps
-        rates = gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
+        open_gaps, rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
+        for index, gap in enumerate(one_sided.gaps):
+            if gap.numbers is not None:  # what their bodies do before they touch is not known to the slots
+                open_gaps[index], rates[index] = 1.0, 0.0
         readings = one_sided_readings(one_sided, self.loads, self._matrix, self._weight, solution)
         return OneSidedFunctions(
             equations=one_sided,
             rates=self._rates(solution),
             project=self._project(solution),
             readings=_function("one_sided_readings", [*inputs, solution], readings),
-            open_guards=_function("open_guards", inputs, ca.vertcat(gap_values(one_sided), rates)),
+            open_guards=_function("open_guards", inputs, ca.vertcat(open_gaps, rates)),
             terms=_function("contact_terms", inputs, ca.vertcat(*(ca.vec(ca.densify(one)) for one in terms))),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),

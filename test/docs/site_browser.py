@@ -22,6 +22,10 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--in-process-gpu", "--single-process", "--no-zygote", "--no-first-run",
     "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update",
 )  # fmt: skip
+FLAGS = (  # with which a browser without a GPU draws in three dimensions
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-webgl",
+    "--ignore-gpu-blocklist",
+)  # fmt: skip
 REPORTER = b"""<script>window.failures = [];
 addEventListener("error", e => failures.push(e.message || "not loaded: " + (e.target.src || e.target.href)), true);
 addEventListener("unhandledrejection", e => failures.push(String(e.reason)));</script>"""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import random
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -132,4 +133,4 @@ def with_bit_flipped(message: Message, offset: int, bit: int) -> Message:
     """Return a message with one bit of its payload flipped; a negative `offset` counts from the end."""
     payload = bytearray(message.payload)
     payload[offset] ^= 1 << bit
-    return message._replace(payload=bytes(payload))
+    return replace(message, payload=bytes(payload))

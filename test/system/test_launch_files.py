@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import urllib.error
+import urllib.request
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -37,6 +40,32 @@ def test_the_simulation_runs_with_arguments_and_a_file_of_parameters(tmp_path: P
             assert listener.parameter("record") is False
     finally:
         listener.close()
+
+
+def status(address: str) -> int:
+    """How a server answers a request."""
+    try:
+        with urllib.request.urlopen(address) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def test_the_lab_listens_for_other_machines_with_a_token(tmp_path: Path) -> None:
+    """127.0.0.2 is no name of the loopback that the gate knows, so that it counts as another machine's address."""
+    arguments = {"mechanism": "rod_pendulum", "record": "false", "lab": "true", "lab_port": "0"}
+    log = tmp_path / "sim_node.log"
+
+    def address() -> re.Match[str] | None:
+        return re.search(r"the lab is at (http://127\.0\.0\.2:\d+/)(\?token=\S+)\n", log.read_text())
+
+    with launching(SIMULATION, tmp_path, new_domain(), forked=True, lab_host="127.0.0.2", **arguments):
+        wait_until(lambda: address() is not None, "the address of the lab", report=log.read_text)
+        found = address()
+        assert found is not None
+        page, token = found.groups()
+        assert (status(page), status(f"{page}?token=other"), status(page + token)) == (403, 403, 200)
+    assert "Traceback" not in log.read_text()
 
 
 def other(spec: ParameterSpec) -> Any:

@@ -77,7 +77,7 @@ class StateSpace:
         :raises MissingPackageError: scipy is not installed.
         """
         require_packages("scipy", purpose="A system of scipy.signal")
-        from scipy import signal  # type: ignore[import-untyped]
+        from scipy import signal
 
         return signal.StateSpace(self.a, self.b, self.c, self.d)
 

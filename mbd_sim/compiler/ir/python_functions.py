@@ -20,7 +20,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,21 @@ from numpy.typing import NDArray
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, BasicBlock, Function, FunctionType, Module, Type, Value
 
-Array: TypeAlias = NDArray[np.float64]
-Integers: TypeAlias = NDArray[np.int64]
+Number = TypeVar("Number", int, float)
+
+
+class _Elements(Protocol[Number]):
+    """What compiled functions do with an array, as that of NumPy that they are given when they run as Python."""
+
+    @overload
+    def __getitem__(self, index: int, /) -> Number: ...
+    @overload
+    def __getitem__(self, rest: slice, /) -> _Elements[Number]: ...
+    def __setitem__(self, index: int, value: Number, /) -> None: ...
+
+
+Array: TypeAlias = _Elements[float]
+Integers: TypeAlias = _Elements[int]
 
 SLOT = 8  # bytes of a field of a record
 _TYPES: dict[str, Type] = {"float": DOUBLE, "int": INT, "bool": BOOL, "None": VOID}
@@ -54,10 +67,11 @@ class External:
     result: str
     arguments: tuple[str, ...]
 
-    def __call__(self, address: int, *arguments: Any) -> Any:
-        """Call it."""
+    def __call__(self, address: int, *arguments: Any) -> int:
+        """Call it; the result is an integer, if there is one."""
         function = prototype(self.result, self.arguments)(address)
-        return function(*(one.ctypes.data if isinstance(one, np.ndarray) else one for one in arguments))
+        found: int = function(*(one.ctypes.data if isinstance(one, np.ndarray) else one for one in arguments))
+        return found
 
 
 def prototype(result: str, arguments: Sequence[str]) -> Any:
@@ -71,7 +85,7 @@ def signature_of(function: Callable[..., Any]) -> tuple[str, list[str]]:
     return kinds.pop("return"), list(kinds.values())
 
 
-def packed(record: Any) -> Integers:
+def packed(record: Any) -> NDArray[np.int64]:
     """The fields of a record as compiled functions read them; the arrays among them must outlive it."""
     slots = np.zeros(len(fields(record)), dtype=np.int64)
     for slot, field in enumerate(fields(record)):
@@ -335,11 +349,9 @@ class _Translation:
             return _Typed("bool", self._b.not_(self._truth(expression.operand)))
         if not isinstance(expression.op, ast.USub):
             raise self._unknown(ast.unparse(expression))
-        if isinstance(expression.operand, ast.Constant):
-            value = expression.operand.value
-            assert isinstance(value, (int, float))
-            return self._constant(-value)
         value = self._value(expression.operand)
+        if value.value.is_constant and value.kind == "int":
+            return _Typed("int", integer(-int(value.value.text)))
         negative = self._b.fneg(value.value) if value.kind == "float" else self._b.sub(integer(0), value.value)
         return _Typed(value.kind, negative)
 
@@ -379,19 +391,19 @@ class _Translation:
         return _Typed("bool", self._b.load(memory, typ=BOOL))
 
     def _value_of_ifexp(self, expression: ast.IfExp) -> _Typed:
-        blocks = self._blocks("then", "otherwise", "after")
-        self._b.cbranch(self._truth(expression.test), *blocks[:2])
+        then, otherwise, after = self._blocks("then", "otherwise", "after")
+        self._b.cbranch(self._truth(expression.test), then, otherwise)
         memory, kind = None, ""
-        for block, each in zip(blocks, (expression.body, expression.orelse), strict=False):
+        for block, each in ((then, expression.body), (otherwise, expression.orelse)):
             self._b.position_at_end(block)
             value = self._value(each)
             if memory is None:
                 kind = value.kind
                 memory = self._entry.alloca(_TYPES.get(kind, POINTER))
             self._b.store(self._as(kind, value), memory)
-            self._go(blocks[2])
+            self._go(after)
         assert memory is not None
-        self._b.position_at_end(blocks[2])
+        self._b.position_at_end(after)
         return _Typed(kind, self._b.load(memory, typ=_TYPES.get(kind, POINTER)))
 
     def _truth(self, expression: ast.expr) -> Value:

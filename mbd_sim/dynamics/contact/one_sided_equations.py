@@ -14,6 +14,7 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
+from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
@@ -41,12 +42,13 @@ class OneSidedLayout:
     other forces hold the contact. `given` (rows,) are forces to which those add that are solved for: the self-stress
     that friction at its limits has locked in. Functions that read forces take all λ from there.
     `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
-    forces have one direction only.
+    forces have one direction only. `features` are the numbers of the slots, see `feature_rows`.
     """
 
     gaps: int
     rows: int
     loads: int = 0
+    feature_count: int = 0
 
     @property
     def closed(self) -> slice:
@@ -71,12 +73,17 @@ class OneSidedLayout:
     @property
     def given(self) -> slice:
         """Of all rows."""
-        return slice(self.signs.stop, self.size)
+        return slice(self.signs.stop, self.signs.stop + self.rows)
+
+    @property
+    def features(self) -> slice:
+        """Of all slots, one after the other."""
+        return slice(self.given.stop, self.size)
 
     @property
     def size(self) -> int:
         """The number of all of them."""
-        return 3 * self.rows + self.loads
+        return 3 * self.rows + self.loads + self.feature_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,12 +202,15 @@ class OneSidedEquations:
 def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
-    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses))
+    units = natural_units(traced.numeric, traced.step)
+    gaps, sticking = one_sided_rows(
+        traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses), units.length
+    )
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
     measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
-    unable, prescribed = _unable_to_act(traced, equations, len(gaps))
+    unable, prescribed = _unable_to_act(traced, equations, gaps)
     unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
@@ -215,14 +225,16 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
-    layout = OneSidedLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
+    slots = [gap.numbers for gap in gaps if gap.numbers is not None]
+    loads = sum(element.joint is not None for element in frictions)
+    layout = OneSidedLayout(len(gaps), len(kept), loads, SLOT_SIZE * len(slots))
     for row in prescribed:
         equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
-    numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
+    numbers = ca.vertcat(ca.SX.sym("contact", layout.features.start), *slots)
+    equations = equations.select(kept)
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
     places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
-    units = natural_units(traced.numeric, traced.step)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
     return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
 
@@ -234,15 +246,24 @@ def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
     return any(not mechanism.coordinate(name).rotation for name in row.factors)
 
 
-def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int) -> tuple[set[int], list[int]]:
+def _unable_to_act(
+    traced: TracedMechanism, equations: ConstraintEquations, gaps: Sequence[Gap]
+) -> tuple[set[int], list[int]]:
     """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; their slip.
 
-    Rows of slip come after those of the `gaps`. The second result are gaps that only drives or time change: no force
-    opens them once they close.
+    Rows of slip come after those of the `gaps`, slots without any coordinate are among them. The second result are gaps
+    that only drives or time change: no force opens them once they close.
     """
-    found = {row for row in range(gaps, len(equations.rows)) if not equations.gradient[row, :].nnz()}
-    if not gaps:
-        return found, []
+    slots = {row for row, gap in enumerate(gaps) if gap.numbers is not None}
+    rows = [*sorted(slots), *range(len(gaps), len(equations.rows))]
+    found = {row for row in rows if not equations.gradient[row, :].nnz()}
+    others = [row for row in range(len(gaps)) if row not in slots]
+    unable, prescribed = _unchanged(traced, equations.select(others)) if others else (set[int](), list[int]())
+    return found | {others[row] for row in unable}, [others[row] for row in prescribed]
+
+
+def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple[set[int], list[int]]:
+    """The gaps that no coordinate changes: those that are constant, and those that are not."""
     functions, random = constraint_functions(traced, equations), np.random.default_rng(4)
     start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
     driven = [index for states in traced.layout.drives.values() for index in range(states.start, states.stop)]
@@ -255,8 +276,8 @@ def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps
         other = functions.with_values(values)
         unchanged &= abs(other.position(time, q) - other.position(0.0, start)) <= least
         zero &= row_is_zero(other.scaled_gradient(time, q))
-    still = [row for row in range(gaps) if zero[row]]
-    return found | {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
+    still = [row for row in range(len(equations.rows)) if zero[row]]
+    return {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
 
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:

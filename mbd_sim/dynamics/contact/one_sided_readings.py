@@ -71,15 +71,16 @@ def _turning(one_sided: OneSidedEquations, element: FrictionElement, forces: ca.
 
 
 def _gap_guard(one_sided: OneSidedEquations, index: int, gap: ca.SX, force: ca.SX, unloaded: ca.SX) -> ca.SX:
-    """Open: the gap. Closed: the force, and where that depends on other closed gaps also that it does not move.
+    """Open: the gap, but for slots. Closed: the force, and if it depends on other closed gaps that it does not move.
 
     A gap that others hold without a force must not get one: it is `unloaded` by so much.
     """
     speed = ca.fabs(one_sided.equations.velocity[index]) / one_sided.speeds[index]
     held, number = 1.0 - speed / UNMOVED, one_sided.numbers[one_sided.layout.active][index]
+    is_open = gap / one_sided.gap_units[index] if one_sided.gaps[index].numbers is None else 1.0
     bears = ca.if_else(number < 0.0, ca.fmin(force, 1.0 - speed / PARTED), force)
     closed = ca.if_else(number, bears, ca.fmin(held, unloaded + RELOADED))
-    return ca.if_else(one_sided.closed[index], closed, gap / one_sided.gap_units[index])
+    return ca.if_else(one_sided.closed[index], closed, is_open)
 
 
 def _friction_guard(

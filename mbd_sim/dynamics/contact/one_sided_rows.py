@@ -18,9 +18,10 @@ import numpy as np
 
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
-from mbd_sim.dynamics.contact.shapes import touch, with_rim_points, without_repeated
+from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
+from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.kinematics.links import Link
-from mbd_sim.dynamics.kinematics.poses import BodySymbols
+from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
@@ -125,7 +126,8 @@ class Gap:
     """A one-sided row: its position, or for a `clutch` its rate, is not negative.
 
     `slip` are up to two rows whose rates are the slip velocities at the contact. Stops, plays and clutches have
-    no `place`. `bodies` are the names of the two shapes of a contact, for people.
+    no `place`. `bodies` are the names of the two shapes of a contact, for people. The geometry of a slot of a `contact`
+    depends on its `numbers`, see `feature_rows`.
     """
 
     row: ConstraintRow
@@ -134,6 +136,8 @@ class Gap:
     clutch: bool = False
     place: ContactPlace | None = None
     bodies: tuple[str, str] | None = None
+    contact: Contact | None = None
+    numbers: ca.SX | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +154,14 @@ class StickingFriction:
 
 
 def one_sided_rows(
-    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX, still: int | None = None
+    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX, still: int | None, length: float
 ) -> tuple[list[Gap], list[StickingFriction]]:
     """All gaps and all sticking friction: joints, constraints, then contacts.
 
     :param time: the symbol of time in the rows.
     :param t: the symbol of time in the forces.
     :param still: see `touch`.
+    :param length: the natural one in m.
     """
     gaps: list[Gap] = []
     frictions: list[StickingFriction] = []
@@ -172,13 +177,36 @@ def one_sided_rows(
             gaps += _gaps_of(constraint, writer)
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
-        gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
+        if contact.slots:
+            gaps += _slots(contact, bodies, length)
+        else:
+            gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
     return gaps, frictions
 
 
 def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
+    frames = _frames(contact, bodies)
+    return _gap_of(contact, touch(contact, *frames, still), *frames)
+
+
+def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap]:
+    """The gaps of a contact whose features change."""
+    frames = _frames(contact, bodies)
+    for slot in range(1, contact.slots + 1):
+        numbers = ca.SX.sym("features", SLOT_SIZE)
+        quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
+        touching = slot_touch(numbers, *frames, length, contact.still)
+        gap = _gap_of(dataclasses.replace(contact, quantity=quantity), touching, *frames)
+        yield dataclasses.replace(gap, contact=contact, numbers=numbers)
+
+
+def _frames(contact: Contact, bodies: BodySymbols) -> tuple[BodyFrame, BodyFrame]:
     first, second = (bodies.frame(body.at.part, body.at.point) for body in (contact.first, contact.second))
-    touching, law = touch(contact, first, second, still), contact.law
+    return first, second
+
+
+def _gap_of(contact: Contact, touching: Touch, first: BodyFrame, second: BodyFrame) -> Gap:
+    law = contact.law
     assert isinstance(law, ContactLaw)
     owner = ("contacts", contact.name)
     row = ConstraintRow(owner, contact.quantity, touching.distance)

@@ -15,7 +15,7 @@ from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements import constraints as c
-from mbd_sim.mechanism.elements.contacts import CAM_ANGLE, Ball, Barrel, Cam, Contact, ContactBody, Face
+from mbd_sim.mechanism.elements.contacts import CAM_ANGLE, Ball, Barrel, Cam, Contact, ContactBody, Face, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -50,7 +50,8 @@ def passing_functions(mechanism: Mechanism, loaded: Sequence[str] = ()) -> Passi
 
     :param loaded: see `trace`.
     """
-    pairs = [*_constraint_pairs(mechanism), *map(_contact_pair, mechanism.contacts)]
+    static = [contact for contact in mechanism.contacts if not contact.slots]  # the others are followed within a step
+    pairs = [*_constraint_pairs(mechanism), *map(_contact_pair, static)]
     if not pairs:
         return None
     traced = trace(mechanism, loaded)
@@ -136,7 +137,7 @@ def _axis(body: ContactBody) -> Array:
     """The direction about which a body is round; of a cam, one across it."""
     if isinstance(body, Cam):
         return body.axes[:, 0]
-    assert not isinstance(body, Ball | Face)
+    assert not isinstance(body, Ball | Face | Solid)
     return body.axis
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.dynamics.math.piecewise import POINTS, PotentialTable, gauss_formula
 
 INTERVAL_TOLERANCE = 2e-15  # of the integral over an interval, relative to that of the absolute value
@@ -93,19 +94,15 @@ class _BatchEvaluator:
 
     def __init__(self, f: Callable[[ca.SX], ca.SX]) -> None:
         x = ca.SX.sym("x", BATCH)
-        self._points, self._values = np.zeros(BATCH), np.zeros(BATCH)
-        self._buffer, self._evaluate = ca.Function("f", [x], [ca.densify(f(x))]).buffer()
-        self._buffer.set_arg(0, self._points.data)  # type: ignore[call-arg]  # the size is that of the memory
-        self._buffer.set_res(0, self._values.data)  # type: ignore[call-arg]
+        self._function = ca.Function("f", [x], [ca.densify(f(x))])
 
     def __call__(self, points: Array) -> Array:
         flat = points.ravel()
         values = np.empty(flat.size)
         for start in range(0, flat.size, BATCH):
             part = flat[start : start + BATCH]
-            self._points[: part.size] = part
-            self._evaluate()
-            values[start : start + BATCH] = self._values[: part.size]
+            padded = np.concatenate([part, np.zeros(BATCH - part.size)])
+            values[start : start + BATCH] = evaluated(self._function, padded)[: part.size, 0]
         return values.reshape(points.shape)
 
 

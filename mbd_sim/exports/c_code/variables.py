@@ -109,18 +109,28 @@ def state_variables(equations: Equations, start: Array) -> tuple[Variable, ...]:
 
 
 def _actuator_states(equations: Equations, start: Array) -> dict[int, Variable]:
-    found = {}
-    for actuator, slots in zip(equations.mechanism.actuators, equations.actuator_layout.slots, strict=True):
-        units = {"current": "A", **dict.fromkeys(PRESSURES, "Pa"), **dict.fromkeys((*ENERGIES, *FLUID), "J")}
+    found, mechanism = {}, equations.mechanism
+    for actuator, slots in zip(mechanism.actuators, equations.actuator_layout.slots, strict=True):
+        units = _state_units(mechanism, actuator)
         for name, index in slots.states.items():
             about = f"{name.replace('_', ' ')} of {actuator.name}"
-            found[index] = variable("a", f"{actuator.name}.{name}", "state", units.get(name, ""), about, start[index])
+            found[index] = variable("a", f"{actuator.name}.{name}", "state", units[name], about, start[index])
         for channel, first in slots.lines.items():
             for place in range(slots.delay):
                 own = f"{actuator.name}.{channel}.waiting{place}"
                 about = f"command of the {channel} of {actuator.name} that waits for its delay"
-                found[first + place] = variable("a", own, "state", "", about, start[first + place])
+                found[first + place] = variable("a", own, "state", units[channel], about, start[first + place])
     return found
+
+
+def _state_units(mechanism: Mechanism, actuator: Actuator) -> dict[str, str]:
+    """The unit of each state that an actuator can have: see `mbd_sim.dynamics.layouts.actuators`."""
+    output = _command_unit(mechanism, actuator, actuator.control)
+    units = {"current": "A", **dict.fromkeys(PRESSURES, "Pa"), **dict.fromkeys((*ENERGIES, *FLUID), "J")}
+    units |= {"integral": output, "output": output}
+    if actuator.servo is not None:
+        units |= dict.fromkeys(("reference", "error"), _command_unit(mechanism, actuator, actuator.servo.controls))
+    return units | {channel: _command_unit(mechanism, actuator, channel) for channel in actuator.channels}
 
 
 def input_variables(equations: Equations, inputs: Array) -> tuple[Variable, ...]:

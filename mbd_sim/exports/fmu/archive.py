@@ -173,6 +173,7 @@ _UNITS: dict[str, dict[str, int]] = {
     "A": {"A": 1},
     "s": {"s": 1},
 }
+_NO_UNIT = {"", "1"}  # unknown, as of parameters, and that of pure numbers
 _ENERGIES = ("work_applied", "work_drives", "dissipated")
 
 
@@ -219,8 +220,8 @@ def entries(model: ExportedModel) -> list[UnitVariable]:
 
 
 def _per_second(unit: str) -> str:
-    rate = {"m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2"}.get(unit, "")
-    return rate if rate in _UNITS else ""
+    """The unit of the rate of a state; only those of coordinates and speeds have a name."""
+    return {"m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2"}.get(unit, "")
 
 
 def model_description(model: ExportedModel, token: str) -> str:
@@ -237,7 +238,7 @@ def model_description(model: ExportedModel, token: str) -> str:
     )
     _interfaces(root, model)
     units = ElementTree.SubElement(root, "UnitDefinitions")
-    for name in sorted({"s", *(entry.variable.unit for entry in variables)} & _UNITS.keys()):
+    for name in sorted({"s", *(entry.variable.unit for entry in variables)} - _NO_UNIT):
         exponents = {base: str(exponent) for base, exponent in _UNITS[name].items()}
         ElementTree.SubElement(ElementTree.SubElement(units, "Unit", name=name), "BaseUnit", exponents)
     categories = ElementTree.SubElement(root, "LogCategories")
@@ -281,7 +282,7 @@ def _attributes(entry: UnitVariable) -> Iterator[tuple[str, str]]:
         yield "initial", entry.initial
     if entry.initial != "calculated":
         yield "start", repr(float(variable.start))
-    if variable.unit in _UNITS:
+    if variable.unit not in _NO_UNIT:
         yield "unit", variable.unit
     if variable.nominal != 1.0:
         yield "nominal", repr(variable.nominal)

@@ -1,12 +1,12 @@
 """Builds the contacts between shapes from their records in the file.
 
-The shapes of the parts become the bodies of the contacts: balls, rims and corners.
+The shapes of the parts become the bodies of the contacts: balls, rims, corners and convex bodies.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 
@@ -34,12 +34,22 @@ from mbd_sim.mechanism.elements.contacts import (
     Cushion,
     Face,
     Rim,
+    Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.source import Location
 
 SIDES = {-1: "-", 1: "+"}
+BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
+    (0, 1, 3, 2),
+    (4, 6, 7, 5),
+    (0, 4, 5, 1),
+    (2, 3, 7, 6),
+    (0, 2, 6, 4),
+    (1, 5, 7, 3),
+)
+MOST_SLOTS = 8  # of a pair: two faces with four corners each
 
 
 def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
@@ -104,6 +114,37 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             return None
 
 
+def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
+    """A shape, or a point, as a convex body; None for round shapes with edges."""
+    if isinstance(shape, Pose):
+        return polytope(part, [shape.position], (), 0.0)
+    pose = pose_of(shape)
+
+    def placed(*points: tuple[float, float, float]) -> list[Array]:
+        return [pose.position + pose.rotation @ np.array(point) for point in points]
+
+    match shape:
+        case schema.ParticleSpec():
+            return polytope(part, placed((0.0, 0.0, 0.0)), (), 0.0)
+        case schema.SphereSpec(radius=r):
+            return polytope(part, placed((0.0, 0.0, 0.0)), (), r)
+        case schema.RodSpec(start=start, end=end, radius=r):
+            return polytope(part, [np.array(start), np.array(end)], (), r or 0.0)
+        case schema.PlateSpec(size=(x, y)):
+            corners = [(0.5 * a * x, 0.5 * b * y, 0.0) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            return polytope(part, placed(*corners), ((0, 1, 2, 3), (3, 2, 1, 0)), 0.0)
+        case schema.BlockSpec(size=(x, y, z)):
+            signs = product((-1, 1), repeat=3)
+            return polytope(part, placed(*((0.5 * a * x, 0.5 * b * y, 0.5 * c * z) for a, b, c in signs)), BLOCK, 0.0)
+        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec():
+            return None
+
+
+def polytope(part: str, points: Sequence[Array], faces: tuple[tuple[int, ...], ...], radius: float) -> Solid:
+    """A convex body with these vertices (3,) in the frame of the part; for `faces` see `Solid`."""
+    return Solid(Attachment(part, np.zeros(3)), np.array(points), faces, radius)
+
+
 def build_contacts(
     specs: Mapping[str, ContactSpec], parts: Mapping[str, PartSpec], context: BuildContext
 ) -> tuple[Contact, ...]:
@@ -152,7 +193,11 @@ class _ContactBuilder:
         if len(self._context.problems) > before:
             return []
         law = contact_law(spec)
-        return [Contact(name, *pair, law, spec.inside) for pair in pairs]
+        if isinstance(law, Cushion) and any(slots_of(first, second) for _, _, first, second in pairs):
+            message = "blocks, plates and rods are rigid in contact with each other"
+            self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
+            return []
+        return [Contact(name, *pair, law, spec.inside, slots_of(*pair[2:])) for pair in pairs]
 
     def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
         """Refuse a stiffness with a unit that does not fit the exponent."""
@@ -187,15 +232,9 @@ class _ContactBuilder:
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """Two round bodies as the records of a gap; None, with a problem, if they have none."""
-        bodies = [round_body(solid.part, solid.shape) for solid in (first, second)]
+        bodies = [round_body(each.part, each.shape) for each in (first, second)]
         if bodies[0] is None or bodies[1] is None:
-            flat = first if bodies[0] is None else second
-            message = (
-                f"{_article(flat.kind)} cannot be in contact with {_article((second if flat is first else first).kind)}"
-            )
-            remedy = "Spheres, cylinders, discs, rings and points can be; blocks, plates and rods only with a plane."
-            self._context.report(where, message, remedy)
-            return None
+            return self._solid_pair(where, first, second, inside)
         one, other = bodies[0], bodies[1]
         if isinstance(one, Barrel) and isinstance(other, Ball):
             if inside:
@@ -216,6 +255,25 @@ class _ContactBuilder:
             self._context.report(where, "two points cannot touch", "Give one of them a shape with a radius.")
             return None
         return one, other
+
+    def _solid_pair(
+        self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
+    ) -> tuple[ContactBody, ContactBody] | None:
+        """Two convex bodies; None, with a problem, if one of them is not among those that can touch each other."""
+        one, other = (solid(each.part, each.shape) for each in (first, second))
+        pair = f"{_article(first.kind)} cannot be in contact with {_article(second.kind)}"
+        if one is None or other is None:
+            remedy = "Blocks, plates, rods, spheres and points can be in contact with each other and with planes."
+            self._context.report(where, pair, remedy)
+        elif inside:
+            message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
+            self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
+        elif one.radius + other.radius == 0.0 and len(one.vertices) < MOST_SLOTS and len(other.vertices) < MOST_SLOTS:
+            message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
+            self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
+        else:
+            return one, other
+        return None
 
     def _face(self, where: Location, spec: ContactSpec) -> Face | None:
         frame = self._context.frame((*where, "plane"), spec.plane or "ground")
@@ -299,6 +357,15 @@ class _ContactBuilder:
             _TouchingShape(part, f"{part}.{shape.name or f'shape{number}'}", shape)
             for number, shape in enumerate(chosen, start=1)
         ]
+
+
+def slots_of(first: ContactBody, second: ContactBody) -> int:
+    """The number of points in which two bodies can touch with changing features; 0 if these never change."""
+    if not isinstance(first, Solid) or not isinstance(second, Solid):
+        return 0
+    fewest = min(len(first.vertices), len(second.vertices))
+    corners = sum(max(map(len, each.faces), default=len(each.vertices)) for each in (first, second))
+    return fewest if fewest <= 2 else min(corners, MOST_SLOTS)
 
 
 def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:

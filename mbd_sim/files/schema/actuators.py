@@ -12,6 +12,8 @@ from mbd_sim.files.schema.fields import (
     AmountFromZero,
     AnyAmount,
     AnyNumber,
+    Delay,
+    Frequency,
     Length,
     PositiveAmount,
     PositiveAngularVelocity,
@@ -29,8 +31,6 @@ Efficiency = Annotated[float, QuantityField("", above=0, at_most=1)]
 RotorInertia = Annotated[float, QuantityField("kg*m**2", at_least=0)]
 Voltage = Annotated[float, QuantityField("V", above=0)]
 Current = Annotated[float, QuantityField("A", above=0)]
-Frequency = Annotated[float, QuantityField("Hz", above=0)]
-Delay = Annotated[float, QuantityField("s", at_least=0)]
 Area = Annotated[float, QuantityField("m**2", above=0)]
 Volume = Annotated[float, QuantityField("m**3", above=0)]
 Pressure = Annotated[float, QuantityField("Pa", above=0)]

@@ -284,7 +284,7 @@ AnyConstraintSpec = Annotated[
 
 
 CamProfile = Annotated[TimeExpression, ExpressionField("m", (CAM_ANGLE,))]
-PositiveStiffness = Annotated[float, QuantityField(None, above=0)]
+ContactStiffness = Annotated[float, QuantityField(None, above=0)]
 ContactExponent = Annotated[float, QuantityField("", at_least=1)]
 ContactDamping = Annotated[float, QuantityField("s/m", at_least=0)]
 _PARTNERS = "'between' two parts, 'among' several, 'parts' on a 'plane' or on a 'cam', or a 'plane' on a 'cam'"
@@ -310,7 +310,7 @@ class ContactSpec(Spec):
     restitution: Restitution | None = None
     friction: FrictionCoefficient | None = None
     static_friction: FrictionCoefficient | None = None
-    stiffness: PositiveStiffness | None = Field(None, description="k of a compliant contact in N/m^exponent")
+    stiffness: ContactStiffness | None = Field(None, description="k of a compliant contact in N/m^exponent")
     exponent: ContactExponent = Field(1.5, description="n: 1.5 for spheres (Hertz), 1 for a linear spring")
     damping: ContactDamping = Field(0.0, description="c of a compliant contact in s/m")
     regularization: PositiveVelocity = Field(1e-2, description="slip below which compliant friction falls to zero")

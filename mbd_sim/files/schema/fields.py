@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, TypeVar, cast
 
 from pydantic import (
     AfterValidator,
@@ -122,6 +122,8 @@ Mass = Annotated[float, QuantityField("kg", at_least=0)]
 PositiveDensity = Annotated[float, QuantityField("kg/m**3", above=0)]
 MomentOfInertia = Annotated[float, QuantityField("kg*m**2")]
 PositiveTime = Annotated[float, QuantityField("s", above=0)]
+Delay = Annotated[float, QuantityField("s", at_least=0)]
+Frequency = Annotated[float, QuantityField("Hz", above=0)]
 PositiveForce = Annotated[float, QuantityField("N", above=0)]
 PositiveTorque = Annotated[float, QuantityField("N*m", above=0)]
 LinearStiffness = Annotated[float, QuantityField("N/m", at_least=0)]
@@ -373,24 +375,13 @@ PointOrVector = Annotated[
     Discriminator(written_as),
 ]
 
+NumberType = TypeVar("NumberType")
 # Three numbers, or one for all of them.
-LinearStiffness3 = Annotated[
-    Annotated[LinearStiffness, Tag("number")]
-    | Annotated[tuple[LinearStiffness, LinearStiffness, LinearStiffness], Tag("list")],
+OneOrThree = Annotated[
+    Annotated[NumberType, Tag("number")] | Annotated[tuple[NumberType, NumberType, NumberType], Tag("list")],
     Discriminator(list_or_number),
 ]
-TorsionStiffness3 = Annotated[
-    Annotated[TorsionStiffness, Tag("number")]
-    | Annotated[tuple[TorsionStiffness, TorsionStiffness, TorsionStiffness], Tag("list")],
-    Discriminator(list_or_number),
-]
-LinearDamping3 = Annotated[
-    Annotated[LinearDamping, Tag("number")]
-    | Annotated[tuple[LinearDamping, LinearDamping, LinearDamping], Tag("list")],
-    Discriminator(list_or_number),
-]
-TorsionDamping3 = Annotated[
-    Annotated[TorsionDamping, Tag("number")]
-    | Annotated[tuple[TorsionDamping, TorsionDamping, TorsionDamping], Tag("list")],
-    Discriminator(list_or_number),
-]
+LinearStiffness3 = OneOrThree[LinearStiffness]
+TorsionStiffness3 = OneOrThree[TorsionStiffness]
+LinearDamping3 = OneOrThree[LinearDamping]
+TorsionDamping3 = OneOrThree[TorsionDamping]

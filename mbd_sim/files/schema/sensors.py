@@ -8,10 +8,17 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.base.errors import InputError
-from mbd_sim.files.schema.fields import Angle, Direction, PositiveLength, QuantityField, Spec
+from mbd_sim.files.schema.fields import (
+    Angle,
+    AnyNumber,
+    Delay,
+    Direction,
+    Frequency,
+    PositiveLength,
+    QuantityField,
+    Spec,
+)
 
-Frequency = Annotated[float, QuantityField("Hz", above=0)]
-Delay = Annotated[float, QuantityField("s", at_least=0)]
 Probability = Annotated[float, QuantityField("", at_least=0, at_most=1)]
 Distance = Annotated[float, QuantityField("m", at_least=0)]
 
@@ -24,7 +31,6 @@ def _whole(number: float) -> float:
 
 Count = Annotated[float, QuantityField("", at_least=1, at_most=1e12), AfterValidator(_whole)]
 Seed = Annotated[float, QuantityField("", at_least=0, at_most=1e15), AfterValidator(_whole)]
-AnyNumber = Annotated[float, QuantityField(None)]
 AnyResolution = Annotated[float, QuantityField(None, above=0)]
 _DENSITY = "standard deviation of the noise divided by √rate: its unit per √Hz"
 _WALK = "standard deviation of the walking bias after one second"

@@ -12,8 +12,9 @@ from mbd_sim.lab.session.frames import Frame
 HELP = """
 **Look:** drag the background to turn, the wheel or two fingers to come closer, the right button to move.
 
-**Take hold:** drag a part with the mouse or a finger. While it runs, a spring and a damper pull it (the red arrow is
-their force, counted as applied work). While it is paused, the mechanism follows the pointer with its loops closed.
+**Take hold:** drag a part with the mouse or a finger. While it runs, a spring and a damper pull it, with at most ten
+times the weight of the whole mechanism on Earth. The red arrow is their force; its work is counted as applied. While it
+is paused, the mechanism follows the pointer with its loops closed.
 
 **Keys:** space plays and pauses · right arrow takes a step · left arrow goes back · Home returns to the start.
 

@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy as np
+
 from mbd_sim.base.errors import listed
 from mbd_sim.lab.page.change_tab import ChangeTab
 from mbd_sim.lab.page.help_tab import HelpTab
@@ -180,6 +182,8 @@ class Page:
             "positions only" if self.session.bench.positions_only else f"energy residual {frame.energies[6]:.1e} J"
         )
         lines = [f"t = {frame.time:.3f} s · {pace} · {account}"]
+        if frame.pull is not None:
+            lines.append(f"pulled with {np.linalg.norm(frame.pull[2]):.3g} N; the most is {frame.pull[3]:.3g} N")
         if frame.message:
             lines.append(f"> {frame.message}")
         if self._problem:

@@ -12,7 +12,6 @@ from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
 
 SPEEDS = {"1/100": 0.01, "1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "fastest": math.inf}
-STEP_BACK = 1.0 / 30.0  # s
 NOT_BACK = "The time of a node is not wound back, as other nodes follow its clock. *Reset* returns to the start."
 ACTIONS: dict[str, Callable[[Session], None]] = {
     "Play": methodcaller("play"),
@@ -23,7 +22,7 @@ ACTIONS: dict[str, Callable[[Session], None]] = {
 KEYS: dict[str, tuple[str, Callable[[Session], None]]] = {
     "space": ("Play or pause", lambda session: session.pause() if session.running else session.play()),
     "arrowright": ("Step", ACTIONS["Step"]),
-    "arrowleft": ("Step back", lambda session: session.wind_to(session.frame.time - STEP_BACK)),
+    "arrowleft": ("Step back", methodcaller("step_back")),
     "home": ("Reset", ACTIONS["Reset"]),
 }
 

@@ -26,9 +26,9 @@ class Frame:
 
     `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
     `Model.pose_array`, `contacts` (n, 2, 3) are points and forces; `watched` is what the session was asked to
-    watch, by name. `pull` are the held point, the pointer (3,) and the force (3,), if something is held. `rate` is how
-    many seconds are simulated in one, `speed` how many were asked for. `values` are those of the sliders by key, in SI
-    units.
+    watch, by name. `pull` are the held point (3,), the pointer (3,), the force (3,) and the largest
+    one in N, if something is held. `rate` is how many seconds are simulated in one, `speed` how many were asked for.
+    `values` are those of the sliders by key, in SI units.
     """
 
     generation: int
@@ -44,7 +44,7 @@ class Frame:
     positions: Array
     speeds: Array
     watched: Mapping[str, Any]
-    pull: tuple[Array, Array, Array] | None
+    pull: tuple[Array, Array, Array, float] | None
     span: tuple[float, float]
     message: str
     recording: str
@@ -85,6 +85,11 @@ class History:
         at = bisect_left(self._points, time, key=lambda one: one[0])
         around = [self._points[index] for index in (at - 1, at) if 0 <= index < len(self._points)]
         return min(around, key=lambda one: abs(one[0] - time))[1]
+
+    def before(self, time: float) -> RunPoint | None:
+        """The last point before a time in s; None if there is none."""
+        at = bisect_left(self._points, time, key=lambda one: one[0])
+        return self._points[at - 1][1] if at else None
 
     def points(self) -> list[tuple[float, RunPoint]]:
         """All points with their times."""

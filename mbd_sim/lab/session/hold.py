@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from mbd_sim.simulation.run.simulation import BaseSimulation
 
 FREQUENCY = 2.0  # Hz, of the held point on the spring of the hand
 DAMPING_RATIO = 0.7
+STRONGEST = 10.0  # times the weight of the mechanism on Earth: the largest force of the hand
+EARTH = 9.80665  # m/s²
 ITERATIONS, SMALL = 8, 1e-7
 SOFTNESS = 1e-3  # of the least-squares steps: directions that hardly move the point are left alone
 LONGEST_STEP = 0.3  # of a coordinate in one iteration, in natural units
@@ -22,7 +25,7 @@ HALVINGS, PROGRESS = 6, 0.999
 class Hold:
     """A spring and a damper from a point (3,) of a part, in its frame, to a `target` (3,) in ground's frame.
 
-    `stiffness` is in N/m and `damping` in N·s/m.
+    `stiffness` is in N/m and `damping` in N·s/m. The force is at most `strongest`, in N.
     """
 
     part: str
@@ -30,13 +33,15 @@ class Hold:
     target: Array
     stiffness: float
     damping: float
+    strongest: float = math.inf
 
     def acting(self, simulation: BaseSimulation) -> tuple[Array, Array]:
         """The position (3,) of the held point, and the force (3,) in N on it, in ground's frame."""
         frame = simulation.frame(self.part)
         arm = frame.rotation @ self.point
         position, velocity = frame.position + arm, frame.velocity + np.cross(frame.angular_velocity, arm)
-        return position, self.stiffness * (self.target - position) - self.damping * velocity
+        force = self.stiffness * (self.target - position) - self.damping * velocity
+        return position, force * min(1.0, self.strongest / max(float(np.linalg.norm(force)), 1e-300))
 
     def apply(self, simulation: BaseSimulation) -> None:
         """Exert the force of the present state from the next step on."""
@@ -52,7 +57,8 @@ def spring_for(simulation: BaseSimulation, part: str, point: Array, target: Arra
     mobility = float(np.max(np.linalg.eigvalsh(felt), initial=0.0))
     mass = 1.0 / mobility if mobility > 0.0 else simulation.mechanism.mass
     rate = 2.0 * np.pi * FREQUENCY
-    return Hold(part, point, target, mass * rate**2, 2.0 * DAMPING_RATIO * mass * rate)
+    strongest = STRONGEST * EARTH * simulation.live_mechanism.mass
+    return Hold(part, point, target, mass * rate**2, 2.0 * DAMPING_RATIO * mass * rate, strongest)
 
 
 def pulled(simulation: BaseSimulation, part: str, point: Array, target: Array) -> Array | None:

@@ -49,7 +49,7 @@ class NodeSession(Session):
         hold, simulation = self.bench.hold, self.bench.simulation
         if hold is not None:
             point, target = hold.point.tolist(), hold.target.tolist()
-            self._send("pull", hold.part, point, target, hold.stiffness, hold.damping)
+            self._send("pull", hold.part, point, target, hold.stiffness, hold.damping, hold.strongest)
         if self._live and self._clock() - self._changed >= LIVE_PERIOD:
             self._send("live", self._live)
             self._live, self._changed = {}, self._clock()
@@ -110,6 +110,10 @@ class NodeSession(Session):
         :raises CommandError: always.
         """
         raise CommandError("a node is not wound back", "Reset it.")
+
+    def step_back(self) -> None:
+        """Refuse, see `wind_to`."""
+        self.wind_to(self.frame.time)
 
     def change(self, key: str, value: float) -> None:
         """See `Session`; changes within `LIVE_PERIOD` are one, accepted or rejected as a whole."""

@@ -17,6 +17,7 @@ from mbd_sim.lab.session.session import Session
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
+from mbd_sim.simulation.run.state import RunPoint
 
 LONGEST_TURN = 0.03  # s of real time for steps, after which requests are served
 
@@ -78,7 +79,13 @@ class OwnSession(Session):
 
     def wind_to(self, time: float) -> None:
         """Pause in the state of the history nearest to a time in s; a hand that pulled there has let go."""
-        point = self.history.nearest(time)
+        self._return_to(self.history.nearest(time))
+
+    def step_back(self) -> None:
+        """See `Session`."""
+        self._return_to(self.history.before(self.bench.simulation.time))
+
+    def _return_to(self, point: RunPoint | None) -> None:
         if point is not None:
             self.pause()
             self.bench.simulation.restore(point)

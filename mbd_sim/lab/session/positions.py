@@ -9,7 +9,9 @@ import numpy as np
 
 from mbd_sim.base.errors import CommandError, nearest
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.files.checks.override import with_values
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
@@ -45,10 +47,12 @@ class PositionBench(Bench):
     def driven(cls, mechanism: Mechanism, drive: str) -> PositionBench:
         """Build the bench; parts without mass get one, which has no effect on positions.
 
+        A joint whose motion the file prescribes is moved from where it is at time zero.
+
         :raises MechanismError: with all problems of the file.
         :raises CommandError: there is no such joint.
         """
-        return cls(Bench.of(_weighted(mechanism)).simulation, drive)
+        return cls(Bench.of(_weighted(_freed(mechanism, drive))).simulation, drive)
 
     @property
     def position(self) -> float:
@@ -102,10 +106,21 @@ class PositionBench(Bench):
         return f"{math.degrees(self.position):.1f} deg" if rotates[self._index] else f"{self.position:.4g} m"
 
 
+def _freed(mechanism: Mechanism, name: str) -> Mechanism:
+    """The mechanism in which the joint of a driven coordinate has no drive."""
+    for joint in mechanism.joints.values():
+        if joint.drive and name in joint.motion_names:
+            commanded = isinstance(joint.drive, CommandedDrive)
+            start = [joint.drive.start] if commanded else [one.at(0.0) for one in joint.drive]
+            position = start[0] if len(start) == 1 else start
+            return with_values(
+                mechanism, {f"joints.{joint.name}.drive": None, f"joints.{joint.name}.position": position}
+            )
+    return mechanism
+
+
 def _weighted(mechanism: Mechanism) -> Mechanism:
     """The mechanism with a mass and an inertia in each part that has none."""
-    from mbd_sim.files.checks.override import with_values
-
     changes: dict[str, Any] = {}
     for name, part in mechanism.parts.items():
         if part.mass == 0.0:

@@ -125,6 +125,10 @@ class Session(ABC):
         """Pause in the state of the history nearest to a time in s."""
 
     @abstractmethod
+    def step_back(self) -> None:
+        """Pause in the last state of the history before the present one."""
+
+    @abstractmethod
     def change(self, key: str, value: float) -> None:
         """Change a live value, in SI units: see `Simulation.set_live`."""
 
@@ -217,7 +221,7 @@ class Session(ABC):
         pull = None
         if hold is not None:
             position, force = hold.acting(simulation)
-            pull = position, hold.target, force
+            pull = position, hold.target, force, hold.strongest
         return Frame(
             generation=self.generation,
             number=self.turns,

@@ -80,7 +80,29 @@ class Cam:
     profile: TimeExpression
 
 
-ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex body: the hull of its `vertices` (n, 3) in the frame of the part, rounded by a `radius`.
+
+    `faces` are loops of indices of vertices, counterclockwise seen from outside; a plate has two with the same
+    vertices, a rod and a point have none. `at` is the origin of the part.
+    """
+
+    at: Attachment
+    vertices: Array
+    faces: tuple[tuple[int, ...], ...]
+    radius: float
+
+    @property
+    def edges(self) -> tuple[tuple[int, int], ...]:
+        """The pairs of vertices that edges connect, the smaller index first."""
+        if len(self.vertices) == 2:
+            return ((0, 1),)
+        sides = [(face[k - 1], vertex) for face in self.faces for k, vertex in enumerate(face)]
+        return tuple(sorted({(min(side), max(side)) for side in sides}))
+
+
+ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam | Solid
 
 
 @dataclass(frozen=True)
@@ -103,7 +125,9 @@ class Contact:
 
     Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
     axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
-    `quantity` both and the corner or rim in one word.
+    `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have `slots`,
+    with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and nothing
+    moves; None in space.
     """
 
     name: str
@@ -113,6 +137,8 @@ class Contact:
     second: ContactBody
     law: ContactLaw | Cushion
     inside: bool = False
+    slots: int = 0
+    still: int | None = None
 
     @property
     def rigid(self) -> bool:

@@ -171,7 +171,8 @@ class DamagedError(ReadingError):
         self.path, self.problem = path, problem
 
 
-class Message(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Message:
     """One recorded message: `payload` is its CDR serialization, `time_ns` its log time.
 
     In recordings of `sim_node` the log time is the simulated clock, and `sequence` the tick: steps since the node

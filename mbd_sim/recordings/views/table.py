@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +46,7 @@ def requested_readers(recording: Recording) -> Mapping[str, ColumnReader]:
         if topic.type == REACTIONS and last == "joint_reactions":
             found[name] = lambda message: _reactions(recording.decoded(message))
         elif topic.type == POSE and folder == "poses":
-            part = parts.get(last, last)
-            found[name] = lambda message, part=part: _pose(part, recording.decoded(message))  # type: ignore[misc]
+            found[name] = partial(_pose, recording, parts.get(last, last))
         elif topic.type == cdr.MULTI_ARRAY and last == "constraint_violation":
             found[name] = lambda message: _violation(recording.decoded(message))
     return found
@@ -58,8 +58,9 @@ def _reactions(message: Any) -> tuple[tuple[str, ...], Array]:
     return names, np.array([[v.x, v.y, v.z] for wrench in wrenches for v in wrench]).reshape(-1)
 
 
-def _pose(part: str, message: Any) -> tuple[tuple[str, ...], Array]:
-    at, turned = message.pose.position, message.pose.orientation
+def _pose(recording: Recording, part: str, message: Message) -> tuple[tuple[str, ...], Array]:
+    pose = recording.decoded(message).pose
+    at, turned = pose.position, pose.orientation
     return tuple(f"pose.{part}.{column}" for column in _POSE), np.array(
         [at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
     )

@@ -18,7 +18,8 @@ from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.commands import CommandMap
 
 
-class JointPoint(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class JointPoint:
     """A point at a time in s from the start of the trajectory, in rad or m; None: not given."""
 
     time: float

@@ -187,10 +187,10 @@ class LabPage:
         self._node.step_on_command()
         return ""
 
-    def _pull(self, part: str, point: list[float], target: list[float], stiffness: float, damping: float) -> str:
-        if not np.all(np.abs([*point, *target, stiffness / STIFFEST, damping / STIFFEST]) < FARTHEST):
+    def _pull(self, part: str, point: list[float], target: list[float], *spring: float) -> str:
+        if not np.all(np.abs([*point, *target, *(one / STIFFEST for one in spring)]) < FARTHEST):
             raise CommandError("a pull is too strong", "Pull less far.")
-        self._node.wrenches.pull(Hold(part, np.array(point), np.array(target), stiffness, damping))
+        self._node.wrenches.pull(Hold(part, np.array(point), np.array(target), *spring))
         return ""
 
     def _release(self, part: str) -> str:

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -91,7 +91,8 @@ BIN = 1e-5  # s, the resolution of the histogram
 BINS = 10_000  # up to 0.1 s; the last bin holds everything longer
 
 
-class DurationSummary(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class DurationSummary:
     """Median, 99th percentile and maximum of durations in s, to a resolution of `BIN`."""
 
     median: float

@@ -25,6 +25,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.math.evaluation import all_evaluated
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
+from mbd_sim.simulation.contact.features.pairs import FeaturePairs
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -75,13 +76,26 @@ class OneSidedModel:
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
     `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,). `loaded` are
-    the indices of the friction elements that depend on the load of a joint.
+    the indices of the friction elements that depend on the load of a joint. `slots` (gaps,) says which gaps are slots;
+    these belong to the pairs of `features`.
     """
 
     __repr__ = short_repr
 
-    def __init__(self, functions: OneSidedFunctions, inputs: InputLayout, kernel: Kernel, size: float) -> None:
-        """:param size: of the mechanism in m."""
+    def __init__(
+        self,
+        functions: OneSidedFunctions,
+        inputs: InputLayout,
+        kernel: Kernel,
+        size: float,
+        part_names: Sequence[str],
+        tolerance: float,
+    ) -> None:
+        """:param size: of the mechanism in m.
+
+        :param part_names: in the order of the kernel's poses.
+        :param tolerance: how negative a guard may be by round-off.
+        """
         assert kernel.one_sided is not None
         one_sided = functions.equations
         self._functions, self.kernel, self.span = functions, kernel.one_sided, inputs.one_sided
@@ -101,6 +115,12 @@ class OneSidedModel:
         self.owners = tuple(one_sided.equations.rows[index].owner for index in range(self.layout.rows))
         self.pairs = [index for index, (rows, _) in enumerate(self.frictions) if len(rows) == 2]
         self.loaded = [index for index, element in enumerate(one_sided.frictions) if element.joint is not None]
+        self.slots = np.array([gap.numbers is not None for gap in one_sided.gaps], dtype=bool)
+        self.features: FeaturePairs | None = None
+        if np.any(self.slots):
+            first, accuracy = self.span.start, tolerance * one_sided.units.length
+            closed, features = (first + part.start for part in (self.layout.closed, self.layout.features))
+            self.features = FeaturePairs(one_sided, closed, features, kernel, part_names, accuracy)
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
         counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)

@@ -7,88 +7,33 @@ bracketing root finder on the one-step map.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base.first_zero import first_zero
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
-from mbd_sim.simulation.contact.compiled.library import CompiledContacts
+from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts
 from mbd_sim.simulation.contact.complementarity import solve
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, OneSidedReadings, address
-
-ITERATIONS = 80
-BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
-
-
-def first_zero(value: Callable[[float], float], length: float, start: float, end: float, tolerance: float) -> float:
-    """Where a function on (0, `length`] that ends negative leaves its positive values, to round-off.
-
-    :param start: its value at 0. If that is zero, up to the `tolerance`, or negative, a positive value is sought after
-        it; without one the result is 0: the guard was not positive from the start.
-    :param end: its value at `length`, negative.
-    """
-    low, f_low, high, f_high = 0.0, start, length, end
-    if not f_low > tolerance:
-        probe = length
-        for _ in range(BACKTRACKS):
-            probe *= 0.5
-            found = value(probe)
-            if found > tolerance:
-                low, f_low = probe, found
-                break
-            high, f_high = probe, found
-        else:
-            return 0.0
-    return _root(value, low, f_low, high, f_high, tolerance)
-
-
-def _root(
-    value: Callable[[float], float], low: float, f_low: float, high: float, f_high: float, tolerance: float
-) -> float:
-    """The zero between `low`, where the function is positive, and `high`, by Anderson and Björck's regula falsi.
-
-    Where the function jumps, the first argument after that.
-    """
-    best, least = (low, f_low) if abs(f_low) < abs(f_high) else (high, abs(f_high))
-    side = 0
-    for count in range(ITERATIONS):
-        middle = (low * f_high - high * f_low) / (f_high - f_low)
-        if count % 4 == 3 or not low < middle < high:
-            middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
-        found = value(middle)
-        if not math.isfinite(found):
-            break
-        if abs(found) < least:
-            best, least = middle, abs(found)
-        if found == 0.0:
-            return middle
-        if found > 0.0:
-            if side > 0:
-                factor = 1.0 - found / f_low
-                f_high *= factor if factor > 0.0 else 0.5
-            low, f_low, side = middle, found, 1
-        else:
-            if side < 0:
-                factor = 1.0 - found / f_high
-                f_low *= factor if factor > 0.0 else 0.5
-            high, f_high, side = middle, found, -1
-    return best if least <= tolerance else high
 
 
 class TrialMotion:
     """The motion from one state on, with all that was computed of it."""
 
-    def __init__(self, model: OneSidedModel, y: Array, inputs: Array, t: float) -> None:
+    def __init__(
+        self, model: OneSidedModel, y: Array, inputs: Array, t: float, known: Mapping[float, Array] | None = None
+    ) -> None:
+        """:param known: states after some lengths in s."""
         self._model, self._y, self._inputs, self._t = model, y, inputs, t
         self.start = y, inputs, t
         self._inputs_address = address(inputs)
-        self._states: dict[float, Array] = {0.0: y.copy()}
+        self._states: dict[float, Array] = {0.0: y.copy(), **(known or {})}
         self._readings: dict[float, OneSidedReadings] = {}
+        self._poses: dict[float, Array] = {}
 
     def state(self, length: float) -> Array:
         """The state after a length in s."""
@@ -106,6 +51,19 @@ class TrialMotion:
         if found is None:
             found = self._model.readings_at(self._t + length, address(self.state(length)), self._inputs_address)
             self._readings[length] = found
+        return found
+
+    def gaps(self, length: float) -> Array:
+        """The gaps (gaps,) after a length in s."""
+        return self.readings(length).gaps
+
+    def poses(self, length: float) -> Array:
+        """The poses of the parts after a length in s, in mechanisms with slots."""
+        found = self._poses.get(length)
+        if found is None:
+            assert self._model.features is not None
+            found = self._model.features.poses(self._t + length, address(self.state(length)), self._inputs_address)
+            self._poses[length] = found
         return found
 
 
@@ -160,9 +118,9 @@ class EventSearch:
         :raises FloatingPointError: the state does not stay finite.
         """
         sliding = [index for index in self._model.sliding(self._model.modes(inputs)) if index in self._place]
-        if not sliding:
-            after = y.copy()
-            return Stage(*self._contacts.stage(after, inputs, t, length, ignored), y=after)
+        if not sliding and self._model.features is None:
+            end = y.copy()
+            return Stage(*self._contacts.stage(end, inputs, t, length, ignored), y=end)
         self._turn(self._model.readings(t, y, inputs), inputs, sliding)
         motion = TrialMotion(self._model, y, inputs, t)
         before = motion.readings(0.0)
@@ -192,6 +150,8 @@ class EventSearch:
             if np.any(start.guards[negative[negative >= cause]] > self._tolerance):
                 # only with the directions at the end: of a shorter part these are nearer to those at the start
                 return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
+        if self._model.features is not None:
+            first = self._model.features.first_change(motion, inputs, first, length)
         if first is None:
             return Stage(length, False, motion.state(length), creeps=self._creeps(after, sliding))
         return Stage(first, True, motion.state(first), stopped if first == length else frozenset())

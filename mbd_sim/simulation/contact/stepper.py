@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
-from mbd_sim.simulation.contact.compiled.library import CompiledContacts
 from mbd_sim.simulation.contact.compiled.step import (
     BRIEF,
     CHANGED,
+    DONE,
     HARD,
     LONGER,
     MOST_AT_ONCE,
@@ -30,11 +30,12 @@ from mbd_sim.simulation.contact.compiled.step import (
     NOT_SIMPLE,
     SAME,
 )
+from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts
 from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
-from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
+from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, address
 from mbd_sim.simulation.contact.problem import NoSolutionError
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
-from mbd_sim.simulation.contact.search import EventSearch
+from mbd_sim.simulation.contact.search import EventSearch, TrialMotion
 
 Marks: TypeAlias = NDArray[np.int64]
 
@@ -104,19 +105,24 @@ class OneSidedStepper:
 
         :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes, first = y.copy(), inputs.copy(), int(counter[0])
+        before, modes, first, features = y.copy(), inputs.copy(), int(counter[0]), self._model.features
         self._new.clear()
         try:
             done = 0
             while done < n:
-                taken, why = self._contacts.advance(y, inputs, first + done, h, n - done, estimate)
+                if features is None:
+                    taken, why = self._contacts.advance(y, inputs, first + done, h, n - done, estimate)
+                    self._note_compiled()
+                else:
+                    taken, why = self._without_event(y, inputs, first + done, h, estimate)
                 done += taken
-                self._note_compiled()
                 if why == NOT_FINITE:
                     raise FloatingPointError
                 if why == HARD:
                     self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
                     done += 1
+                if features is not None:
+                    features.end_step((first + done) * h, y, inputs)
             counter[0] = first + n
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
             y[:], inputs[:], counter[0] = before, modes, first
@@ -126,6 +132,18 @@ class OneSidedStepper:
         self._keep_new()
         return True
 
+    def _without_event(self, y: Array, inputs: Array, first: int, h: float, estimate: Array) -> tuple[int, int]:
+        """Take a step in which features can change if it has no event: see `compiled.step.advance` for the result."""
+        before, features = y.copy(), self._model.features
+        assert features is not None
+        taken = self._model.kernel.advance_to_event(*map(address, (y, inputs)), first, h, 1, address(estimate))
+        if taken < 0:
+            return 0, NOT_FINITE
+        motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
+        if taken and features.first_change(motion, inputs, None, h) is not None:
+            y[:], taken = before, 0
+        return taken, DONE if taken else HARD
+
     def find_modes(self, time: float, y: Array, inputs: Array) -> None:
         """Find the modes of a state as if nothing were known of them, with impacts of contacts that approach.
 
@@ -133,6 +151,7 @@ class OneSidedStepper:
         """
         self._new.clear()
         self._model.modes(inputs)[:] = 0.0
+        self._renew(time, y, inputs)
         self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
         self._keep_new()
 
@@ -172,6 +191,7 @@ class OneSidedStepper:
 
     def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> Marks:
         """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
+        self._renew(time, y, inputs)
         before, kept = y.copy(), inputs.copy()
         reached = self._contacts.marks(self._model.guard_count)
         found = self._contacts.switch(time, y, inputs, decided.opening, decided.yielding, elastic, reached)
@@ -203,6 +223,10 @@ class OneSidedStepper:
         self._resolve(time, y, inputs, Forced(opening, yielding), touched, elastic)
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
         return SAME if is_same else CHANGED
+
+    def _renew(self, time: float, y: Array, inputs: Array) -> None:
+        if self._model.features is not None:
+            self._model.features.renew(time, y, inputs)
 
     def _resolve(
         self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False

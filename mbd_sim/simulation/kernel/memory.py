@@ -146,7 +146,7 @@ class KernelMemory:
 def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
     from mbd_sim.dynamics.constraints.start import rheonomic
-    from mbd_sim.simulation.contact.compiled.library import CompiledContacts
+    from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts
     from mbd_sim.simulation.contact.one_sided_model import guard_tolerance
     from mbd_sim.simulation.contact.stepper import OneSidedStepper
 

@@ -78,9 +78,10 @@ def one_sided_model(equations: Equations, kernel: Kernel) -> OneSidedModel | Non
     """The one-sided elements of a model, if there are any."""
     if equations.one_sided is None:
         return None
-    from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
+    from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, guard_tolerance
 
-    return OneSidedModel(equations.one_sided, equations.inputs, kernel, equations.constraints.size)
+    size, tolerance = equations.constraints.size, guard_tolerance(equations)
+    return OneSidedModel(equations.one_sided, equations.inputs, kernel, size, equations.part_names, tolerance)
 
 
 def partial_system(equations: Equations, method: Method) -> PartialSystem | None:

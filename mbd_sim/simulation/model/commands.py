@@ -116,11 +116,11 @@ def _rows(what: str, value: object, shape: tuple[int, ...]) -> Array:
     return rows
 
 
-def _finite(name: str, value: object) -> float:
+def _finite(name: str, value: Any) -> float:
     try:
         if isinstance(value, str | bytes):
             raise TypeError(f"{quoted(value)} is a text")
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except (TypeError, ValueError) as error:
         raise CommandError(f"the command of {name} is not a number ({error})", "Give a number.") from error
     if not math.isfinite(number):

@@ -322,6 +322,11 @@ class Model:
 
         return passing_functions(self.mechanism, self.input_layout.loaded)
 
+    @property
+    def changes_features(self) -> bool:
+        """Whether bodies touch with features that are looked at after each step."""
+        return self.one_sided is not None and self.one_sided.features is not None
+
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""
         if self.one_sided is None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from mbd_sim.base.first_zero import first_zero
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.simulation.contact.search import first_zero
 from mbd_sim.studies.kinematic_analysis.drive_line import least_place
 from mbd_sim.studies.kinematic_analysis.loads import CouplerAndFollower, TransmissionAngle
 from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
@@ -94,10 +95,14 @@ def _extreme(motion: DrivenMotion, values: Array, at: Callable[[int, float], flo
     sign = -1.0 if greatest else 1.0
     row = int(np.argmin(sign * values))
     best, place = float(values[row]), float(motion.s[row])
+
+    def signed(first: int, s: float) -> float:
+        return sign * at(first, s)
+
     for first in (row - 1, row):
         if 0 <= first < len(motion) - 1:
             low, high = float(motion.s[first]), float(motion.s[first + 1])
-            s = least_place(lambda s, first=first: sign * at(first, s), low, high, SECTIONS)  # type: ignore[misc]
+            s = least_place(partial(signed, first), low, high, SECTIONS)
             if sign * (value := at(first, s)) < sign * best - ROUNDING:
                 best, place = value, s
     return Extreme(best, float(motion.line.drives(place)[motion.leading]), greatest)

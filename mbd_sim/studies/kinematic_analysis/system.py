@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -296,10 +296,9 @@ class KinematicSystem:
 
     def with_values(self, values: Array) -> KinematicSystem:
         """A copy with other values of the symbolic parameters."""
-        other: Any = object.__new__(KinematicSystem)
-        other.__dict__.update(self.__dict__)
+        other = copy(self)
         other.values, other.constraints = values, self.constraints.with_values(values)
-        return other  # type: ignore[no-any-return]
+        return other
 
     def gradient(self, q: Array) -> Array:
         """G (m, nv)."""

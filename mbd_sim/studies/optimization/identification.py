@@ -215,7 +215,7 @@ def identify(
         values that the file refuses, such as a negative damping.
     """
     require_packages("scipy", purpose="Identifying parameters")
-    from scipy.special import stdtrit  # type: ignore[import-untyped]
+    from scipy.special import stdtrit
 
     runs, keys = measured_runs(data), [parameters] if isinstance(parameters, str) else list(parameters)
     if not keys or interval < 1:

@@ -206,7 +206,7 @@ def least_peak(
 
 def _step(values: Array, slopes: Array, box: Array, room: tuple[Array, Array]) -> tuple[Array, float]:
     """The step that minimizes the largest linearized deviation, and that deviation."""
-    from scipy.optimize import linprog  # type: ignore[import-untyped]
+    from scipy.optimize import linprog
 
     size = max(float(np.max(np.abs(values))), 1e-300)
     scaled = slopes * box / size

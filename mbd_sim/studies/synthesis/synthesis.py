@@ -134,7 +134,7 @@ def synthesize(
 def _least_squares(
     problem: DesignProblem, start: Array, bounds: tuple[Array, Array], most_steps: int
 ) -> tuple[Array, int, bool]:
-    from scipy.optimize import least_squares  # type: ignore[import-untyped]
+    from scipy.optimize import least_squares
 
     found: Any = least_squares(
         problem.deviations,

@@ -5,14 +5,6 @@ import viser.transforms
 
 from test.waiting import PATIENCE, wait_until
 
-FLAGS = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--enable-webgl",
-    "--ignore-gpu-blocklist",
-)
 SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU longer
 LARGE = {"width": 900, "height": 440}
 
@@ -60,6 +52,12 @@ class AnyPage:
         field = self.field(label)
         field.fill(text)
         field.press("Enter")
+
+    def downloaded(self, button):
+        """The name and the content of the file that a button sends."""
+        with self.page.expect_download() as download:
+            self.button(button)
+        return download.value.suggested_filename, download.value.path().read_bytes()
 
     def select(self, label, option, control):
         """Choose in a list until it has arrived: of two changes in a short time, the browser sends the last."""

@@ -4,7 +4,7 @@ import pytest
 
 from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
-from test.docs.site_browser import browser
+from test.docs.site_browser import FLAGS, browser
 from test.waiting import wait_until
 
 
@@ -12,8 +12,6 @@ from test.waiting import wait_until
 def chromium():
     pytest.importorskip("viser")
     playwright = pytest.importorskip("playwright.sync_api")
-    from test.lab.page.browser_page import FLAGS
-
     if browser() is None:
         pytest.skip("there is no browser: install chromium, or name one in MBD_SIM_TEST_BROWSER")
     with playwright.sync_playwright() as program:

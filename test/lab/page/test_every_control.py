@@ -1,15 +1,21 @@
-"""Every control of the page is used once, on a contact, a motor and a robot; those of a loop have tests of their own."""
+"""Every control of the page is used once, on a contact, a motor and a robot that stands on a floor; those of a loop have tests."""
 
+import io
+
+import numpy as np
 import pytest
+from PIL import Image
 
 from mbd_sim import load_mechanism
-from mbd_sim.files.urdf.writer import to_urdf
 from mbd_sim.lab.lab import Lab
+from mbd_sim.lab.page import keep_tab
+from mbd_sim.recordings.run.verification import verify
+from test.lab.page.robot import standing_robot
 from test.waiting import wait_until
 
 BrowserPage = pytest.importorskip("test.lab.page.browser_page").BrowserPage
 TABS = ("Change", "Plots", "Kinematics", "Show", "Keep")
-SENT = ("Picture", "Page with the motion", "Animation")  # their files are looked at in test_keep_tab
+SENT = ("Picture", "Page with the motion", "Animation")
 NARROW = {"width": 640, "height": 320}
 
 
@@ -81,25 +87,55 @@ class Controls:
         return self.element(uuid).count() > 0 and self.element(uuid).evaluate("e => e.checkVisibility()")
 
 
-def mechanism_of(name, folder):
-    """A shipped mechanism; a robot is read from its URDF."""
-    mechanism = load_mechanism(name.partition(".")[0])
-    if name.endswith(".urdf"):
-        (folder / name).write_text(to_urdf(mechanism), encoding="utf-8")
-        mechanism = load_mechanism(folder / name)
-    return mechanism
+def keeps(opened):
+    """A recording under a name, a picture, a page and an animation, each looked at."""
+    lab, name = opened.lab, opened.frame.mechanism.name
+    opened.tab("Keep")
+    opened.field("Recording").fill("mine.mcap")
+    inputs = lab.page.server.gui._gui_input_handle_from_uuid.values()
+    (path,) = (one for one in inputs if one.label == "Recording")
+    wait_until(lambda: path.value == "mine.mcap", "the name")
+    opened.select("Format", "webp", lab.page._keep._format)
+    lab.session.ask("speed", lambda session: session.set_speed(1.0))
+    opened.button("Pause")
+    wait_until(lambda: not opened.frame.running, "the pause")
+    opened.button("Reset")
+    wait_until(lambda: opened.frame.time == 0.0, "the start")
+    opened.button("Record")
+    wait_until(lambda: opened.frame.recording == "mine.mcap", "the recording")
+    opened.button("Play")
+    wait_until(lambda: opened.frame.time > 0.2, "the run")
+    opened.button("Pause")
+    wait_until(lambda: not opened.frame.running, "the pause")
+    opened.button("End the recording")
+    wait_until(lambda: not opened.frame.recording, "the end")
+    assert all(one.agrees for one in verify("mine.mcap"))
+    files = dict(opened.downloaded(button) for button in SENT)
+    assert set(files) == {f"{name}.{ending}" for ending in ("png", "html", "webp")}
+    picture = np.asarray(Image.open(io.BytesIO(files[f"{name}.png"])).convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(picture, axis=0)) > 100
+    assert Image.open(io.BytesIO(files[f"{name}.webp"])).n_frames > 3
+    assert files[f"{name}.html"].startswith(b"<!doctype html>")  # opened in test_keep_tab
 
 
-@pytest.mark.parametrize("name", ["bounce", "motor_drive", "six_axis_arm.urdf"])
+@pytest.mark.parametrize("name", ["bounce", "motor_drive", "robot"])
 def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    with Lab(mechanism_of(name, tmp_path), port=0) as lab:
+    monkeypatch.setattr(keep_tab, "PICTURE", (320, 240))  # a browser without a GPU draws large ones slowly
+    mechanism = load_mechanism(standing_robot(tmp_path) if name == "robot" else name)
+    with Lab(mechanism, port=0) as lab:
         opened = BrowserPage(chromium, lab, NARROW)
         controls = Controls(opened)
         controls.use_all()
         unused = {handle.label for uuid, handle in controls.handles.items() if uuid not in controls.heard}
         assert unused <= {"Back to the file"}
-        wait_until(lambda: lab.session.frame.number > 0, "a frame")
+        keeps(opened)
+        opened.tab("Show")
+        opened.check("Dark")
+        theme = "document.documentElement.dataset.mantineColorScheme"
+        wait_until(lambda: opened.page.evaluate(theme) == "dark", "the dark page")
+        before = lab.session.frame.number
+        wait_until(lambda: lab.session.frame.number > before, "a frame")
         assert lab.page._thread.is_alive()
         assert lab.session._thread.is_alive()
         assert not opened.errors

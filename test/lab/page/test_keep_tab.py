@@ -20,12 +20,6 @@ def keep(opened):
     return opened
 
 
-def downloaded(page, button):
-    with page.page.expect_download() as download:
-        page.button(button)
-    return download.value.suggested_filename, download.value.path().read_bytes()
-
-
 def test_a_recording_of_the_page_is_recomputed(keep):
     keep.button("Record")
     wait_until(lambda: keep.frame.recording, "the recording")
@@ -38,7 +32,7 @@ def test_a_recording_of_the_page_is_recomputed(keep):
 
 
 def test_a_picture_shows_the_mechanism(keep):
-    name, data = downloaded(keep, "Picture")
+    name, data = keep.downloaded("Picture")
     picture = Image.open(io.BytesIO(data))
     assert (name, picture.format, picture.size) == ("four_bar.png", "PNG", (1440, 1080))
     colors = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -49,7 +43,7 @@ def test_an_animation_moves(keep):
     tab = keep.lab.page._keep
     keep.select("Last", "2 s", tab._last)
     keep.select("Format", "webp", tab._format)
-    name, data = downloaded(keep, "Animation")
+    name, data = keep.downloaded("Animation")
     animation = Image.open(io.BytesIO(data))
     assert name == "four_bar.webp"
     assert 5 <= animation.n_frames <= 51
@@ -65,7 +59,7 @@ def test_without_a_motion_there_is_nothing_to_send(opened):
 
 
 def test_a_page_with_the_motion_opens_without_a_server(keep, chromium, tmp_path):
-    name, data = downloaded(keep, "Page with the motion")
+    name, data = keep.downloaded("Page with the motion")
     file = tmp_path / name
     file.write_bytes(data)
     page, asked = chromium.new_page(viewport={"width": 400, "height": 300}), []

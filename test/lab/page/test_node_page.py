@@ -9,7 +9,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from test.system.growing_recordings import STEP_NS, stop_recording, verified
+from test.system.growing_recordings import MAGIC, STEP_NS, stop_recording, verified
 from test.system.nodes import nanoseconds, running
 from test.waiting import wait_until
 
@@ -109,6 +109,23 @@ def test_play_pause_step_and_reset(node, opened):
     assert "time of a node is not wound back" in opened.page.content()
 
 
+def test_keys(node, opened):
+    listener, keyboard = node.listener, opened.page.keyboard
+    opened.page.evaluate("document.activeElement.blur()")  # no control takes the keys
+    node.back_to_the_start()
+    begun = nanoseconds(listener.states[-1].header.stamp)
+    keyboard.press("Space")
+    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > begun + 2e8, "the run")
+    keyboard.press("Space")
+    paused = listener.until_paused()
+    keyboard.press("ArrowLeft")  # time of a node does not go back
+    keyboard.press("ArrowRight")
+    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) == paused + STEP_NS, "one step")
+    resets = listener.events.count("reset")
+    keyboard.press("Home")
+    opened.until(lambda: listener.events.count("reset") == resets + 1, "the reset")
+
+
 def test_speed_is_the_parameter_of_the_node(node, opened):
     opened.choose("Speed", "1/4")
     opened.until(lambda: node.listener.parameter("real_time_factor") == 0.25, "the parameter")
@@ -176,8 +193,25 @@ def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, open
     )
 
 
-def test_the_recording_is_recomputed(node):
-    path = stop_recording(node.listener, node.folder)
-    assert verified(path).compared
+def test_the_recordings_are_recomputed(node, chromium):
+    """That from the start, ended on a page, and one that a page has begun."""
+    address = re.search(r"the lab is at (http://\S+)", node.process.text)
+    page = NodePage(chromium, address[1], node.listener)
+    page.tab("Keep")
+    recording = page.page.get_by_text(re.compile("recording to"))
+    recording.wait_for()
+    page.button("End the recording")
+    recording.wait_for(state="detached")
+    page.button("Record")
+    recording.wait_for()
+    page.button("Step")
+    page.page.close()
+    second = stop_recording(node.listener, node.folder)
+    paths = sorted(node.folder.rglob("*.mcap"))
+    assert len(paths) == 2
+    assert second in (*paths, *(path.parent for path in paths))
+    for path in paths:
+        node.listener.until(lambda path=path: path.read_bytes().endswith(MAGIC), f"the end of {path.name}")
+        assert verified(path).compared
     assert node.process.end() == 0
     assert "Traceback" not in node.process.text

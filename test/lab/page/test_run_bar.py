@@ -25,7 +25,7 @@ def test_keys(opened):
     opened.page.keyboard.press("ArrowRight")
     wait_until(lambda: opened.frame.time > paused, "the step")
     opened.page.keyboard.press("ArrowLeft")
-    wait_until(lambda: opened.frame.time < paused, "the step back")
+    wait_until(lambda: opened.frame.time == paused, "the step back")
     opened.page.keyboard.press("Home")
     wait_until(lambda: opened.frame.time == 0.0, "the reset")
 

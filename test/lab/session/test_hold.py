@@ -110,3 +110,46 @@ def test_at_a_dead_point_the_drive_turns_back():
             break
     assert "turns back" in bench.message
     assert dead - np.radians(3.0) < max(positions) < dead + 1e-9
+
+
+PRESCRIBED = """
+mechanism: table
+parameters: {a: 20 mm, r: 10 cm}
+parts:
+  table: {mass: 0, points: {pin: [r, 0, 0]}}
+  plate: {mass: 0, points: {rim: [1, 0, 0]}}
+joints:
+  shake: {type: prismatic, between: [ground, table], axis: [1, 0, 0], drive: a*cos(3*t)}
+  turn: {type: revolute, between: [table.pin, plate], axis: [0, 0, 1], drive: "{command: position, bandwidth: 8, position: 30 deg}"}
+""".replace('"', "")
+
+
+@pytest.mark.parametrize(("drive", "start", "end"), [("shake", 0.02, 0.07), ("turn", np.pi / 6.0, 1.0)])
+def test_a_joint_whose_motion_the_file_prescribes_is_moved_by_hand(drive, start, end):
+    """Also after a length has changed, with which the mechanism is built again."""
+    bench = PositionBench.driven(parse_mechanism(PRESCRIBED), drive)
+    assert bench.position == pytest.approx(start, abs=1e-15)
+    bench.simulation.set_live({"parameters.r": 0.2}, reassemble=True)
+    bench.drive_to(end)
+    assert bench.position == pytest.approx(end, abs=1e-12)
+    rim = bench.simulation.point("plate.rim").position
+    shift, angle = (end, np.pi / 6.0) if drive == "shake" else (0.02, end)
+    assert rim == pytest.approx([shift + 0.2 + np.cos(angle), np.sin(angle), 0.0], abs=1e-9)
+
+
+def test_the_force_of_a_hand_is_bounded_by_the_weight_of_the_mechanism():
+    """However far the pointer is, and however fast the part moves; near it, the spring and the damper act alone."""
+    bench = Bench.of(load_mechanism("rod_pendulum"))
+    simulation = bench.simulation
+    (part,) = simulation.wrench_map.slices
+    most = 10.0 * 9.80665 * simulation.mechanism.mass
+    point, far = np.array([0.0, 0.0, -0.3]), np.array([3e4, 0.0, 4e4])
+    bench.take_hold(part, point, far)
+    place, force = bench.hold.acting(simulation)
+    assert np.linalg.norm(force) == pytest.approx(most, rel=1e-12)
+    assert np.cross(force, far - place) == pytest.approx(np.zeros(3), abs=1e-6 * most)
+    bench.advance(10 * bench.period)
+    near = simulation.poses()[part].position + simulation.poses()[part].rotation @ point + [1e-4, 0.0, 0.0]
+    simulation.set_state({}, dict.fromkeys(simulation.coordinate_names, 0.0))
+    bench.pull_to(near)
+    assert bench.hold.acting(simulation)[1] == pytest.approx([1e-4 * bench.hold.stiffness, 0.0, 0.0], rel=1e-6)

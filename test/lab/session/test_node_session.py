@@ -104,10 +104,11 @@ def test_a_pull_is_repeated_until_the_hand_lets_go_or_its_page_is_closed(node):
     for end, sent in (("end", ["release", "pendulum"]), ("leave", ["abandon", "pendulum"])):
         node.session.ask("drag", lambda one: one.drag(7, "start", "pendulum", np.zeros(3), np.ones(3)))
         for _ in range(3):
-            ((name, part, point, target, stiffness, damping),) = node.turn()
+            ((name, part, point, target, stiffness, damping, strongest),) = node.turn()
             assert (name, part, point, target) == ("pull", "pendulum", [0.0] * 3, [1.0] * 3)
             assert stiffness > 0.0
             assert damping > 0.0
+            assert strongest == pytest.approx(10.0 * 9.80665 * 1.2)
         assert node.session.frame.pull is not None
         if end == "end":
             node.session.ask("end", lambda one: one.drag(7, "end", "pendulum", np.zeros(3), np.ones(3)))

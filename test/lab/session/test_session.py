@@ -81,6 +81,21 @@ def test_a_pause_is_the_last_point_of_the_history():
         assert session.frame.span[1] == session.frame.time > 0.0
 
 
+def test_a_step_back_undoes_a_step():
+    """However long ago the point of the history before the pause is."""
+    session, clock = session_of("cart_pendulum")
+    turns(session, clock, 30)
+    session.ask("run", OwnSession.pause)
+    turns(session, clock, 1)
+    paused = session.frame.time
+    times = [time for time, _ in session.history.points()]
+    session.ask("step", OwnSession.step)
+    for expected in (paused, times[-2], times[-3]):
+        session.ask("back", OwnSession.step_back)
+        turns(session, clock, 1)
+        assert session.frame.time == expected
+
+
 def test_winding_back_keeps_what_lies_ahead_and_lets_go():
     session, clock = session_of("cart_pendulum")
     turns(session, clock, 30)
@@ -161,7 +176,7 @@ def test_pulling_is_the_same_wrench_from_a_script():
             arm = frame.rotation @ grabbed
             velocity = frame.velocity + np.cross(frame.angular_velocity, arm)
             force = hold.stiffness * (end - (frame.position + arm)) - hold.damping * velocity
-            script.set_wrench(part, force, at=grabbed)
+            script.set_wrench(part, force * min(1.0, hold.strongest / np.linalg.norm(force)), at=grabbed)
         if step == 1997:
             script.set_wrench(part)
         script.step()

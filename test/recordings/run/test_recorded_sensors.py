@@ -2,6 +2,7 @@
 
 import math
 import random
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -112,7 +113,7 @@ def test_a_measurement_at_a_step_without_one_is_found(run, tmp_path):
 
     def move(number, message):
         if message.topic == topic and message.sequence == 40:
-            return message._replace(sequence=41, time_ns=message.time_ns + 1_000_000)
+            return replace(message, sequence=41, time_ns=message.time_ns + 1_000_000)
         return message
 
     rewrite(run, tmp_path / "moved.mcap", move)

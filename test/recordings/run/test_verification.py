@@ -6,6 +6,7 @@ import os
 import random
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,7 +127,7 @@ def test_a_missing_command_and_a_wrong_step_are_detected(run, tmp_path):
     found = only(rewrite(run, tmp_path / "x.mcap", lambda n, m: None if n == commands[0] else m))
     assert not found.agrees
     moved = only(
-        rewrite(run, tmp_path / "y.mcap", lambda n, m: m._replace(sequence=m.sequence + 1) if n == commands[0] else m)
+        rewrite(run, tmp_path / "y.mcap", lambda n, m: replace(m, sequence=m.sequence + 1) if n == commands[0] else m)
     )
     assert moved.first.name == "time of the step" and moved.first.topic == "/sim_node/applied_efforts"
 

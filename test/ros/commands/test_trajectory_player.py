@@ -1,6 +1,7 @@
 """How goals end: by their tolerances, on the way, at the end, and after it."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ def played(simulation):
 def test_between_two_points_is_the_polynomial_of_what_both_give(first, second, degree):
     conditions = [(p, k) for p in (first, second) for k in range((degree + 1) // 2)]
     rows = [[math.perm(n, k) * p.time ** (n - k) if n >= k else 0.0 for n in range(degree + 1)] for p, k in conditions]
-    polynomial = np.polynomial.Polynomial(np.linalg.solve(rows, [p[1 + k] for p, k in conditions]))
+    polynomial = np.polynomial.Polynomial(np.linalg.solve(rows, [astuple(p)[1 + k] for p, k in conditions]))
     for time in np.linspace(1.0, 3.0, 9):
         expected = [polynomial(time), polynomial.deriv(1)(time), polynomial.deriv(2)(time)]
         assert between(first, second, time) == pytest.approx(expected, abs=1e-11)

@@ -13,7 +13,7 @@ from mbd_sim.compiler.ir.python_functions import Array
 from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.compiled import forces, search
 from mbd_sim.simulation.contact.compiled.contacts import Contacts
-from mbd_sim.simulation.contact.compiled.forces import Problem
+from mbd_sim.simulation.contact.compiled.forces import ForceProblem
 from mbd_sim.simulation.contact.problem import NoSolutionError
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.
@@ -367,7 +367,7 @@ def test_an_impact_without_a_solution_names_its_contacts(monkeypatch):
         Simulation.from_file("bounce").run(until=1.0)
 
 
-def no_solution(p: Problem, forces: Array) -> float:
+def no_solution(p: ForceProblem, forces: Array) -> float:
     """In place of Newton's method; compiled."""
     return 1.0
 

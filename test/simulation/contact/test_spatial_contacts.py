@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.base.first_zero import first_zero
 from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.compiled import library
 from mbd_sim.simulation.contact.compiled import step as compiled_step
 from mbd_sim.simulation.contact.records import ContactChange
-from mbd_sim.simulation.contact.search import first_zero
 from test.generators.contact_mechanisms import contact_mechanism
 
 PUCK = """

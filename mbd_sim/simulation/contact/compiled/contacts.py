@@ -23,9 +23,10 @@ class Contacts:
 
     Addresses: `advance` to the next event, `part_step`, `readings`, `terms`, `response`, `restitution`, and `energies`,
     which is 0 where these need not be known at impacts: where nothing is `driven`, and nobody observes them. States
-    have `size` numbers, the modes are the inputs from `first_mode` on, the speeds are those of the state from
-    `first_speed` on, and the losses follow `first_loss`. Friction element k has the rows 2 k and 2 k + 1 of
-    `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1.
+    have `size` numbers, the speeds are those from `first_speed` on, and the losses follow `first_loss`. The modes are
+    the inputs from `first_mode` on, and those from their number `first_feature` on are the features of slots. Friction
+    element k has the rows 2 k and 2 k + 1 of `friction_rows`, the second of which is -1 along one direction, and the
+    gap `friction_gaps` k or -1.
     """
 
     simple: bool
@@ -46,6 +47,7 @@ class Contacts:
     pairs: int
     first_mode: int
     modes: int
+    first_feature: int
     first_speed: int
     speeds: int
     first_loss: int
@@ -56,6 +58,7 @@ class Contacts:
     friction_rows: Integers
     friction_gaps: Integers
     clutches: Integers
+    slots: Integers
     row_speeds: Array
     row_loads: Array
     gap_units: Array

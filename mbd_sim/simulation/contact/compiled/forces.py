@@ -19,7 +19,7 @@ NEWTON_STEPS = 40
 
 
 @dataclass(frozen=True)
-class Problem:
+class ForceProblem:
     """A contact problem: `matrix` A (n, n) and rates r (n,) without forces, the normal rows among them, and friction.
 
     Friction element k has the rows 2 k and 2 k + 1 of `friction_rows`, of which the second is -1 along one direction;
@@ -37,14 +37,14 @@ class Problem:
     sizes: Array
 
 
-def unique_forces(p: Problem, forces: Array) -> bool:
+def unique_forces(p: ForceProblem, forces: Array) -> bool:
     """λ (n,) that satisfies all conditions, if it is found quickly and the only one."""
     scale, start = zeros(p.n), zeros(p.n)
     matrix, free, sizes = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions)
     if p.n == 0:
         return True
     scaled_problem(p, matrix, free, sizes, scale)
-    scaled = Problem(
+    scaled = ForceProblem(
         p.n, matrix, free, p.normals, p.normal_rows, p.frictions, p.friction_rows, p.loads, sizes
     )  # fmt: skip
     found = by_lemke(scaled, forces) and newton(scaled, forces) <= ACCURATE
@@ -59,7 +59,7 @@ def unique_forces(p: Problem, forces: Array) -> bool:
     return True
 
 
-def scaled_problem(p: Problem, matrix: Array, free: Array, sizes: Array, scale: Array) -> None:
+def scaled_problem(p: ForceProblem, matrix: Array, free: Array, sizes: Array, scale: Array) -> None:
     """Scale a problem to rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
 
     The rows of one friction element keep a common scale, so that its circle stays one, and so does its normal row.
@@ -93,7 +93,7 @@ def scaled_problem(p: Problem, matrix: Array, free: Array, sizes: Array, scale: 
         sizes[k] = p.sizes[k] / scale[p.friction_rows[2 * k]] if p.loads[k] < 0 else p.sizes[k]
 
 
-def by_lemke(p: Problem, forces: Array) -> bool:
+def by_lemke(p: ForceProblem, forces: Array) -> bool:
     """The solution with friction along the directions of the rows, which is exact for one direction."""
     size, n = p.normals, p.n
     columns = p.normals + 4 * p.frictions
@@ -137,7 +137,7 @@ def by_lemke(p: Problem, forces: Array) -> bool:
     return True
 
 
-def rates_of(p: Problem, forces: Array, rates: Array) -> None:
+def rates_of(p: ForceProblem, forces: Array, rates: Array) -> None:
     """s (n,), summed in order."""
     n = p.n
     for i in range(n):
@@ -157,7 +157,7 @@ def length_of(rows: Integers, element: int, values: Array) -> float:
     return math.sqrt(first * first)
 
 
-def residual_of(p: Problem, forces: Array, trial: Array, natural: Array) -> float:
+def residual_of(p: ForceProblem, forces: Array, trial: Array, natural: Array) -> float:
     """The trial λ - s (n,), the residual F = λ - P(λ - s) (n,), and its size relative to the forces.
 
     P gives the nearest admissible forces. F is zero where all conditions are satisfied.
@@ -186,7 +186,7 @@ def residual_of(p: Problem, forces: Array, trial: Array, natural: Array) -> floa
     return largest / (1.0 + size)
 
 
-def newton(p: Problem, forces: Array) -> float:
+def newton(p: ForceProblem, forces: Array) -> float:
     """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual."""
     n = p.n
     trial, natural, best, change = zeros(n), zeros(n), zeros(n), zeros(n)
@@ -220,7 +220,7 @@ def newton(p: Problem, forces: Array) -> float:
     return least
 
 
-def jacobian_of(p: Problem, trial: Array, jacobian: Array) -> None:
+def jacobian_of(p: ForceProblem, trial: Array, jacobian: Array) -> None:
     """The Jacobian (n, n) of F = λ - P(λ - s)."""
     n = p.n
     for i in range(n):
@@ -258,7 +258,7 @@ def jacobian_of(p: Problem, trial: Array, jacobian: Array) -> None:
                     jacobian[second * n + j] -= p.sizes[k] * across * by_normal
 
 
-def is_unique(p: Problem, forces: Array) -> bool:
+def is_unique(p: ForceProblem, forces: Array) -> bool:
     """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
     n, largest, count = p.n, 0.0, 0
     rates, unit, chosen, closed = zeros(n), zeros(n * n), integers(n), integers(n)

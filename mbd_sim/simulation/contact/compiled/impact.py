@@ -12,7 +12,7 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     Contacts,
     rate_at,
 )
-from mbd_sim.simulation.contact.compiled.forces import Problem, unique_forces
+from mbd_sim.simulation.contact.compiled.forces import ForceProblem, unique_forces
 from mbd_sim.simulation.contact.compiled.linear import null_space, solve
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
@@ -136,7 +136,7 @@ def rebound(
         approach = min(before[i], 0.0)
         restitution = 0.0 if -approach < slow_of(c, e, chosen[i]) else e[chosen[i]]
         free[i] += restitution * (1.0 if elastic else 0.0) * approach
-    problem = Problem(count, matrix, free, normals, normal_rows, frictions, friction_rows, gaps, sizes)
+    problem = ForceProblem(count, matrix, free, normals, normal_rows, frictions, friction_rows, gaps, sizes)
     if not unique_forces(problem, found):
         return False
     loss[0] = lost_energy(count, matrix, before, found)

@@ -22,7 +22,7 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     readings_size,
     slides,
 )
-from mbd_sim.simulation.contact.compiled.forces import Problem, unique_forces
+from mbd_sim.simulation.contact.compiled.forces import ForceProblem, unique_forces
 from mbd_sim.simulation.contact.compiled.linear import best_conditioned, independent, pivots, unit_diagonal
 
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
@@ -300,7 +300,7 @@ def find_forces(c: Contacts, s: Search) -> bool:
             loads[frictions] = -1 if gap < 0 else place[gap]
             sizes[frictions] = friction_size(c, s.terms, k, 1)
             frictions += 1
-    if not unique_forces(Problem(count, matrix, own, normals, normal_rows, frictions, rows, loads, sizes), found):
+    if not unique_forces(ForceProblem(count, matrix, own, normals, normal_rows, frictions, rows, loads, sizes), found):
         return False
     for i in range(n):
         s.forces[i] = constant[i]
@@ -357,7 +357,7 @@ def write_modes(c: Contacts, s: Search, inputs: Array) -> bool:
     for i in range(n):
         for j in range(n):
             matrix[i * n + j] = s.terms[i + j * n]
-    for i in range(c.modes):
+    for i in range(c.first_feature):
         inputs[c.first_mode + i] = 0.0
     for gap in range(c.gaps):
         if s.touching[gap] and not s.open[gap] and (s.forces[gap] > 0.0 or abs(s.rates[gap]) <= s.unmoved[gap]):

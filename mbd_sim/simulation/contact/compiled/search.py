@@ -160,7 +160,7 @@ def may_graze(c: Contacts, inputs: Array, before: Array, after: Array, gap: int,
         return False
     nearest = min(before[1 + gap], after[1 + gap])
     is_near = nearest <= limit + FALLING * length * max(-down, up)
-    return is_near and inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap]
+    return is_near and inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap] and not c.slots[gap]
 
 
 def grazing(

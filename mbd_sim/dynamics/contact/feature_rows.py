@@ -1,0 +1,85 @@
+"""The gap of a slot: one of the points at which two bodies touch, with vertices, edges and faces that change.
+
+What touches is a block of numbers among the inputs, so that nothing is compiled as it changes. One expression serves
+all pairs of features: with the points A and B, the directions m_A and m_B, which are normals of faces or directions of
+edges, and D = A - B,
+
+    w = c_F (m_A + m_B) + c_X m_A × m_B + c_D (D - m_A m_A·D - m_B m_B·D),    n = w / |w|,    g = n·D - r_A - r_B.
+
+A vertex on a face has c_F = 1 and the normal that points from the second body to the first; two edges have c_X = 1; a
+point at an edge or at a point has c_D = 1, or -1 within a concave arc, whose radius is negative. A slot without
+features has zeros only; its gap is then the natural length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.contact.shapes import Touch
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.dynamics.math.spatial import constant
+
+SLOT_SIZE = 22  # numbers of a slot
+KEY = 21  # the place of the key
+TINY = 1e-60  # square in m² below which a direction counts as zero: in slots without features
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """What touches at a slot, and its `key`, by which its narrow phase knows it; 0 is not a key.
+
+    `points` and `directions` are (3,) in the frames of the two parts. `coefficients` are (c_F, c_X, c_D), see above.
+    The contact point is on the first body, or with `on_second` where the point of the second one is nearest to it.
+    `side` (3,) in the frame of the second part is a direction across the normal; directions of slip follow from it.
+    """
+
+    key: int
+    points: tuple[Array, Array]
+    directions: tuple[Array, Array]
+    coefficients: tuple[float, float, float]
+    radii: tuple[float, float]
+    on_second: bool
+    side: Array
+
+    @property
+    def numbers(self) -> Array:
+        """The numbers (SLOT_SIZE,) of the slot."""
+        scalars = (*self.coefficients, *self.radii, float(self.on_second))
+        return np.concatenate([*self.points, *self.directions, scalars, self.side, [float(self.key)]])
+
+
+def slot_touch(numbers: ca.SX, first: SymbolicPose, second: SymbolicPose, length: float, still: int | None) -> Touch:
+    """The geometry of a slot; the frames are those of the two parts.
+
+    :param length: the gap in m of a slot without features.
+    :param still: the axis of ground along which the bodies are prisms and nothing moves; None in space.
+    """
+    keep = np.ones(3)
+    if still is not None:
+        keep[still] = 0.0
+    a, b, m_a, m_b, side = (ca.sparsify(numbers[k : k + 3] * constant(keep)) for k in (0, 3, 6, 9, 18))
+    face, edges, points, r_a, r_b, on_second = (numbers[k] for k in range(12, 18))
+    at, other = first.position + first.rotation @ a, second.position + second.rotation @ b
+    m_a, m_b, line = first.rotation @ m_a, second.rotation @ m_b, at - other
+    across, free = ca.cross(m_a, m_b), line - m_a * ca.dot(m_a, line) - m_b * ca.dot(m_b, line)
+    w = face * (m_a + m_b) + edges * across + points * free
+    normal = w / ca.sqrt(ca.dot(w, w) + TINY)
+    distance = ca.dot(normal, line)
+    used = face + edges + points * points
+    cosine = ca.dot(m_a, m_b)
+    along = (cosine * ca.dot(m_b, line) - ca.dot(m_a, line)) / (1.0 - edges * cosine * cosine)
+    on_edge = edges * along - (1.0 - edges) * ca.dot(m_a, line) * (1.0 - face)
+    core = at + m_a * on_edge + on_second * (other + normal * distance - at - m_a * on_edge)
+    if still is None:
+        one = ca.cross(second.rotation @ side, normal)
+        one /= ca.sqrt(ca.dot(one, one) + TINY)
+        sides = one, ca.cross(normal, one)
+    else:
+        axis = constant(np.eye(3)[still])
+        sides = ca.cross(axis, normal), axis
+    gap = distance - r_a - r_b + (1.0 - used) * length
+    return Touch(gap, normal, core - r_a * normal, sides)

@@ -1,0 +1,1 @@
+"""Which features of two bodies touch: vertices, edges and faces, found outside the compiled steps."""

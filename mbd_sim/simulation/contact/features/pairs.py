@@ -1,0 +1,267 @@
+"""The pairs of bodies that touch with changing features: which are near, and when their features change.
+
+A slot has features only while it is closed, and at the instants of events. Whether two bodies meet is known from the
+distance that their narrow phase gives, so that the motion does not depend on what was looked at before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
+from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
+from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
+
+PATH = 1.05  # of the straight line, the path of a body in a step
+BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
+NARROWING = 60  # thirds by which the lowest distance within a step is sought
+BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
+
+
+def narrow_phase(contact: Contact) -> NarrowPhase:
+    """The narrow phase of a contact with slots."""
+    match contact.first, contact.second:
+        case Solid() as first, Solid() as second:
+            return PolytopePair(first, second, contact.slots)
+        case one, other:
+            raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
+
+
+@dataclass(frozen=True, eq=False)
+class FeaturePair:
+    """Two bodies, and where their slots are: the indices of their `gaps`, and of their `numbers` among the inputs.
+
+    `parts` are the rows of the poses of both.
+    """
+
+    contact: Contact
+    phase: NarrowPhase
+    gaps: tuple[int, ...]
+    numbers: tuple[slice, ...]
+    parts: tuple[int, int]
+
+
+class Motion(Protocol):
+    """A motion from a state on: what is read of it after a length in s."""
+
+    def poses(self, length: float) -> Array:
+        """The poses of all parts, see `FeaturePairs.poses`."""
+
+    def gaps(self, length: float) -> Array:
+        """The gaps (gaps,) in m of the slots with their present features."""
+
+
+class FeaturePairs:
+    """All pairs of a model with changing features. It holds no state.
+
+    :param closed: the place of the closed gaps among the inputs, and `features` that of the numbers of the slots.
+    :param tolerance: the gap in m that counts as zero.
+    """
+
+    __repr__ = short_repr
+
+    def __init__(
+        self,
+        one_sided: OneSidedEquations,
+        closed: int,
+        features: int,
+        kernel: Kernel,
+        part_names: Sequence[str],
+        tolerance: float,
+    ) -> None:
+        """:param kernel: which reads the poses of these parts."""
+        self._read, self._reads_inputs = kernel.readers["poses"], kernel.reads_inputs["poses"]
+        self._count, self._tolerance, self._closed = len(part_names), tolerance, closed
+        self._ground = pack_poses(np.zeros((1, 3)), np.eye(3)[None])
+        rows = {name: row for row, name in enumerate((*part_names, GROUND))}
+        slots: dict[Contact, list[int]] = {}
+        for gap in (index for index, gap in enumerate(one_sided.gaps) if gap.numbers is not None):
+            contact = one_sided.gaps[gap].contact
+            assert contact is not None
+            slots.setdefault(contact, []).append(gap)
+        self.pairs: list[FeaturePair] = []
+        first = features
+        for contact, gaps in slots.items():
+            numbers = tuple(slice(first + SLOT_SIZE * k, first + SLOT_SIZE * (k + 1)) for k in range(len(gaps)))
+            parts = rows[contact.first.at.part], rows[contact.second.at.part]
+            self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
+            first = numbers[-1].stop
+        self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
+        bounds = [pair.phase.bounds for pair in self.pairs]
+        self._centers = np.array([[each.center for each in both] for both in bounds])
+        self._radii = np.array([[each.radius for each in both] for both in bounds])
+
+    def poses(self, time: float, y: int, inputs: int) -> Array:
+        """The poses (parts + 1, 12) of all parts and of ground, from the addresses of a state and of the inputs."""
+        out, moment = np.empty((self._count + 1, 12)), np.array([time])
+        given = (y, inputs) if self._reads_inputs else (y,)
+        self._read(moment.ctypes.data, *given, out.ctypes.data)
+        out[-1:] = self._ground
+        return out
+
+    def closed(self, pair: FeaturePair, inputs: Array) -> list[int]:
+        """The slots of a pair that are closed."""
+        return [slot for slot, gap in enumerate(pair.gaps) if inputs[self._closed + gap]]
+
+    def first_change(self, motion: Motion, inputs: Array, first: float | None, length: float) -> float | None:
+        """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
+        end = length if first is None else first
+        for index in self._near(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
+            found = self._change(self.pairs[index], motion, inputs, end)
+            if found is not None:
+                first = end = found
+                if not end:
+                    break
+        return first
+
+    def _near(self, before: Array, after: Array) -> NDArray[np.intp]:
+        """The pairs whose spheres may meet on the way from the poses before to those after it."""
+        lines = []
+        for poses in (before, after):
+            positions, rotations = unpack_poses(poses)
+            centers = positions[self._parts] + _turned(rotations[self._parts], self._centers)
+            lines.append(centers[:, 0] - centers[:, 1])
+        gaps = sum(np.sqrt(dots(line, line)) - self._radii.sum(axis=1) for line in lines)
+        moved = lines[1] - lines[0]
+        path = np.sqrt(dots(moved, moved))
+        return np.flatnonzero(gaps <= PATH * path + 4.0 * self._tolerance)
+
+    def _change(self, pair: FeaturePair, motion: Motion, inputs: Array, end: float) -> float | None:
+        from mbd_sim.base.first_zero import first_zero
+
+        closed = self.closed(pair, inputs)
+        gaps = [pair.gaps[slot] for slot in closed]
+
+        def distance(s: float) -> float:
+            found = pair.phase.distance(*_poses_of(pair, motion.poses(s)))
+            return found - min(0.0, *motion.gaps(s)[gaps].tolist()) if gaps else found
+
+        def margin(s: float) -> float:
+            poses = _poses_of(pair, motion.poses(s))
+            return min((pair.phase.margin(*poses, inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
+
+        last, room = distance(end), margin(end)
+        if last >= 0.0 and room >= -self._tolerance:
+            return None if closed else self._passed(pair, motion, distance, end, last)
+        start = distance(0.0)
+        offset = self._tolerance + max(0.0, -start) if closed or start <= self._tolerance else 0.0
+
+        def value(s: float) -> float:
+            return min(distance(s) + offset, margin(s) + self._tolerance)
+
+        if (last := min(last + offset, room + self._tolerance)) >= 0.0:
+            return None
+        return first_zero(value, end, min(start + offset, margin(0.0) + self._tolerance), last, 0.0)
+
+    def _passed(
+        self, pair: FeaturePair, motion: Motion, distance: Callable[[float], float], end: float, last: float
+    ) -> float | None:
+        """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it."""
+        from mbd_sim.base.first_zero import first_zero
+
+        path = PATH * _path(pair, motion.poses(0.0), motion.poses(end))
+        if last >= path or (start := distance(0.0)) + last >= path or start <= self._tolerance:
+            return None
+        brief = BRIEF * end
+        if distance(brief) >= start or distance(end - brief) >= last:
+            return None
+        low, high = 0.0, end
+        for _ in range(NARROWING):
+            one, other = low + (high - low) / 3.0, high - (high - low) / 3.0
+            values = distance(one), distance(other)
+            if min(values) < 0.0:
+                lowest = one if values[0] < 0.0 else other
+                return first_zero(distance, lowest, start, distance(lowest), 0.0)
+            low, high = (low, other) if values[0] < values[1] else (one, high)
+        return None
+
+    def renew(self, time: float, y: Array, inputs: Array) -> None:
+        """Find the features of all slots at a state; closed slots keep theirs as long as these are where they meet."""
+        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+        near = set(self._near(poses, poses).tolist())
+        for index, pair in enumerate(self.pairs):
+            if index in near:
+                self._renew(pair, poses, inputs)
+            else:
+                for slot in range(len(pair.gaps)):
+                    self._empty(pair, slot, inputs)
+
+    def _renew(self, pair: FeaturePair, poses: Array, inputs: Array) -> None:
+        both = _poses_of(pair, poses)
+        kept: dict[int, int] = {}
+        for slot in self.closed(pair, inputs):
+            numbers = inputs[pair.numbers[slot]]
+            if pair.phase.margin(*both, numbers) >= -BORDER * self._tolerance:
+                kept[int(numbers[KEY])] = slot
+        found = [each for each in pair.phase.touching(*both, self._tolerance) if each.key not in kept]
+        old = {int(inputs[numbers][KEY]): slot for slot, numbers in enumerate(pair.numbers)}
+        free = [slot for slot in range(len(pair.gaps)) if slot not in kept.values()]
+        chosen = {old[each.key]: each for each in found if old.get(each.key) in free}
+        free = [slot for slot in free if slot not in chosen]
+        chosen |= dict(zip(free, (each for each in found if each.key not in old), strict=False))
+        for slot in range(len(pair.gaps)):
+            if slot in chosen:
+                if inputs[pair.numbers[slot]][KEY] != chosen[slot].key:
+                    self._empty(pair, slot, inputs)
+                inputs[pair.numbers[slot]] = chosen[slot].numbers
+            elif slot not in kept.values():
+                self._empty(pair, slot, inputs)
+
+    def _empty(self, pair: FeaturePair, slot: int, inputs: Array) -> None:
+        inputs[pair.numbers[slot]] = 0.0
+        inputs[self._closed + pair.gaps[slot]] = 0.0
+
+    def end_step(self, time: float, y: Array, inputs: Array) -> None:
+        """After a step: empty the slots that are open, and renew what the rows of the others iterate from."""
+        for pair in self.pairs:
+            closed = self.closed(pair, inputs)
+            for slot, numbers in enumerate(pair.numbers):
+                if slot not in closed:
+                    inputs[numbers] = 0.0
+            if closed and pair.phase.iterates:
+                both = _poses_of(pair, self.poses(time, y.ctypes.data, inputs.ctypes.data))
+                for slot in closed:
+                    inputs[pair.numbers[slot]] = pair.phase.renewed(*both, inputs[pair.numbers[slot]])
+
+    def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
+        """The contacts whose bodies penetrate each other at a state, with the depths in m."""
+        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+        for index in self._near(poses, poses).tolist():
+            pair = self.pairs[index]
+            if (depth := -pair.phase.distance(*_poses_of(pair, poses))) > 0.0:
+                yield pair.contact, depth
+
+
+def _turned(rotations: Array, vectors: Array) -> Array:
+    """Vectors (..., 3) turned by rotations (..., 3, 3)."""
+    x, y, z = (vectors[..., i : i + 1] for i in range(3))
+    return np.asarray(x * rotations[..., 0] + y * rotations[..., 1] + z * rotations[..., 2])
+
+
+def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
+    """The poses of both parts."""
+    one, other = (Pose(row[:3], row[3:].reshape(3, 3).T) for row in (poses[pair.parts[0]], poses[pair.parts[1]]))
+    return one, other
+
+
+def _path(pair: FeaturePair, before: Array, after: Array) -> float:
+    """How far in m a point of one body can have moved against the other one."""
+    total, lines = 0.0, []
+    for bounds, part in zip(pair.phase.bounds, pair.parts, strict=True):
+        ends = [row[part] for row in (before, after)]
+        change = ends[1][3:] - ends[0][3:]
+        total += bounds.radius * float(np.sqrt((change * change).sum()))
+        lines.append([turned(row[3:].reshape(3, 3).T, bounds.center) + row[:3] for row in ends])
+    moved = (lines[0][1] - lines[1][1]) - (lines[0][0] - lines[1][0])
+    return total + float(np.sqrt(dots(moved, moved)))
