@@ -434,6 +434,8 @@ class _Translation:
         name = ast.unparse(expression.func)
         if name == "any" and isinstance(expression.args[0], ast.GeneratorExp):
             return self._any(expression.args[0])
+        if name == "cast":  # of an array of slots to a record
+            return _Typed(ast.unparse(expression.args[0]).strip("'\""), self._value(expression.args[1]).value)
         arguments = [self._value(each) for each in expression.args]
         if name in ("abs", "math.sqrt"):
             intrinsic = "llvm.fabs" if name == "abs" else "llvm.sqrt"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,8 +99,8 @@ class CompiledContacts:
         energies = self._kernel.reader_address("energies") if needed else 0
         simple = not self._model.loaded and (self._observable or not needed)
         self._contacts = replace(self._contacts, energies=energies, simple=simple)
-        self._packed = packed(self._contacts)
-        self._address = self._packed.ctypes.data
+        self.packed = packed(self._contacts)
+        self._address = self.packed.ctypes.data
         self._results = self._events.ctypes.data, self._counts.ctypes.data
 
     def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> tuple[int, int]:
@@ -167,3 +168,36 @@ class CompiledContacts:
             )
             found.append(ContactEvent(time, name, CHANGES[change], *numbers))
         return found
+
+
+def advance_members(
+    contacts: NDArray[np.int64],
+    arrays: Mapping[str, Array],
+    members: NDArray[np.int64],
+    first: int,
+    h: float,
+    steps: int,
+) -> list[int]:
+    """Take steps of some members in place, without the interpreter's lock; those that are left to others.
+
+    :param contacts: of all members (k, slots), see `CompiledContacts.packed`.
+    :param arrays: `y` (k, n), `inputs` (k, m), `estimates` (k,) and `alive` (k,) of all members.
+    """
+    left = np.zeros(len(members), dtype=np.int64)
+    y, inputs, estimates, alive = (arrays[name] for name in ("y", "inputs", "estimates", "alive"))
+    count = library().advance_members(
+        contacts.ctypes.data,
+        contacts.shape[1],
+        y.ctypes.data,
+        inputs.ctypes.data,
+        inputs.shape[1],
+        estimates.ctypes.data,
+        alive.ctypes.data,
+        members.ctypes.data,
+        len(members),
+        first,
+        h,
+        steps,
+        left.ctypes.data,
+    )
+    return [int(member) for member in left[:count].tolist()]

@@ -7,7 +7,7 @@ keep their ends at k h, so that publishing and recording stay as they are.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -40,6 +40,13 @@ from mbd_sim.simulation.contact.search import EventSearch, TrialMotion
 Marks: TypeAlias = NDArray[np.int64]
 
 EVENTS_KEPT = 10_000
+NO_FORCES = (
+    "no contact forces are possible ({}): the mechanism jams, or slides with too much friction (Painlevé's paradox). "
+    "Reduce the friction, or make the contacts compliant."
+)
+NO_IMPULSES = (
+    "no impulses satisfy the laws of impact and friction ({}). Reduce the friction, or make the contacts compliant."
+)
 CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
 
 
@@ -66,7 +73,8 @@ class _Decided:
 class OneSidedStepper:
     """Advances a state `y` and the modes among its `inputs`, both in place.
 
-    `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all. An `observer`
+    `energy(time, y, inputs)` is the total energy in J, and `moving_drives` of the same are the names of the drives that
+    move. `events` are the latest ones of `count` in all. An `observer`
     sees them, in order, at the latest when a call of `advance` ends.
     """
 
@@ -80,8 +88,9 @@ class OneSidedStepper:
         rest_speed: float,
         tolerance: float,
         driven: bool,
+        moving_drives: Callable[[float, Array, Array], Sequence[str]] = lambda *_: (),
     ) -> None:
-        self._model, self._contacts, self._energy = model, contacts, energy
+        self._model, self._contacts, self._energy, self._moving_drives = model, contacts, energy, moving_drives
         self._speeds, self._losses = speeds, losses
         self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
         self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, contacts, tolerance)
@@ -89,6 +98,11 @@ class OneSidedStepper:
         self.count = 0
         self._observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
+
+    @property
+    def packed(self) -> Marks:
+        """The contacts for `advance_members`."""
+        return self._contacts.packed
 
     @property
     def observer(self) -> ContactObserver | None:
@@ -249,14 +263,24 @@ class OneSidedStepper:
             try:
                 modes = self._finder.find(time, y, inputs)
             except NoSolutionError as error:
-                raise EventError(
-                    f"at {time:.9g} s no contact forces are possible ({self._names(touching)}): the mechanism jams, or "
-                    "slides with too much friction (Painlevé's paradox). Reduce the friction, or make the contacts "
-                    "compliant."
-                ) from error
+                raise self._unsolved(time, y, inputs, touching, NO_FORCES) from error
         model.modes(inputs)[:] = modes
         if not first:
             self._record_changes(time, old, modes)
+
+    def _unsolved(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> EventError:
+        """The error of contacts without a solution: gaps that only drives or the time change, or too much friction."""
+        movable = np.diag(self._model.terms(time, y, inputs).matrix)[: len(touching)] > 0.0
+        if not np.any(touching & ~movable):
+            return EventError(f"at {time:.9g} s {law.format(self._names(touching))}")
+        drives = self._moving_drives(time, y, inputs)
+        by = f"the {'drive' if len(drives) == 1 else 'drives'} of {', '.join(drives)}" if drives else "the time"
+        names = self._names(touching & ~movable)
+        return EventError(
+            f"at {time:.9g} s the gap of {names} is closed by {by} alone, and no contact force can stop that motion. "
+            "Change it so that the gap stays open, or let a part yield: with a spring in place of a driven joint, or a "
+            "compliant contact."
+        )
 
     def _names(self, touching: Mask) -> str:
         return ", ".join(name for name, at in zip(self._model.names, touching, strict=True) if at)
@@ -282,10 +306,7 @@ class OneSidedStepper:
         try:
             found = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
         except NoSolutionError as error:
-            raise EventError(
-                f"at {time:.9g} s no impulses satisfy the laws of impact and friction ({self._names(touching)}). "
-                "Reduce the friction, or make the contacts compliant."
-            ) from error
+            raise self._unsolved(time, y, inputs, touching, NO_IMPULSES) from error
         self._apply(time, y, inputs, found)
 
     def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:

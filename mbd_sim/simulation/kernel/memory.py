@@ -155,6 +155,10 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     def energy(time: float, y: Array, inputs: Array) -> float:
         return model.energies(time, y, 0.0, inputs).total
 
+    def moving_drives(time: float, y: Array, inputs: Array) -> list[str]:
+        speeds = model.drives(time, y, inputs)[1].tolist()
+        return [name for name, speed in zip(model.driven_names, speeds, strict=True) if speed]
+
     tolerance, driven = guard_tolerance(model.equations), rheonomic(mechanism)
     contacts = CompiledContacts(
         model.one_sided,
@@ -167,5 +171,13 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         driven,
     )
     return OneSidedStepper(
-        model.one_sided, contacts, energy, model.u_range, model.loss_range, mechanism.rest_speed, tolerance, driven
+        model.one_sided,
+        contacts,
+        energy,
+        model.u_range,
+        model.loss_range,
+        mechanism.rest_speed,
+        tolerance,
+        driven,
+        moving_drives,
     )

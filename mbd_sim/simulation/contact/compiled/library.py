@@ -9,9 +9,15 @@ from typing import Any
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.ir.python_functions import emit_function, prototype, signature_of
-from mbd_sim.simulation.contact.compiled import search, step
+from mbd_sim.simulation.contact.compiled import members, search, step
 
-EXPORTED: tuple[Callable[..., Any], ...] = step.advance, step.switch, search.stage, search.first_event
+EXPORTED: tuple[Callable[..., Any], ...] = (
+    step.advance,
+    members.advance_members,
+    step.switch,
+    search.stage,
+    search.first_event,
+)
 
 
 @functools.cache
