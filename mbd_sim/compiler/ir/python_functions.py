@@ -85,6 +85,11 @@ def signature_of(function: Callable[..., Any]) -> tuple[str, list[str]]:
     return kinds.pop("return"), list(kinds.values())
 
 
+def name_of(function: Callable[..., Any]) -> str:
+    """The name of an emitted function."""
+    return f"{function.__module__}.{function.__name__}"
+
+
 def packed(record: Any) -> NDArray[np.int64]:
     """The fields of a record as compiled functions read them; the arrays among them must outlive it."""
     slots = np.zeros(len(fields(record)), dtype=np.int64)
@@ -108,7 +113,7 @@ def emit_function(module: Module, function: Callable[..., Any], *, exported: boo
 
     :raises NotImplementedError: it does not keep to the subset; the message names the line.
     """
-    emitted = module.functions.get(function.__name__) or _Translation(module, function).run()
+    emitted = module.functions.get(name_of(function)) or _Translation(module, function).run()
     if exported:
         emitted.linkage = ""
     return emitted
@@ -129,7 +134,7 @@ class _Translation:
         self._result, kinds = signature_of(function)
         self._globals = function.__globals__
         types = [_TYPES.get(kind, POINTER) for kind in kinds]
-        self.function = Function(module, FunctionType(_TYPES.get(self._result, POINTER), types), function.__name__)
+        self.function = Function(module, FunctionType(_TYPES.get(self._result, POINTER), types), name_of(function))
         self.function.linkage = "internal"
         self.function.attributes = ["noinline", "nounwind"]
         self._entry = IRBuilder(self.function.append_basic_block("entry"))

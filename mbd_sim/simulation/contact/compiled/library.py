@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
-from mbd_sim.compiler.ir.python_functions import emit_function, prototype, signature_of
+from mbd_sim.compiler.ir.python_functions import emit_function, name_of, prototype, signature_of
 from mbd_sim.simulation.contact.compiled import members, search, step
 
 EXPORTED: tuple[Callable[..., Any], ...] = (
@@ -27,5 +27,5 @@ def library() -> SimpleNamespace:
     for function in EXPORTED:
         emit_function(module, function, exported=True)
     code = compile_module(module)
-    names = {one.__name__: prototype(*signature_of(one))(code.address(one.__name__)) for one in EXPORTED}
+    names = {one.__name__: prototype(*signature_of(one))(code.address(name_of(one))) for one in EXPORTED}
     return SimpleNamespace(code=code, **names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_functions import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.contacts import (
@@ -25,45 +26,71 @@ NONE = -1.0  # in place of the length up to an event
 DIVERGED = -2.0
 
 
-def try_length(c: Contacts, y: Array, inputs: Array, t: float, length: float, state: Array, out: Array) -> bool:
-    """The state and the readings after a length in s; False where it does not stay finite."""
-    for i in range(c.size):
-        state[i] = y[i]
-    if length != 0.0 and PART_STEP(c.part_step, state, inputs, t, length) < 0:
-        return False
-    read(c, t + length, state, inputs, out)
-    return True
+@dataclass(frozen=True)
+class TrialPart:
+    """The motion from a state on, for up to a `length` in s.
 
-
-def value_of(c: Contacts, out: Array, what: int, index: int) -> float:
-    """One of the values of which a zero is sought."""
-    if what == GUARD:
-        return out[guard_at(c, index)]
-    if what == GAP:
-        return out[1 + index] / c.gap_units[index]
-    return -out[rate_at(c, index)]
-
-
-def first_zero(
-    c: Contacts, y: Array, inputs: Array, t: float, what: int, index: int,
-    length: float, start: float, end: float, tolerance: float,
-) -> float:  # fmt: skip
-    """Where a value that ends negative leaves its positive values within (0, `length`], to round-off.
-
-    :param start: its value at 0. If that is zero, up to the `tolerance`, or negative, a positive value is sought after
-        it; without one the result is 0: it was not positive from the start.
-    :param end: its value at `length`, negative.
+    `before` are the readings at its start, `end` and `after` the state and the readings after the `length`, and `state`
+    and `out` those after the `latest` other length that was tried. `failed` is 1 if one was not finite.
     """
-    state, out = zeros(c.size), zeros(readings_size(c))
-    low, f_low, high, f_high = 0.0, start, length, end
+
+    y: Array
+    inputs: Array
+    t: float
+    length: float
+    before: Array
+    end: Array
+    after: Array
+    latest: Array
+    state: Array
+    out: Array
+    failed: Integers
+
+
+def begin(c: Contacts, m: TrialPart) -> None:
+    """Find the readings at both ends."""
+    read(c, m.t, m.y, m.inputs, m.before)
+    m.latest[0] = NONE
+    try_length(c, m, m.length, m.end, m.after)
+
+
+def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array) -> None:
+    """The state and the readings after a length in s."""
+    for i in range(c.size):
+        state[i] = m.y[i]
+    if length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
+        m.failed[0] = 1
+    read(c, m.t + length, state, m.inputs, out)
+
+
+def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) -> float:
+    """One of the values of which a zero is sought, after a length in s."""
+    readings = m.out
+    if length in (0.0, m.length):
+        readings = m.before if length == 0.0 else m.after
+    elif length != m.latest[0]:
+        m.latest[0] = length
+        try_length(c, m, length, m.state, m.out)
+    if what == GUARD:
+        return readings[guard_at(c, index)]
+    if what == GAP:
+        return readings[1 + index] / c.gap_units[index]
+    return -readings[rate_at(c, index)]
+
+
+def first_zero(c: Contacts, m: TrialPart, what: int, index: int, length: float, tolerance: float) -> float:
+    """Where a value that is negative after a length leaves its positive values before that, to round-off.
+
+    If it is zero, up to the `tolerance`, or negative at the start, a positive value is sought after it; without one the
+    result is 0: it was not positive from the start.
+    """
+    low, f_low, high, f_high = 0.0, value_of(c, m, 0.0, what, index), length, value_of(c, m, length, what, index)
     if not f_low > tolerance:
         probe = length
         count = 0
         while count < BACKTRACKS:
             probe *= 0.5
-            if not try_length(c, y, inputs, t, probe, state, out):
-                return DIVERGED
-            found = value_of(c, out, what, index)
+            found = value_of(c, m, probe, what, index)
             if found > tolerance:
                 low, f_low = probe, found
                 break
@@ -81,9 +108,7 @@ def first_zero(
             middle = 0.5 * (low + high)
         if middle in (low, high):
             break
-        if not try_length(c, y, inputs, t, middle, state, out):
-            return DIVERGED
-        found = value_of(c, out, what, index)
+        found = value_of(c, m, middle, what, index)
         if not math.isfinite(found):
             break
         if abs(found) < least:
@@ -103,24 +128,47 @@ def first_zero(
     return best if least <= tolerance else high
 
 
-def earlier(
-    c: Contacts, y: Array, inputs: Array, t: float, what: int, index: int, first: float, length: float,
-    state: Array, out: Array,
-) -> float:  # fmt: skip
-    """The zero of a value that is negative at the end, if it is earlier than the `first` until now.
+def earlier(c: Contacts, m: TrialPart, what: int, index: int, first: float) -> float:
+    """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
+    end = m.length if first < 0.0 else first
+    if end == 0.0 or value_of(c, m, end, what, index) >= -c.tolerance:
+        return first
+    return first_zero(c, m, what, index, end, c.tolerance)
 
-    :param state: and `out` are memory.
-    """
-    end = length if first < 0.0 else first
-    if end == 0.0:
-        return first
-    if not try_length(c, y, inputs, t, end, state, out):
-        return DIVERGED
-    last = value_of(c, out, what, index)
-    if last >= -c.tolerance:
-        return first
-    try_length(c, y, inputs, t, 0.0, state, out)
-    return first_zero(c, y, inputs, t, what, index, end, value_of(c, out, what, index), last, c.tolerance)
+
+def first_of(c: Contacts, m: TrialPart, first: float, left_out: Integers, cause: Integers) -> float:
+    """The length up to the first event of a motion, if it is before the `first` until now: see `first_event`."""
+    cause[0] = -1
+    for guard in range(c.guards):
+        if m.after[guard_at(c, guard)] < -c.tolerance and not left_out[guard]:
+            found = earlier(c, m, GUARD, guard, first)
+            if found != first:
+                cause[0] = guard
+            first = found
+    for gap in range(c.gaps):
+        if may_graze(c, m, gap):
+            first = grazing(c, m, gap, first)
+    return DIVERGED if m.failed[0] else first
+
+
+def may_graze(c: Contacts, m: TrialPart, gap: int) -> bool:
+    """Whether a gap that turns back may have been negative in between."""
+    down, up = m.before[rate_at(c, gap)], m.after[rate_at(c, gap)]
+    limit = c.tolerance * c.gap_units[gap]
+    if not (down < 0.0 and up > 0.0 and m.before[1 + gap] > limit and m.after[1 + gap] >= -limit):
+        return False
+    nearest = min(m.before[1 + gap], m.after[1 + gap])
+    is_near = nearest <= limit + FALLING * m.length * max(-down, up)
+    return is_near and m.inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap] and not c.slots[gap]
+
+
+def grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
+    """Where a gap that turns within the step becomes zero before that, if that is the first event."""
+    lowest = first_zero(c, m, RATE, gap, m.length, 0.0)
+    if first >= 0.0 and first <= lowest:
+        return first if first == 0.0 else earlier(c, m, GAP, gap, first)
+    found = earlier(c, m, GAP, gap, lowest)
+    return found if found != lowest else first
 
 
 def first_event(
@@ -131,51 +179,13 @@ def first_event(
     :param left_out: 1 for guards (guards,) that make no event.
     :param cause: becomes the guard of it, where it is one; -1 otherwise.
     """
-    state, out, before, after = zeros(c.size), zeros(readings_size(c)), zeros(readings_size(c)), zeros(readings_size(c))
-    cause[0] = -1
-    try_length(c, y, inputs, t, 0.0, state, before)
-    if not try_length(c, y, inputs, t, length, state, after):
-        return DIVERGED
-    for guard in range(c.guards):
-        if after[guard_at(c, guard)] < -c.tolerance and not left_out[guard]:
-            found = earlier(c, y, inputs, t, GUARD, guard, first, length, state, out)
-            if found == DIVERGED:
-                return DIVERGED
-            if found != first:
-                cause[0] = guard
-            first = found
-    for gap in range(c.gaps):
-        if may_graze(c, inputs, before, after, gap, length):
-            first = grazing(c, y, inputs, t, gap, first, length, before, after)
-            if first == DIVERGED:
-                return DIVERGED
-    return first
-
-
-def may_graze(c: Contacts, inputs: Array, before: Array, after: Array, gap: int, length: float) -> bool:
-    """Whether a gap that turns back may have been negative in between."""
-    down, up = before[rate_at(c, gap)], after[rate_at(c, gap)]
-    limit = c.tolerance * c.gap_units[gap]
-    if not (down < 0.0 and up > 0.0 and before[1 + gap] > limit and after[1 + gap] >= -limit):
-        return False
-    nearest = min(before[1 + gap], after[1 + gap])
-    is_near = nearest <= limit + FALLING * length * max(-down, up)
-    return is_near and inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap] and not c.slots[gap]
-
-
-def grazing(
-    c: Contacts, y: Array, inputs: Array, t: float, gap: int, first: float, length: float, before: Array, after: Array
-) -> float:
-    """Where a gap that turns within the step becomes zero before that, if that is the first event."""
-    state, out = zeros(c.size), zeros(readings_size(c))
-    start, end = value_of(c, before, RATE, gap), value_of(c, after, RATE, gap)
-    lowest = first_zero(c, y, inputs, t, RATE, gap, length, start, end, 0.0)
-    if lowest == DIVERGED:
-        return DIVERGED
-    if first >= 0.0 and first <= lowest:
-        return first if first == 0.0 else earlier(c, y, inputs, t, GAP, gap, first, length, state, out)
-    found = earlier(c, y, inputs, t, GAP, gap, lowest, length, state, out)
-    return found if found != lowest else first
+    n, readings = c.size, readings_size(c)
+    m = TrialPart(
+        y, inputs, t, length, zeros(readings), zeros(n), zeros(readings), zeros(1), zeros(n), zeros(readings),
+        integers(1),
+    )  # fmt: skip
+    begin(c, m)
+    return first_of(c, m, first, left_out, cause)
 
 
 def stage(c: Contacts, y: Array, inputs: Array, t: float, length: float, ignored: Integers, found: Array) -> int:
@@ -183,21 +193,23 @@ def stage(c: Contacts, y: Array, inputs: Array, t: float, length: float, ignored
 
     Negative where the state would not stay finite. `found[0]` becomes its length.
     """
-    out, cause = zeros(readings_size(c)), integers(1)
-    state = zeros(c.size)
-    if not try_length(c, y, inputs, t, length, state, out):
+    n, readings, cause = c.size, readings_size(c), integers(1)
+    m = TrialPart(
+        y, inputs, t, length, zeros(readings), zeros(n), zeros(readings), zeros(1), zeros(n), zeros(readings),
+        integers(1),
+    )  # fmt: skip
+    begin(c, m)
+    if m.failed[0] or any(not math.isfinite(m.after[guard_at(c, k)]) for k in range(c.guards)):
         return -1
-    for guard in range(c.guards):
-        if not math.isfinite(out[guard_at(c, guard)]):
-            return -1
-    first = first_event(c, y, inputs, t, length, NONE, ignored, cause)
-    if first == DIVERGED:
-        return -1
+    first = first_of(c, m, NONE, ignored, cause)
     found[0] = length if first < 0.0 else first
-    if not try_length(c, y, inputs, t, found[0], state, out):
+    is_end = found[0] == length
+    if not is_end and found[0] != m.latest[0]:
+        try_length(c, m, found[0], m.state, m.out)
+    if m.failed[0]:
         return -1
-    for i in range(c.size):
-        y[i] = state[i]
+    for i in range(n):
+        y[i] = m.end[i] if is_end else m.state[i]
     return 1 if first >= 0.0 else 0
 
 
