@@ -63,6 +63,11 @@ def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Arra
     read(c, m.t + length, state, m.inputs, out)
 
 
+def has_failed(m: TrialPart) -> bool:
+    """Whether a state was not finite."""
+    return m.failed[0] != 0
+
+
 def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) -> float:
     """One of the values of which a zero is sought, after a length in s."""
     readings = m.out
@@ -148,7 +153,7 @@ def first_of(c: Contacts, m: TrialPart, first: float, left_out: Integers, cause:
     for gap in range(c.gaps):
         if may_graze(c, m, gap):
             first = grazing(c, m, gap, first)
-    return DIVERGED if m.failed[0] else first
+    return DIVERGED if has_failed(m) else first
 
 
 def may_graze(c: Contacts, m: TrialPart, gap: int) -> bool:
@@ -199,14 +204,14 @@ def stage(c: Contacts, y: Array, inputs: Array, t: float, length: float, ignored
         integers(1),
     )  # fmt: skip
     begin(c, m)
-    if m.failed[0] or any(not math.isfinite(m.after[guard_at(c, k)]) for k in range(c.guards)):
+    if has_failed(m) or any(not math.isfinite(m.after[guard_at(c, k)]) for k in range(c.guards)):
         return -1
     first = first_of(c, m, NONE, ignored, cause)
     found[0] = length if first < 0.0 else first
     is_end = found[0] == length
     if not is_end and found[0] != m.latest[0]:
         try_length(c, m, found[0], m.state, m.out)
-    if m.failed[0]:
+    if has_failed(m):
         return -1
     for i in range(n):
         y[i] = m.end[i] if is_end else m.state[i]
