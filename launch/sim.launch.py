@@ -88,7 +88,8 @@ def described(context):
     from mbd_sim.files.load import load_mechanism
     from mbd_sim.files.urdf.writer import to_urdf
 
-    return to_urdf(load_mechanism(LaunchConfiguration("mechanism").perform(context)))
+    base = LaunchConfiguration("base").perform(context)
+    return to_urdf(load_mechanism(LaunchConfiguration("mechanism").perform(context), base or None))
 
 
 def installed(package):

@@ -88,7 +88,10 @@ def compile_kernel(
         scales=scales,
     )
     needs = StepNeeds(rates, core, trace_partial_system, lambda function, *_: lower(module, function, inline=False))
-    advance = _emit_advance(module, system, method, program, needs, one_sided)
+    if one_sided is None:
+        advance = _emit_advance(module, system, method, needs)
+    else:
+        advance = _emit_guarded(module, system, method, program, needs, one_sided, like_branches)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     at_events = {} if one_sided is None else one_sided.event_readers
     for name, function in (*readers.items(), *at_events.items()):
@@ -111,27 +114,35 @@ def unfit(method: Method, rates: ca.Function, name_of: Callable[[int], str]) -> 
     return without_expansion(rates, method.order, name_of)
 
 
-def _emit_advance(
+def _emit_advance(module: Module, system: System, method: Method, needs: StepNeeds) -> Function:
+    """Emit the loop over steps."""
+    if not method.uses_series:
+        return emit_advance(module, system, step_of(method, needs))
+    from mbd_sim.compiler.taylor.step import emit_taylor_advance
+
+    if system.samples is not None:
+        raise ValueError(f"method {method.name} cannot treat samples")
+    return emit_taylor_advance(module, system, cast("Taylor", method), needs.rates)
+
+
+def _emit_guarded(
     module: Module,
     system: System,
     method: Method,
     program: Instructions,
     needs: StepNeeds,
-    one_sided: OneSidedSystem | None,
+    one_sided: OneSidedSystem,
+    like_branches: Sequence[Sequence[Branch]],
 ) -> Function:
-    """Emit the loop over steps."""
-    if method.uses_series:
-        from mbd_sim.compiler.taylor.step import emit_taylor_advance
-
-        if one_sided is not None or system.samples is not None:
-            raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
-        return emit_taylor_advance(module, system, cast("Taylor", method), needs.rates)
-    step = step_of(method, needs)
-    if one_sided is None:
-        return emit_advance(module, system, step)
+    """Emit the loop over steps that end at events."""
+    if not method.treats_events:
+        raise ValueError(f"method {method.name} cannot treat one-sided rows")
     from mbd_sim.compiler.steps.active_rows import emit_one_sided
+    from mbd_sim.compiler.steps.guarded import GuardedSteps
 
-    return emit_one_sided(module, system, program, step, one_sided)
+    history = method.history_size(system.size, system.inputs_size)
+    steps = GuardedSteps(step_of(method, needs), step_of(method.one_step, needs), history)
+    return emit_one_sided(module, system, program, steps, one_sided, like_branches)
 
 
 def emit_system(

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import accumulate
 
 import casadi as ca
 import numpy as np
@@ -27,7 +28,7 @@ from mbd_sim.dynamics.contact.one_sided_readings import gap_values, one_sided_re
 from mbd_sim.dynamics.contact.one_sided_rows import JointLoad, transmitted_force
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.math.spatial import separated
+from mbd_sim.dynamics.math.spatial import merged_function, separated
 from mbd_sim.dynamics.recursion.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
@@ -53,11 +54,12 @@ class OneSidedFunctions:
 
     - `rates`: y' as in `Equations.rates`, with the active rows.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
-    - `readings(t, y, inputs, solution)`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and the guards (gaps +
-      frictions + loads with one component,), which are negative where a mode ends. They are in natural units, those of
-      forces in that of the weight if it is larger. Then, for friction along two directions, the rates in 1/s at which
-      it can turn its slip.
-    - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,), but not of slots.
+    - `readings(memory, solution)`, with the memory of `rates`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and
+      the guards (gaps + frictions + loads with one component,), which are negative where a mode ends. They are in
+      natural units, those of forces in that of the weight if it is larger. Then, for friction along two directions, the
+      rates in 1/s at which it can turn its slip.
+    - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
+      rates (gaps,), but not of slots.
     - `terms(t, y, inputs)`: A (rows, rows) without friction, column by column, the rates of change (rows,) of the rows'
       rates without contact forces, the sizes of sliding friction (frictions,), and those of static friction.
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
@@ -71,12 +73,16 @@ class OneSidedFunctions:
     rates: SolvedPair
     project: SolvedPair
     readings: ca.Function
-    open_guards: ca.Function
+    open_start: ca.Function
     terms: ca.Function
     loads: list[ca.Function]
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
+
+    def read(self, t: ca.SX, y: ca.SX, inputs: ca.SX, solution: ca.SX) -> ca.SX:
+        """The `readings` at a state, as expressions."""
+        return self.readings.call([self.rates.system.call([t, y, inputs])[0], solution])[0]
 
 
 class OneSidedDynamics:
@@ -189,8 +195,8 @@ class OneSidedDynamics:
             found.append(JointLoad(row, ca.densify(unloaded), by_force, factor, signs[number]))
         return found
 
-    def functions(self) -> OneSidedFunctions:
-        """All functions."""
+    def functions(self, open_rates: ca.SX) -> OneSidedFunctions:
+        """All functions; `open_rates` are y' with everything open."""
         one_sided, state = self.one_sided, self._traced.state
         inputs = [state.t, self._traced.y, self._traced.inputs]
         solution = ca.SX.sym("solution", one_sided.layout.rows)
@@ -201,17 +207,19 @@ class OneSidedDynamics:
         ]
         terms = self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)
         gaps = one_sided.layout.gaps
-        open_gaps, rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
+        open_gaps, gap_rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
         for index, gap in enumerate(one_sided.gaps):
             if gap.numbers is not None:  # what their bodies do before they touch is not known to the slots
-                open_gaps[index], rates[index] = 1.0, 0.0
-        readings = one_sided_readings(one_sided, self.loads, self._matrix, self._weight, solution)
+                open_gaps[index], gap_rates[index] = 1.0, 0.0
+        rates, readings = self._rates(solution)
         return OneSidedFunctions(
             equations=one_sided,
-            rates=self._rates(solution),
+            rates=rates,
             project=self._project(solution),
-            readings=_function("one_sided_readings", [*inputs, solution], readings),
-            open_guards=_function("open_guards", inputs, ca.vertcat(open_gaps, rates)),
+            readings=readings,
+            open_start=merged_function(
+                "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
+            ),
             terms=_function("contact_terms", inputs, ca.vertcat(*(ca.vec(ca.densify(one)) for one in terms))),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
@@ -219,7 +227,12 @@ class OneSidedDynamics:
             places=_function("contact_places", inputs, one_sided.places),
         )
 
-    def _rates(self, solution: ca.SX) -> SolvedPair:
+    @property
+    def _margin(self) -> list[ca.SX]:
+        return [] if self._solver is None or self._solver.margin is None else [ca.densify(self._solver.margin)]
+
+    def _rates(self, solution: ca.SX) -> tuple[SolvedPair, ca.Function]:
+        """The rates, and the readings from their memory."""
         one_sided, traced = self.one_sided, self._traced
         n = one_sided.layout.rows
         at_zero = one_sided.forces(ca.SX(n, 1))
@@ -233,7 +246,6 @@ class OneSidedDynamics:
         audit[2] += friction
         rates = self._forces.actuator_rates
         y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, rates, ca.SX(1, 1), friction, audit)
-        margin = [] if self._solver is None or self._solver.margin is None else [ca.densify(self._solver.margin)]
         loads = [
             ca.vertcat(
                 load.factor,
@@ -244,7 +256,9 @@ class OneSidedDynamics:
             for load in self.loads
         ]
         extra = [ca.vertcat(*loads)] if loads else []
-        return self._pair("contact", y_rates, solution, matrix, right, [*extra, *margin])
+        readings = one_sided_readings(one_sided, self.loads, self._matrix, self._weight, solution)
+        pair, further = self._pair("contact", [y_rates, readings], solution, matrix, right, [*extra, *self._margin])
+        return pair, further[0]
 
     def _project(self, solution: ca.SX) -> SolvedPair:
         one_sided, traced = self.one_sided, self._traced
@@ -267,17 +281,23 @@ class OneSidedDynamics:
         q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
         q = normalized_quaternions(traced.links, q)
         projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
-        return self._pair("contact_project", projected, ca.vertcat(solution, speeds), matrix, right, [])
+        return self._pair("contact_project", [projected], ca.vertcat(solution, speeds), matrix, right, [])[0]
 
     def _pair(
-        self, name: str, result: ca.SX, solution: ca.SX, matrix: ca.SX, right: ca.SX, further: list[ca.SX]
-    ) -> SolvedPair:
+        self, name: str, results: list[ca.SX], solution: ca.SX, matrix: ca.SX, right: ca.SX, further: list[ca.SX]
+    ) -> tuple[SolvedPair, list[ca.Function]]:
+        """The pair of the first result, and functions of the same memory and solution for the others."""
         given = [self._traced.state.t, self._traced.y, self._traced.inputs]
-        memory, values, reduced = separated(ca.densify(result), ca.vertcat(*given), solution)
+        memory, values, reduced = separated(ca.densify(ca.vertcat(*results)), ca.vertcat(*given), solution)
         system = _function(
             f"{name}_system", given, values, ca.vec(ca.densify(matrix)), ca.vec(ca.densify(right)), *further
         )
-        return SolvedPair(system, _function(f"{name}_result", [memory, solution], reduced))
+        sizes = accumulate([0, *(result.shape[0] for result in results)])
+        functions = [
+            _function(f"{name}_result_{index}", [memory, solution], part)
+            for index, part in enumerate(ca.vertsplit(reduced, list(sizes)))
+        ]
+        return SolvedPair(system, functions[0]), functions[1:]
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -7,9 +7,9 @@ changed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 from mbd_sim.base.disk_cache import cached
 from mbd_sim.base.errors import MechanismError, Problem, few_suggestions, quoted
@@ -21,15 +21,36 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.values.source import Source
 
 
-def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
+def load_mechanism(
+    mechanism: str | Path, base: Base | None = None, *, floor: bool = False, limits: Literal["stops"] | None = None
+) -> Mechanism:
     """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
 
     :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`; the same for models of an
         SDF that are not attached to the world, and are free by default.
+    :param floor: whether it stands on a floor, see `on_floor`.
+    :param limits: `stops` makes the limits of joints rigid stops.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
     path = find(mechanism)
-    return parse_mechanism(read_text(path), str(path), base)
+    found = parse_mechanism(read_text(path), str(path), base)
+    return set_up(found, {"limits": limits} if limits else {}, floor=floor)
+
+
+def set_up(mechanism: Mechanism, changes: Mapping[str, Any], *, floor: bool) -> Mechanism:
+    """The mechanism with other values, see `with_values`, and perhaps on a floor, see `on_floor`.
+
+    :raises MechanismError: a value is not valid, or nothing can stand on a floor.
+    """
+    if floor:
+        from mbd_sim.files.on_floor import on_floor  # computes positions
+
+        return on_floor(mechanism, changes)
+    if not changes:
+        return mechanism
+    from mbd_sim.files.checks.override import with_values
+
+    return with_values(mechanism, changes)
 
 
 def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
@@ -49,6 +70,7 @@ def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
         from mbd_sim.files.checks.validation import validate
 
         source = _source(text, file, base)
+        source.base = base
         records, parameters = validate(source)
         return build(records, parameters, source)
 
@@ -59,7 +81,7 @@ def _source(text: str, file: str, base: Base | None) -> Source:
         from mbd_sim.files.text.xml import is_xml
 
         if is_xml(text):
-            return _xml_source(text, file, base)
+            return _with_hulls(_xml_source(text, file, base))
     from mbd_sim.files.checks.repetition import expanded
     from mbd_sim.files.text.yaml_text import parse_source
 
@@ -68,11 +90,17 @@ def _source(text: str, file: str, base: Base | None) -> Source:
         from mbd_sim.files.urdf.overlay import with_urdf
 
         source = with_urdf(source, base)
-    if "meshes" not in text and source.text is not None:
+    if not any(word in text for word in ("meshes", "hull")) and source.text is not None:
         return source
-    from mbd_sim.files.text.mesh_files import with_mesh_solids
+    from mbd_sim.files.text.mesh_files import with_mesh_hulls, with_mesh_solids
 
-    return with_mesh_solids(source)
+    return with_mesh_solids(with_mesh_hulls(source))
+
+
+def _with_hulls(source: Source) -> Source:
+    from mbd_sim.files.text.mesh_files import with_mesh_hulls
+
+    return with_mesh_hulls(source)
 
 
 def _xml_source(text: str, file: str, base: Base | None) -> Source:

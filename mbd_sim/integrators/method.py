@@ -57,8 +57,8 @@ class Method:
 
     @property
     def treats_events(self) -> bool:
-        """Whether its steps may end at any time, and their equations change there."""
-        return not (self.for_stiff or self.keeps_history)
+        """Whether it, or its `one_step`, can end a step at any time, and the equations change there."""
+        return not (self.for_stiff or self.uses_series)
 
     @property
     def stages(self) -> int:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import Delaunay
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.base.geometry.rotation import from_rpy
+from mbd_sim.base.geometry.rotation import from_quaternion, from_rpy
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from test.generators.mechanism_texts import part_of
 
@@ -19,11 +20,11 @@ def matrix(xx, yy, zz, xy=0.0, xz=0.0, yz=0.0):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
 
 
-def assert_part(part, mass, center, inertia):
+def assert_part(part, mass, center, inertia, error=1e-14):
     scale = np.max(np.abs(inertia)) or 1.0
-    assert part.mass == pytest.approx(mass, rel=1e-14)
-    assert part.center == pytest.approx(np.array(center, dtype=float), abs=1e-14)
-    assert np.max(np.abs(part.inertia - inertia)) <= 1e-14 * scale
+    assert part.mass == pytest.approx(mass, rel=error)
+    assert part.center == pytest.approx(np.array(center, dtype=float), abs=error)
+    assert np.max(np.abs(part.inertia - inertia)) <= error * scale
 
 
 PARTICLES = """{shapes: [
@@ -84,11 +85,68 @@ def test_plate_of_40_lb_bonded_at_a_right_angle_to_one_of_20_lb(text):
             (6 * math.pi, 6 * math.pi, 3 * math.pi),
         ),
         ("{type: sphere, radius: 0.5, density: 6}", math.pi, (math.pi / 10, math.pi / 10, math.pi / 10)),
+        (
+            "{type: ellipsoid, radii: [1, 2, 3], density: 5}",
+            40 * math.pi,
+            (104 * math.pi, 80 * math.pi, 40 * math.pi),
+        ),
     ],
 )
 def test_each_shape_has_its_textbook_moments(shape, mass, moments):
     part = part_of(f"{{shape: {shape}}}")
     assert_part(part, mass, [0, 0, 0], np.diag(moments).astype(float))
+
+
+def discs(radius, low, high):
+    """Mass, height of the mass center, and moments across and along of a body of revolution with 1 kg/m³."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    z, dz = low + (high - low) * (nodes + 1.0) / 2.0, weights * (high - low) / 2.0
+    dm = math.pi * radius(z) ** 2 * dz
+    mass, center = np.sum(dm), np.sum(z * dm) / np.sum(dm)
+    return mass, center, np.sum((radius(z) ** 2 / 4.0 + (z - center) ** 2) * dm), np.sum(radius(z) ** 2 / 2.0 * dm)
+
+
+@pytest.mark.parametrize(("r", "length"), [(0.5, 2.0), (2.0, 0.3)])
+def test_cones_and_capsules_have_the_moments_of_the_discs_they_consist_of(r, length):
+    mass, center, across, along = discs(lambda z: r * (1.0 - z / length), 0.0, length)
+    cone = part_of(f"{{shape: {{type: cone, radius: {r}, length: {length}, density: 1, at: [0, 0, 1]}}}}")
+    assert_part(cone, mass, [0, 0, 1.0 + center], np.diag([across, across, along]))
+    barrel = discs(lambda z: r + 0.0 * z, -length / 2.0, length / 2.0)
+    dome = discs(lambda z: np.sqrt(r * r - (z - length / 2.0) ** 2), length / 2.0, length / 2.0 + r)
+    moments = barrel[2] + 2.0 * (dome[2] + dome[0] * dome[1] ** 2), barrel[3] + 2.0 * dome[3]
+    capsule = part_of(f"{{shape: {{type: capsule, radius: {r}, length: {length}, density: 1}}}}")
+    assert_part(capsule, barrel[0] + 2.0 * dome[0], [0, 0, 0], np.diag([moments[0], *moments]))
+
+
+def test_the_axis_of_a_cone_leads_from_its_base_to_its_tip():
+    part = part_of("{shape: {type: cone, radius: 1, length: 2, mass: 1, at: [1, 0, 0], axis: [0, -3, 0]}}")
+    np.testing.assert_allclose(part.center, [1.0, -0.5, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hull_has_the_moments_of_the_tetrahedra_that_fill_it(seed):
+    """Those of Delaunay, each with a rule of four points, which is exact for squares."""
+    chance = np.random.default_rng(seed)
+    points = (chance.normal(size=(20, 3)) * [1.0, 0.3, 2.0] + [2.0, 0.0, -1.0]).round(3)
+    near, far = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
+    mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for tetrahedron in points[Delaunay(points).simplices]:
+        share = abs(np.linalg.det(tetrahedron[1:] - tetrahedron[0])) / 24.0
+        for point in (np.full((4, 4), far) + (near - far) * np.eye(4)) @ tetrahedron:
+            mass, first, second = mass + share, first + share * point, second + share * np.outer(point, point)
+    center, turn = first / mass, from_quaternion(np.array([0.5, 0.5, 0.5, 0.5]))
+    second -= mass * np.outer(center, center)
+    inertia = np.trace(second) * np.eye(3) - second
+    place = "at: [1, 2, 3], rotate: {quaternion: [1, 1, 1, 1]}"
+    part = part_of(f"{{shape: {{type: hull, points: {points.tolist()}, density: 1, {place}}}}}")
+    assert_part(part, mass, [1, 2, 3] + turn @ center, turn @ inertia @ turn.T, error=1e-12)
+
+
+def test_a_hull_can_be_a_hole_and_share_a_mass():
+    cube = "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1], [0.5, 0.5, 0.5]]"
+    hole = f"{{type: hull, points: {cube}, scale: [0.5, 0.5, 0.5], at: [-0.25, -0.25, -0.25], hole: true}}"
+    part = part_of(f"{{mass: 7, shapes: [{{type: block, size: [1, 1, 1]}}, {hole}]}}")
+    assert_part(part, 7.0, [0, 0, 0], (8.0 - 1.0 / 4.0) / 6.0 * np.eye(3))
 
 
 def test_a_rod_lies_between_its_ends():

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mbd_sim.mechanism.elements.actuators import CoordinatePort, DcMotor, EffortMotor, SumPort, WrenchPort
+from mbd_sim.mechanism.elements.actuators import CoordinatePort, SumPort, WrenchPort
 from mbd_sim.mechanism.values.laws import GreenStrain, Varying
 from test.oracles.jets import Jet, expression_jet
 from test.oracles.kane_actuators import effort as actuator_effort
@@ -412,7 +412,7 @@ def rotor_masses(mechanism):
     """The inertia (nv,) of the rotors of motors, as their coordinates feel it."""
     masses = np.zeros(len(mechanism.coordinate_names))
     for actuator in mechanism.actuators:
-        if isinstance(actuator.port, CoordinatePort) and isinstance(actuator.motor, EffortMotor | DcMotor):
+        if isinstance(actuator.port, CoordinatePort):
             row = mechanism.coordinate_names.index(actuator.port.coordinate)
             masses[row] += actuator.motor.rotor_inertia * actuator.motor.gear**2
     return masses

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor, Gas
+from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor, FluidCylinder, Gas
 
 
 def effort(actuator, commands, states, x, v):
@@ -24,9 +24,11 @@ def effort(actuator, commands, states, x, v):
             return motor_effort(actuator.motor, command, x, v)
         case DcMotor():
             return geared_torque(actuator.motor, motor_current(actuator.motor, command, states, v), v)
-    outside = actuator.motor.tank if isinstance(actuator.motor.fluid, Gas) else 0.0
-    pressures = np.array([states["pressure_a"], states["pressure_b"]]) - outside
-    return pressures @ (np.array(actuator.motor.areas) * [1.0, -1.0])
+        case FluidCylinder():
+            outside = actuator.motor.tank if isinstance(actuator.motor.fluid, Gas) else 0.0
+            pressures = np.array([states["pressure_a"], states["pressure_b"]]) - outside
+            return pressures @ (np.array(actuator.motor.areas) * [1.0, -1.0])
+    raise AssertionError(actuator.motor)
 
 
 def servo_output(servo, commands, integral, x, v):

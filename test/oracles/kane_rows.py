@@ -113,6 +113,8 @@ def constrained_velocities(mechanism, moving, coordinates, t):
                 relative = _relative(moving, record.plane, record.point)
                 sideways = Jet(record.normal).cross(relative.rotation @ record.direction)
                 found.append(sideways.dot(relative.position.rate))
+            case _:
+                raise AssertionError(record)
     return found
 
 

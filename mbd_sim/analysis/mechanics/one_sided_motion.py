@@ -233,7 +233,7 @@ def _functions(equations: Equations, functions: OneSidedFunctions) -> tuple[ca.F
         position += 1 + (2 + n) * size
     residual = ca.if_else(active != 0.0, residual, forces)
     rates = functions.rates.result.call([memory, forces])[0]
-    readings = functions.readings.call([t, y, inputs, forces])[0]
+    readings = functions.read(t, y, inputs, forces)
     velocity = readings[functions.equations.layout.gaps : functions.equations.layout.gaps + n]
     given = [t, q, u, s, inputs, forces]
     outputs = [rates[nq : nq + nv], ca.jacobian(rates[:nq], u)]

@@ -10,7 +10,7 @@ from mbd_sim.base.errors import CommandError, NoInertiaError, listed
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism, print_undrawn_meshes
-from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
+from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.report.cached_report import cached_report
 from mbd_sim.studies.report.text import kinematic_text, report_text
@@ -19,6 +19,7 @@ from mbd_sim.studies.report.text import kinematic_text, report_text
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_set(parser)
+    add_robot(parser)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     parser.add_argument(
         "--inertia",

@@ -12,6 +12,7 @@ from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
+from mbd_sim.cli.shared.setup_options import add_robot, set_up_by
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.mjcf.written_bodies import Written
@@ -33,11 +34,7 @@ WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": to_
 def _add_convert(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     parser.add_argument("--to", choices=["yaml", *WRITERS], default="yaml", help="format to write (default: yaml)")
-    parser.add_argument(
-        "--base",
-        choices=["fixed", "free"],
-        help="how the root link of a URDF or SDF is attached to ground (default: fixed; SDF: as the file says)",
-    )
+    add_robot(parser)
     parser.add_argument("--expand", action="store_true", help="write out the entries that are repeated with 'for'")
 
 
@@ -48,7 +45,7 @@ def _convert(options: argparse.Namespace) -> int:
     """
     if options.expand and options.to != "yaml":
         raise CommandError(f"--expand has no effect with --to {options.to}", "Leave out one of them.")
-    mechanism = with_meshes_seen_from(load_mechanism(options.mechanism, options.base), None)
+    mechanism = with_meshes_seen_from(set_up_by(options, load_mechanism(options.mechanism, options.base), {}), None)
     if options.to != "yaml":
         return _write_as(mechanism, options.to)
     source = mechanism.source

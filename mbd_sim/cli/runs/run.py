@@ -12,7 +12,7 @@ from mbd_sim.base.errors import counted
 from mbd_sim.cli.shared.command import SECONDS, Command, ProgressBar
 from mbd_sim.cli.shared.common import add_duration, add_mechanism, add_method_and_step, add_quiet, rounded
 from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
-from mbd_sim.cli.shared.setup_options import add_set, add_start, build_simulation
+from mbd_sim.cli.shared.setup_options import add_robot, add_set, add_start, build_simulation
 from mbd_sim.mechanism.natural_units import coordinate_sizes, energy_size
 from mbd_sim.pictures.rerun.viewer import Viewer
 from mbd_sim.recordings.messages.events import publication_schedule
@@ -32,6 +32,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_duration(parser)
     add_method_and_step(parser, "from the file")
     add_set(parser)
+    add_robot(parser)
     add_start(parser)
     add_outputs(parser)
     parser.add_argument("--rerun", metavar="SINK", help="show the run in Rerun: spawn, serve, connect, or a file.rrd")

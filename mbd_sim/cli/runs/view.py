@@ -23,7 +23,7 @@ from mbd_sim.cli.shared.common import (
     shown_plots,
 )
 from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
-from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
+from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
 from mbd_sim.recordings.run.reader import Recording, open_recording
 from mbd_sim.recordings.run.recomputation import Recomputation, RecomputeError
 from mbd_sim.recordings.views import plots
@@ -123,6 +123,7 @@ def _serve_until_interrupted(address: str) -> None:
 def _add_lab(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_set(parser)
+    add_robot(parser)
     parser.add_argument("--port", type=int, default=8080, help="default 8080; 0: any that is free")
     parser.add_argument("--host", default="127.0.0.1", help="listen for other machines too, such as 0.0.0.0")
     parser.add_argument("--no-open", action="store_true", help="only print the address, without opening a browser")

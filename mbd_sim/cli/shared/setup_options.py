@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, nearest
 from mbd_sim.cli.shared.command import Waiting
-from mbd_sim.files.checks.override import with_values
-from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.load import load_mechanism, set_up
 from mbd_sim.files.text.units import parse_value, split_unit
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, split_assignment
 
 if TYPE_CHECKING:
+    from mbd_sim.files.text.xml import Base
     from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
@@ -23,6 +23,24 @@ def add_set(parser: argparse._ActionsContainer) -> None:
     example = "joints.elbow.damping=0.2 or l='80 cm'"
     help_text = f"change a value of the mechanism file, such as {example}; repeatable"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help=help_text)
+
+
+BASES = ("fixed", "free")
+
+
+def add_robot(parser: argparse._ActionsContainer) -> None:
+    """Declare `--base`, `--floor` and `--limits`."""
+    parser.add_argument(
+        "--base",
+        choices=BASES,
+        help="how the root link of a URDF or SDF is attached to ground (default: fixed; SDF: as the file says)",
+    )
+    parser.add_argument(
+        "--floor",
+        action="store_true",
+        help="put a floor at z = 0, and a free base where its lowest point touches it",
+    )
+    parser.add_argument("--limits", choices=["stops"], help="make the limits of joints rigid stops")
 
 
 def add_start(parser: argparse._ActionsContainer) -> None:
@@ -50,8 +68,17 @@ def changed_mechanism(options: argparse.Namespace) -> Mechanism:
     :raises MechanismError: with all problems of the file, or of the values.
     """
     Waiting.stage("read the mechanism")
-    mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
-    return with_values(mechanism, changes) if changes else mechanism
+    return set_up_by(options, load_mechanism(options.mechanism, _base(options)), changes_of(options.changes))
+
+
+def set_up_by(options: argparse.Namespace, mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
+    """The mechanism with other values, and with what `--floor` and `--limits` say where a command has them."""
+    limits, floor = (getattr(options, name, None) for name in ("limits", "floor"))
+    return set_up(mechanism, {"limits": limits, **changes} if limits else changes, floor=bool(floor))
+
+
+def _base(options: argparse.Namespace) -> Base | None:
+    return getattr(options, "base", None)
 
 
 def changes_of(assignments: Iterable[str]) -> dict[str, Any]:
@@ -72,15 +99,15 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
     from mbd_sim.simulation.run.simulation import BaseSimulation  # not for `check`, whose reports are kept
 
     Waiting.stage("read the mechanism")
-    mechanism = load_mechanism(options.mechanism)
-    Waiting.stage("derive and compile the equations")
+    mechanism = load_mechanism(options.mechanism, _base(options))
     changes = changes_of(options.changes) if with_changes else {}
     changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
+    mechanism = set_up_by(options, mechanism, changes)
+    Waiting.stage("derive and compile the equations")
     simulation = BaseSimulation(
         mechanism,
         method=options.method if with_changes else None,
         step=options.step if with_changes else None,
-        set=changes,
     )
     simulation.set_efforts(dict(_effort(text, mechanism) for text in options.effort))
     return simulation

@@ -125,7 +125,7 @@ class IRBuilder:
 
     def not_(self, condition: Value) -> Value:
         """Whether a condition does not hold."""
-        return self.binary("xor", condition, Value(BOOL, "true"))
+        return self.binary("xor", condition, TRUE)
 
     def compare(self, predicate: str, x: Value, y: Value) -> Value:
         """Compare, with one of LLVM's predicates of `fcmp` or `icmp`."""
@@ -331,7 +331,7 @@ class IRBuilder:
 
 
 DOUBLE, INT = "double", "i64"
-FALSE = Value(BOOL, "false")
+FALSE, TRUE = Value(BOOL, "false"), Value(BOOL, "true")
 
 VECTOR = 32  # bytes, of four doubles
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import casadi as ca
 
@@ -15,10 +16,13 @@ from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
+from mbd_sim.compiler.lists.like_operations import Branch
 from mbd_sim.compiler.lists.lowering import instruction_count, lower
+from mbd_sim.compiler.lists.packed_lowering import lower_packed
+from mbd_sim.compiler.lists.packing import packed
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.steps.emitter import Prepare, System
-from mbd_sim.compiler.steps.guarded import Guards, emit_one_sided_advance
+from mbd_sim.compiler.steps.emitter import System
+from mbd_sim.compiler.steps.guarded import GuardedSteps, Guards, emit_one_sided_advance
 from mbd_sim.compiler.steps.shared_rows import ActiveRows, emit_active_solver
 
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
@@ -40,7 +44,7 @@ def emit_solved(
     module: Module,
     name: str,
     system: ca.Function,
-    result: ca.Function,
+    results: Sequence[ca.Function],
     active: ActiveRows,
     *,
     loads: Sequence[Load] = (),
@@ -49,26 +53,29 @@ def emit_solved(
     adds_given: bool = False,
     watches: bool = False,
 ) -> Function:
-    """Emit `system`, if it is not there yet, `result`, and `void name(t, y, inputs, out[, margin])` of double pointers.
+    """Emit `void name(t, y, inputs, out…[, margin])` of double pointers, and what it calls, if that is not there yet.
 
     `system(t, y, inputs)` gives a memory, a matrix (n, n), right sides (n, k) one after the other, and perhaps a
-    margin; `result(memory, solution)`, or `result(t, y, inputs, solution)`, takes the solution, zero for all other
-    rows. The margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
+    margin; each of the `results(memory, solution)` takes the solution, zero for all other rows, and has an `out`. The
+    margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
 
     :param loads: whose numbers the system has as one more output.
     """
     has_loads = bool(loads)
-    has_margin, takes_memory = system.n_out() > 3 + has_loads, result.n_in() == 2
+    has_margin = system.n_out() > 3 + has_loads
     columns = system.nnz_out(2) // max(active.rows, 1)
-    emitted_system = module.functions.get(system.name())
-    if emitted_system is None:
-        emitted_system = lower(module, arranged(system, fused=fused), inline=False)
-    emitted_result = lower(module, arranged(result, fused=fused), inline=False)
+
+    def emitted(called: ca.Function) -> Function:
+        known = module.functions.get(called.name())
+        return lower(module, arranged(called, fused=fused), inline=False) if known is None else known
+
+    emitted_system, *emitted_results = map(emitted, (system, *results))
     solve = emit_active_solver(module, f"{name}.solve", active, columns, adds_given=adds_given, watches=watches)
-    function = Function(module, FunctionType(VOID, [POINTER] * (4 + reports_margin)), name)
+    function = Function(module, FunctionType(VOID, [POINTER] * (3 + len(results) + reports_margin)), name)
     function.linkage = "internal"
     b = IRBuilder(function.append_basic_block("entry"))
-    t, y, inputs, out, *margin = function.args
+    t, y, inputs, *rest = function.args
+    out, margin = rest[: len(results)], rest[len(results) :]
     memory = local_array(b, system.nnz_out(0))
     matrix, right = local_array(b, active.rows**2), local_array(b, active.rows * columns)
     solution = local_array(b, active.rows * columns)
@@ -81,8 +88,8 @@ def emit_solved(
         _emit_loaded(b, active.rows, loads, solve, arguments, numbers[0])
     else:
         b.call(solve, arguments)
-    given = [memory] if takes_memory else [t, y, inputs]
-    b.call(emitted_result, [*given, solution, out])
+    for result, into in zip(emitted_results, out, strict=True):
+        b.call(result, [memory, solution, into])
     b.ret_void()
     return function
 
@@ -145,18 +152,19 @@ def _emit_loaded(
     loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in loads) else 1, once)
 
 
-INLINED_GUARDS = 300  # instructions up to which the guards of open contacts are inlined
+INLINED_START = 300  # instructions up to which the rates with the guards of open contacts are inlined
 
 
 @dataclass(frozen=True, eq=False)
 class OneSidedSystem:
     """The functions of a system with `gaps` and `rows`, of which the gaps come first.
 
-    `rates`, `project` and `readings` are pairs of a system and its result, see `emit_solved`; `open_guards(t, y,
-    inputs)` gives the gaps and their rates; `event_readers` are further readers, which events need. Inputs from
-    `first_mode` on are the `modes`: which gaps are closed, which rows are active, and the directions of sliding; those
-    from `first_given` on are the given forces. `slips` are the pairs of rows with friction along two directions, at
-    rest up to a `slow` speed. `gap_units` are those of the tolerance of open gaps.
+    `rates` and `project` are pairs of a system and its result, see `emit_solved`, and `readings` a further result of
+    the system of rates. `open_start(t, y, inputs)` gives what `rates` do while everything is open, then the gaps and
+    their rates; `event_readers` are further readers, which events need. Inputs from `first_mode` on are the `modes`:
+    which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
+    given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
+    `gap_units` are those of the tolerance of open gaps.
     """
 
     gaps: int
@@ -164,8 +172,8 @@ class OneSidedSystem:
     guards: int
     rates: tuple[ca.Function, ca.Function]
     project: tuple[ca.Function, ca.Function]
-    readings: tuple[ca.Function, ca.Function]
-    open_guards: ca.Function
+    readings: ca.Function
+    open_start: ca.Function
     event_readers: Mapping[str, ca.Function]
     first_mode: int
     modes: int
@@ -178,7 +186,12 @@ class OneSidedSystem:
 
 
 def emit_one_sided(
-    module: Module, system: System, program: Instructions, prepare: Prepare, one_sided: OneSidedSystem
+    module: Module,
+    system: System,
+    program: Instructions,
+    steps: GuardedSteps,
+    one_sided: OneSidedSystem,
+    like_branches: Sequence[Sequence[Branch]],
 ) -> Function:
     """Emit all functions and return `estimating_advance`.
 
@@ -188,34 +201,31 @@ def emit_one_sided(
     rows = one_sided.rows
     solver = emit_dense_solver(module, rows, counted=True)
     active = ActiveRows(rows, one_sided.first_mode + one_sided.gaps, one_sided.first_given, solver)
-    rates = emit_solved(
-        module,
-        "solved_rates",
-        *one_sided.rates,
-        active,
-        loads=one_sided.loads,
-        reports_margin=system.reports_conditioning,
-        adds_given=True,
-    )
-    contact_project = emit_solved(module, "solved_projection", *one_sided.project, active, fused=False)
-    readings = emit_solved(
-        module, "solved_readings", *one_sided.readings, active, loads=one_sided.loads, adds_given=True, watches=True
-    )
+    contact, rates, readings = *one_sided.rates, one_sided.readings
+    solved = partial(emit_solved, active=active, loads=one_sided.loads, adds_given=True)
+    reports = system.reports_conditioning
+    project_system, project = one_sided.project
+    contact_project = emit_solved(module, "solved_projection", project_system, [project], active, fused=False)
     closed = replace(
         system,
-        rates=rates,
+        rates=solved(module, "solved_rates", contact, [rates], reports_margin=reports),
         projection=_both(module, system, contact_project),
         projection_takes_inputs=True,
         unmoved=frozenset(),
         in_registers=False,
+        name="closed",
     )
-    open_guards = arranged(one_sided.open_guards)
+    open_start = arranged(one_sided.open_start)
+    inline = instruction_count(open_start) <= INLINED_START
+    packing = packed(open_start, like_branches) if module.fast else None
     guards = Guards(
         gaps=one_sided.gaps,
         rows=rows,
         count=one_sided.guards,
-        readings=readings,
-        open_guards=lower(module, open_guards, inline=instruction_count(open_guards) <= INLINED_GUARDS),
+        closed_start=solved(module, "solved_start", contact, [rates, readings], reports_margin=reports, watches=True),
+        open_start=lower(module, open_start, inline)
+        if packing is None
+        else lower_packed(module, open_start, packing, inline),
         first_mode=one_sided.first_mode,
         modes=one_sided.modes,
         tolerance=one_sided.tolerance,
@@ -225,10 +235,10 @@ def emit_one_sided(
     )
     exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")
     builder = IRBuilder(exported.append_basic_block("entry"))
-    builder.call(readings, exported.args)
+    builder.call(solved(module, "solved_readings", contact, [readings], watches=True), exported.args)
     builder.ret_void()
     still = frozenset(component for component in zero_components(program) if component >= system.error_size)
-    return emit_one_sided_advance(module, replace(system, still=still), closed, prepare, guards)
+    return emit_one_sided_advance(module, replace(system, still=still), closed, steps, guards)
 
 
 def _both(module: Module, system: System, contact_project: Function) -> Function:

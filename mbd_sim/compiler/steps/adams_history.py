@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.compiler.ir.builder import DOUBLE, IRBuilder, element, integer, number
+from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, TRUE, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Value
 from mbd_sim.compiler.ir.vectors import (
@@ -35,7 +35,9 @@ class AdamsHistory:
     quarters the places 4 k + 1 to 4 k + 3.
 
     They count as none if that step, its size, the state or an input has changed in the meantime, for example by a
-    command. So whoever sets a state or an input need not know of the history.
+    command. So whoever sets a state or an input need not know of the history. `lost` (n,) is a copy during a call, and
+    a single step replaces only slopes that its repetition would not use. So a call that fails leaves the history as it
+    was, if one of several steps puts the slopes back.
     """
 
     def __init__(self, emitter: StepEmitter, method: Adams, counters: Sequence[Value]) -> None:
@@ -45,14 +47,16 @@ class AdamsHistory:
         self._start = element(b, emitter.inputs, inputs_size) if emitter.history is None else emitter.history
         self._kept_y = b.named(element(b, self._start, VECTORS), "kept_state")
         self._kept_inputs = b.named(element(b, self._start, VECTORS + size), "kept_inputs")
-        self.lost = b.named(element(b, self._start, VECTORS + size + inputs_size), "lost")
+        self._kept_lost = b.named(element(b, self._start, VECTORS + size + inputs_size), "kept_lost")
+        self.lost = emitter.array(size, "lost")
         self._slopes = b.named(element(b, self._start, VECTORS + inputs_size + 2 * size), "slopes")
         self._total = method.history_size(size, inputs_size)
         self._now = integer(0)  # the first number of the slopes of the present step, from the first of all slopes on
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
         self._changes = emitter.array(cells(b, max(size, inputs_size)), "changes")
         self._counters = tuple(zip(counters, (COUNT, LEVEL, WAIT, PAUSE), strict=True))
-        emitter.begin, emitter.end = self._emit_begin, self._emit_end
+        self.belongs: Value = FALSE
+        emitter.kept = self
 
     def begin_step(self) -> None:
         """Emit where the slopes of a step that begins are in the ring, which all others in the ring follow."""
@@ -95,7 +99,7 @@ class AdamsHistory:
         with looped(b):
             for_each(b, size, component)
 
-    def _emit_begin(self) -> None:
+    def begin(self) -> None:
         """Read the history if it belongs to this state."""
         emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
         if self._backup is not None:
@@ -106,14 +110,13 @@ class AdamsHistory:
         same = b.and_(same, b.fcmp_ordered("==", load(b, self._start, SIZE), emitter.h))
         same = b.and_(same, self._equal(size, self._kept_y, emitter.y))
         same = b.and_(same, self._equal(emitter.system.inputs_size, self._kept_inputs, emitter.inputs))
-        same = b.named(same, "same")
+        same = self.belongs = b.named(same, "same")
         zero = number(0.0)
         for address, index in self._counters:
             b.store(b.select(same, load(b, self._start, index), zero), address)
-        each_component(b, size, lambda w, i: store(w, w.select(same, load(w, self.lost, i), zero), self.lost, i))
+        each_component(b, size, lambda w, i: store(w, w.select(same, load(w, self._kept_lost, i), zero), self.lost, i))
 
     def _may_need_backup(self) -> Value:
-        """A single step replaces only slopes that its repetition would not use, should the new state not be finite."""
         return self._emitter.b.icmp_unsigned("!=", self._emitter.steps, integer(1))
 
     def _copy_rarely(self, source: Value, target: Value) -> None:
@@ -135,16 +138,25 @@ class AdamsHistory:
 
         return b.fcmp_ordered("==", folded(b, size, self._changes, changes), number(0.0))
 
-    def _emit_end(self, finite: Value) -> None:
+    def end(self, finite: Value) -> None:
         """Say what the history belongs to; where the new state is not finite, restore it."""
-        emitter, b = self._emitter, self._emitter.b
+        b = self._emitter.b
+        if self._backup is None or finite == TRUE:
+            self._keep()
+            return
+        with b.if_else(finite, likely=True) as (kept, failed):
+            with kept:
+                self._keep()
+            with failed, b.if_then(self._may_need_backup()):
+                self._copy_rarely(self._backup, self._start)
+
+    def _keep(self) -> None:
+        emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
         b.comment("What the slopes belong to.")
         for address, index in self._counters:
             store(b, b.load(address, typ=DOUBLE), self._start, index)
         store(b, b.sitofp(emitter.index, DOUBLE), self._start, NEXT)
         store(b, emitter.h, self._start, SIZE)
-        copy(b, emitter.system.size, emitter.y, self._kept_y)
+        copy(b, size, emitter.y, self._kept_y)
         copy(b, emitter.system.inputs_size, emitter.inputs, self._kept_inputs)
-        if self._backup is not None:
-            with b.if_then(b.and_(self._may_need_backup(), b.not_(finite)), likely=False):
-                self._copy_rarely(self._backup, self._start)
+        copy(b, size, self.lost, self._kept_lost)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
+from typing import Protocol
 
 import casadi as ca
 
@@ -84,7 +84,7 @@ class System:
     no rate depends. The `samples` change the state at the start of each step. `in_registers`: the arrays of a step are
     kept there, see `local_array`.
     There are `inputs_size` inputs, and the rates have `instructions` operations. Errors of components are relative to
-    s + |y| with the `scales` s.
+    s + |y| with the `scales` s. A module may have several systems, with different names.
     """
 
     size: int
@@ -103,10 +103,23 @@ class System:
     inputs_size: int = 0
     instructions: int = 0
     scales: Scales = ()
+    name: str = ""
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
 EmitEstimate = Callable[..., None]
+
+
+class KeptSteps(Protocol):
+    """Emits what is kept from step to step by a method that uses earlier steps: see `mbd_sim.integrators.method`."""
+
+    belongs: Value  # after `begin`, whether what was kept belongs to the present step, state and inputs
+
+    def begin(self) -> None:
+        """Emit what precedes the first step of a call."""
+
+    def end(self, finite: Value) -> None:
+        """Emit what follows the last step of a call: if its state is not finite, all is as it was before the call."""
 
 
 class StepEmitter:
@@ -117,20 +130,30 @@ class StepEmitter:
     """
 
     def __init__(
-        self, b: IRBuilder, system: System, inputs: Value, h: Value, y: Value | None = None, *, estimates: bool = True
+        self,
+        b: IRBuilder,
+        system: System,
+        inputs: Value,
+        h: Value,
+        y: Value | None = None,
+        *,
+        estimates: bool = True,
+        short: bool = False,
     ) -> None:
-        """Allocate the arrays, but for a `y` that is given; `b` must be in the entry block of a function."""
+        """Allocate the arrays, but for a `y` that is given; `b` must be in the entry block of a function.
+
+        :param short: the code of steps that are rare, in which no rates are inlined.
+        """
         self.b, self.system, self.inputs, self.h, self.estimates = b, system, inputs, h, estimates
+        self.short = short
         self.y = self.vector() if y is None else y
         self.time, self.largest_error = self.scalar("time"), self.scalar()
         self.history: Value | None = None  # the address of what is kept from step to step, if not behind the inputs
         self.is_estimated: Value = FALSE  # whether the error of this step is estimated
         self.index: Value = integer(0)  # the number of the step
         self.steps: Value = integer(0)  # how many the call takes
-        # What a method emits before the first and after the last step of a call, if it uses earlier steps. The latter
-        # takes whether the new state is finite.
-        self.begin: Callable[[], None] | None = None
-        self.end: Callable[[Value], None] | None = None
+        self.kept: KeptSteps | None = None  # by a method that uses earlier steps
+        self.start_slopes: Value | None = None  # the address of those at the start of a step, if they are known there
         self._projected = self.vector() if system.projection is not None else None
         self.conditioning, self._ignored = self.scalar("margin"), self.scalar("ignored")
         self._rare = self.scalar(), self.array(system.size), self.array(system.size)
@@ -156,7 +179,16 @@ class StepEmitter:
         return local_array(self.b, 1, name=name)
 
     def rates(self, time: Value, state: Value, slopes: Value, *, first: bool = False) -> None:
-        """Evaluate the rates into `slopes`; the `first` evaluation of a step reports its conditioning."""
+        """Evaluate the rates into `slopes`; the `first` evaluation of a step reports its conditioning.
+
+        Where the slopes at the start of a step are known, so is the conditioning.
+        """
+        if first and self.start_slopes is not None:
+            copy(self.b, self.system.size, self.start_slopes, slopes)
+            return
+        if self.short and self.system.rates.is_inlined:
+            self._rates_in_call(time, state, slopes, self.conditioning if first else self._ignored)
+            return
         at = self.b.by_address(time, self.time)
         reported = [self.conditioning if first else self._ignored] if self.system.reports_conditioning else []
         self.b.call(self.system.rates, [at, state, self.inputs, slopes, *reported])
@@ -168,21 +200,23 @@ class StepEmitter:
         """
         if not self.system.rates.is_inlined:
             self.rates(time, state, slopes)
-            return
+        else:
+            self._rates_in_call(time, state, slopes, self._ignored)
+
+    def _rates_in_call(self, time: Value, state: Value, slopes: Value, conditioning: Value) -> None:
         own_time, own_state, own_slopes = self._rare
         self.b.store(time, own_time)
         copy(self.b, self.system.size, state, own_state)
-        reported = [self._ignored] if self.system.reports_conditioning else []
+        reported = [conditioning] if self.system.reports_conditioning else []
         self.b.call(self.system.rates, [own_time, own_state, self.inputs, own_slopes, *reported], inline=False)
         copy(self.b, self.system.size, own_slopes, slopes)
 
-    def sample(self, step: Value, time: Value, condition: Value | None = None) -> None:
-        """Make the changes of y that precede the step of this number; with a `condition`, only where that holds."""
+    def sample(self, step: Value, time: Value) -> None:
+        """Make the changes of y that precede the step of this number."""
         if self.system.samples is None or self._sampled is None:
             return
-        with nullcontext() if condition is None else self.b.if_then(condition):
-            self.b.store(time, self.time)
-            self.system.samples.emit(self.b, step, [self.time, self.y, self.inputs], self._sampled)
+        self.b.store(time, self.time)
+        self.system.samples.emit(self.b, step, [self.time, self.y, self.inputs], self._sampled)
 
     def project(self, time: Value, state: Value) -> None:
         """Move a state back to the constraints, in place."""

@@ -1,21 +1,22 @@
 """Steps of a mechanism with one-sided rows, which end before a step in which a mode ends, as IR.
 
 There are two systems, one with everything open and one with the active rows. Modes are inputs, and stay the same within
-a call. After each step the guards are evaluated; where one is negative, the step is undone and left to the caller.
+a call. After each step the guards are evaluated, together with the slopes for the next step; where one is negative, the
+step is undone and left to the caller.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import copy, for_each, load
+from mbd_sim.compiler.ir.vectors import copy, for_each, load, loop, store
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
 
-PART, TO_EVENT, WHOLE = range(3)  # what to do at an event: ignore it, end before its step, or undo all steps
+TO_EVENT, WHOLE = range(2)  # what to do at an event: end before its step, or undo all steps
 GRAZING = 1.05  # of the step times the larger rate at both ends: the sum of both gaps below which they may have met
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
@@ -26,9 +27,9 @@ NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros
 class Guards:
     """The guards of a mechanism.
 
-    `readings(t, y, inputs, out)` gives gaps (gaps,), rates (rows,), forces (rows,) and guards (count,) with all active
-    rows, and the rates in 1/s at which the `slips` may turn; `open_guards(t, y, inputs, out)` gives the gaps (gaps,)
-    and their rates (gaps,) while everything is open.
+    `closed_start(t, y, inputs, slopes, readings[, margin])` gives the rates of the state, with all active rows, and as
+    readings the gaps (gaps,), rates (rows,), forces (rows,) and guards (count,), and the rates in 1/s at which the
+    `slips` may turn; those of `open_start` are the gaps (gaps,) and their rates (gaps,) while everything is open.
     Modes are the inputs from `first_mode` to before `first_mode` + `modes`. A guard counts as negative below
     -`tolerance`, an open gap below that times its unit. `slips` are the pairs of rows that slide along two directions:
     their direction turns ever faster as they stop, so a step ends before one in which they change by more than the
@@ -38,8 +39,8 @@ class Guards:
     gaps: int
     rows: int
     count: int
-    readings: Function
-    open_guards: Function
+    closed_start: Function
+    open_start: Function
     first_mode: int
     modes: int
     tolerance: float
@@ -48,8 +49,25 @@ class Guards:
     slips: tuple[tuple[int, int], ...] = ()
 
 
+def kept_at_start(size: int, gaps: int, rows: int) -> int:
+    """The numbers that are kept besides a history: the slopes (size,), their conditioning, the gaps and their rates."""
+    return size + 1 + gaps + rows
+
+
+@dataclass(frozen=True)
+class GuardedSteps:
+    """What emits whole steps, and what emits parts of steps, by a method without a history.
+
+    `history` is the size of that of whole steps, which is behind the inputs. What else is kept follows it.
+    """
+
+    whole: Prepare
+    part: Prepare
+    history: int
+
+
 def emit_one_sided_advance(
-    module: Module, open_system: System, closed_system: System, prepare: Prepare, guards: Guards
+    module: Module, open_system: System, closed_system: System, steps: GuardedSteps, guards: Guards
 ) -> Function:
     """Emit the functions below and return `estimating_advance`, see `mbd_sim.compiler.steps.loop.emit_advance`.
 
@@ -58,29 +76,42 @@ def emit_one_sided_advance(
     `i64 part_step(y, inputs, double t, double h)` takes one step from t on, without guards; 1 if the state is finite.
     """
     loops = (
-        _emit_loop(module, "advance_closed", closed_system, prepare, guards, closed=True),
-        _emit_loop(module, "advance_open", open_system, prepare, guards, closed=False),
+        _emit_loop(module, "advance_closed", closed_system, steps, guards, closed=True),
+        _emit_loop(module, "advance_open", open_system, steps, guards, closed=False),
     )
     arguments = [POINTER, POINTER, INT, DOUBLE, INT, POINTER]
     for name, mode in (("advance_to_event", TO_EVENT), ("estimating_advance", WHOLE)):
         function = Function(module, FunctionType(INT, arguments), name)
         state, inputs, first, h, count, estimate = function.args
         b = IRBuilder(function.append_basic_block("entry"))
-        given = [state, inputs, number(0.0), first, h, count, integer(mode), estimate]
+        given = [state, inputs, first, h, count, integer(mode), estimate]
         taken = _call_loop(b, loops, guards, given)
         b.ret(taken if mode == TO_EVENT else b.zext(b.icmp_signed("==", taken, count), INT))
-    _emit_part_step(module, loops, guards)
+    parts = (
+        _emit_part(module, "part_closed", closed_system, steps.part),
+        _emit_part(module, "part_open", open_system, steps.part),
+    )
+    exported = Function(module, FunctionType(INT, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
+    b = IRBuilder(exported.append_basic_block("entry"))
+    b.ret(_call_loop(b, parts, guards, exported.args))
     emit_plain_advance(module, function)
     return function
 
 
-def _emit_part_step(module: Module, loops: Sequence[Function], guards: Guards) -> None:
-    function = Function(module, FunctionType(INT, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
+def _emit_part(module: Module, name: str, system: System, prepare: Prepare) -> Function:
+    """Emit `i64 name(y, inputs, double t, double h)`: see `part_step`."""
+    function = _internal(module, name, [POINTER, POINTER, DOUBLE, DOUBLE])
     state, inputs, t, h = function.args
     b = IRBuilder(function.append_basic_block("entry"))
-    unread = local_array(b, 1)
-    b.store(number(0.0), unread)
-    b.ret(_call_loop(b, loops, guards, [state, inputs, t, integer(0), h, integer(1), integer(PART), unread]))
+    emitter = StepEmitter(b, system, inputs, h, short=True)
+    emit_step, sum_of_zeros = prepare(emitter), emitter.scalar()
+    b.store(number(0.0), emitter.largest_error)
+    copy(b, system.size, state, emitter.y)
+    emit_step(t)
+    emitter.project(b.fadd(t, h), emitter.y)
+    copy(b, system.size, emitter.y, state)
+    b.ret(b.select(_is_finite(b, system.size, emitter.y, sum_of_zeros), integer(1), integer(-1)))
+    return function
 
 
 def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, arguments: Sequence[Value]) -> Value:
@@ -99,27 +130,35 @@ def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, argument
 
 
 def _emit_loop(
-    module: Module, name: str, system: System, prepare: Prepare, guards: Guards, *, closed: bool
+    module: Module, name: str, system: System, steps: GuardedSteps, guards: Guards, *, closed: bool
 ) -> Function:
-    """Emit `i64 name(y, inputs, double start, i64 first, double h, i64 steps, i64 mode, estimate)`.
+    """Emit `i64 name(y, inputs, i64 first, double h, i64 steps, i64 mode, estimate)`.
 
-    Step k starts at the time `start` + k h, counted from `first`. It returns the number of steps before the first one
-    in which a guard becomes negative, or -1 if the state does not stay finite. `mode`: see `PART`.
+    Step k starts at the time k h, counted from `first`. It returns the number of steps before the first one in which a
+    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`.
     """
-    function = _new_loop(module, name)
-    state, inputs, start, first, h, count, mode, estimate = function.args
+    function = _internal(module, name, [POINTER, POINTER, INT, DOUBLE, INT, INT, POINTER])
+    state, inputs, first, h, count, mode, estimate = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     emitter, size = StepEmitter(b, system, inputs, h), system.size
-    emit_step, y, before = prepare(emitter), emitter.y, emitter.vector()
-    check, sum_of_zeros = _Check(b, guards, closed, system.in_registers), emitter.scalar()
-    is_whole = b.icmp_signed("!=", mode, integer(PART))
+    emit_step, y, before = steps.whole(emitter), emitter.y, emitter.vector()
+    check, sum_of_zeros = _Check(emitter, guards, closed), emitter.scalar()
+    if system.samples is None:  # these change the state before a step
+        emitter.start_slopes = check.slopes
+    history = element(b, inputs, system.inputs_size)
+    kept = element(b, history, steps.history)
 
     def time_of(step: Value) -> Value:
-        return b.fadd(start, b.fmul(b.sitofp(step, DOUBLE), h))
+        return b.fmul(b.sitofp(step, DOUBLE), h)
 
     copy(b, size, state, y)
     b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
-    check.read(time_of(first), y, inputs, emitter.time)
+    emitter.index, emitter.steps = first, count
+    if emitter.kept is None:
+        check.read(time_of(first))
+    else:
+        emitter.kept.begin()
+        check.recall(emitter.kept.belongs, time_of(first), kept)
 
     entry, head = b.block, b.append_basic_block("step")
     body, event, finished = (b.append_basic_block(block) for block in ("body", "event", "finished"))
@@ -130,38 +169,49 @@ def _emit_loop(
     b.cbranch(b.icmp_signed("<", index, count), body, finished)
 
     b.position_at_end(body)
-    step, next_index = b.add(first, index), b.add(index, integer(1))
-    following = time_of(b.add(step, integer(1)))
-    is_eighth = b.icmp_unsigned("==", b.and_(step, integer(ESTIMATED_EVERY - 1)), integer(0))
-    emitter.is_estimated = b.and_(is_whole, is_eighth)
-    if system.samples is not None:  # once in each step, also where an event is left to the caller
-        emitter.sample(step, time_of(step), is_whole)
+    emitter.index, next_index = b.add(first, index), b.add(index, integer(1))
+    emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
+    emitter.sample(
+        emitter.index, time_of(emitter.index)
+    )  # once in each step, also where an event is left to the caller
     copy(b, size, y, before)
-    emit_step(time_of(step))
+    emit_step(time_of(emitter.index))
+    following = time_of(b.add(emitter.index, integer(1)))
     emitter.project(following, y)
     check.keep()
-    check.read(following, y, inputs, emitter.time)
-    is_event = b.and_(is_whole, check.ended(inputs, h))
+    check.read(following)
+    is_event = check.ended(inputs, h)
     index.add_incoming(next_index, b.block)
     b.cbranch(is_event, event, head)
 
     b.position_at_end(event)
-    with b.if_then(b.icmp_signed("==", mode, integer(TO_EVENT))):
-        copy(b, size, before, state)
+    with b.if_else(b.icmp_signed("==", mode, integer(TO_EVENT))) as (to_event, whole):
+        with to_event:
+            copy(b, size, before, state)
+            if emitter.kept is not None:  # a new history begins after the event
+                kept_size = steps.history + kept_at_start(size, guards.gaps, guards.rows)
+                loop(b, 0, kept_size, lambda i: store(b, number(0.0), history, i))
+        with whole:
+            if emitter.kept is not None:
+                emitter.kept.end(FALSE)
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     b.ret(index)
 
     b.position_at_end(finished)
     finite = _is_finite(b, size, y, sum_of_zeros)
-    with b.if_then(b.or_(finite, b.icmp_signed("==", mode, integer(PART)))):
+    emitter.index = b.add(first, count)
+    if emitter.kept is not None:
+        emitter.kept.end(finite)
+    with b.if_then(finite):
         copy(b, size, y, state)
+        if emitter.kept is not None:
+            check.remember(kept)
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     b.ret(b.select(finite, count, integer(-1)))
     return function
 
 
-def _new_loop(module: Module, name: str) -> Function:
-    types = [POINTER, POINTER, DOUBLE, INT, DOUBLE, INT, INT, POINTER]
+def _internal(module: Module, name: str, types: list[str]) -> Function:
     function = Function(module, FunctionType(INT, types), name)
     function.linkage = "internal"
     function.attributes = ["noinline"]
@@ -170,23 +220,50 @@ def _new_loop(module: Module, name: str) -> Function:
 
 
 class _Check:
-    """The guards before and after a step, and whether one of them ends the step; with or without active rows."""
+    """The guards before and after a step, and whether one of them ends the step; with or without active rows.
 
-    def __init__(self, b: IRBuilder, guards: Guards, closed: bool, in_registers: bool) -> None:
-        """Allocate the arrays; the builder `b` must be in the entry block of a function."""
+    `slopes` (n,) are those of the state after the step, with which the next one starts.
+    """
+
+    def __init__(self, emitter: StepEmitter, guards: Guards, closed: bool) -> None:
+        """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
+        b, self._emitter = emitter.b, emitter
         self._b, self._guards, self._slips = b, guards, guards.slips if closed else ()
         rates = guards.rows if closed else guards.gaps
         first, count = (guards.gaps + 2 * rates, guards.count) if closed else (0, guards.gaps)
-        self._function = guards.readings if closed else guards.open_guards
+        self._function = guards.closed_start if closed else guards.open_start
         self._kept, self._negative = guards.gaps + rates, range(first, first + count)
         size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
+        in_registers = emitter.system.in_registers
         self._after = local_array(b, size, in_registers=in_registers)
         self._before = local_array(b, self._kept, in_registers=in_registers)
+        self.slopes = emitter.vector("start_slopes")
 
-    def read(self, t: Value, y: Value, inputs: Value, time: Value) -> None:
-        """Evaluate the guards of a state; `time` is the address of a number."""
-        self._b.store(t, time)
-        self._b.call(self._function, [time, y, inputs, self._after])
+    def read(self, t: Value) -> None:
+        """Evaluate the slopes and the guards of the state at time t."""
+        emitter = self._emitter
+        at = self._b.by_address(t, emitter.time)
+        reported = [emitter.conditioning] if emitter.system.reports_conditioning else []
+        self._b.call(self._function, [at, emitter.y, emitter.inputs, self.slopes, self._after, *reported])
+
+    def recall(self, belongs: Value, t: Value, kept: Value) -> None:
+        """Read what was kept at the end of the last call if it `belongs` to this state, and else evaluate it."""
+        with self._b.if_else(belongs, likely=True) as (known, unknown):
+            with known:
+                self._each_kept(kept, lambda size, inside, outside: copy(self._b, size, outside, inside))
+            with unknown:
+                self.read(t)
+
+    def remember(self, kept: Value) -> None:
+        """Keep the slopes and guards of this state for the next call."""
+        self._each_kept(kept, lambda size, inside, outside: copy(self._b, size, inside, outside))
+
+    def _each_kept(self, kept: Value, move: Callable[[int, Value, Value], None]) -> None:
+        b, size = self._b, self._emitter.system.size
+        move(size, self.slopes, kept)
+        if self._emitter.system.reports_conditioning:
+            move(1, self._emitter.conditioning, element(b, kept, size))
+        move(self._kept, self._after, element(b, kept, size + 1))
 
     def keep(self) -> None:
         """Keep those that have been read as those before the step."""

@@ -58,8 +58,8 @@ def _emit_steps(
     copy(b, size, state, emitter.y)
     b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
     emitter.index, emitter.steps = first, steps
-    if emitter.begin is not None:
-        emitter.begin()
+    if emitter.kept is not None:
+        emitter.kept.begin()
 
     def one_step(index: Value) -> None:
         emitter.index = count = b.add(first, index)
@@ -73,8 +73,8 @@ def _emit_steps(
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     finite = emit_is_finite(b, size, emitter.y, sums)
     emitter.index = b.add(first, steps)
-    if emitter.end is not None:
-        emitter.end(finite)
+    if emitter.kept is not None:
+        emitter.kept.end(finite)
     return finite
 
 

@@ -75,7 +75,7 @@ class CalledStep:
     def _function(self) -> Function:
         """The function, which is emitted once."""
         method, outer, module = self._method, self._emitter, self._emitter.b.module
-        name = f"advance_{method.name}"
+        name = "_".join(filter(None, ("advance", method.name, outer.system.name)))
         if name in module.functions:
             return module.functions[name]
         names, types = ["t", "h", "y", "in", "k1"], [DOUBLE] * 2 + [POINTER] * 3
@@ -88,7 +88,7 @@ class CalledStep:
         function.linkage, function.attributes, function.noalias = "internal", ["noinline"], True
         t, h, y, inputs, slopes, *more = function.args
         b = new_builder(function.append_basic_block("entry"), lanes_of(outer.b))
-        emitter = StepEmitter(b, outer.system, inputs, h, y, estimates=outer.estimates)
+        emitter = StepEmitter(b, outer.system, inputs, h, y, estimates=outer.estimates, short=outer.short)
         if outer.system.reports_conditioning:
             emitter.conditioning = more.pop(0)
         if outer.estimates:
@@ -99,10 +99,10 @@ class CalledStep:
 
 
 def explicit_step(method: Tableau) -> Prepare:
-    """The step of a tableau, for `emit_advance`; in code that is not fast, it is a function of its own."""
+    """The step of a tableau, for `emit_advance`; in code that is short or not fast, it is a function of its own."""
 
     def prepare(emitter: StepEmitter) -> EmitStep:
-        if emitter.b.module.fast:
+        if emitter.b.module.fast and not emitter.short:
             return ExplicitStep(method, emitter).emit
         step, slopes = CalledStep(method, emitter), emitter.vector("k1")
 

@@ -9,18 +9,18 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
-from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
-from mbd_sim.mechanism.elements.parts import Joint
+from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
 
@@ -28,6 +28,7 @@ UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
 HELD = 1.0 - 2e-11  # length of the direction of friction that is at its limit at rest
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
+MOST_ROWS = 400  # of slots, of gaps and friction together
 SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
 
 
@@ -203,9 +204,10 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
-    gaps, sticking = one_sided_rows(
-        traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses), units.length
-    )
+    still = still_axis(traced.poses)
+    along = _places(traced, still)
+    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, along)
+    _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
@@ -227,7 +229,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
     slots = [gap.numbers for gap in gaps if gap.numbers is not None]
     loads = sum(element.joint is not None for element in frictions)
-    layout = OneSidedLayout(len(gaps), len(kept), loads, SLOT_SIZE * len(slots))
+    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in slots))
     for row in prescribed:
         equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
     numbers = ca.vertcat(ca.SX.sym("contact", layout.features.start), *slots)
@@ -237,6 +239,23 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
     return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
+
+
+def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
+    """Refuse what would take minutes to compile: the rows of all slots are solved for together."""
+    own: dict[str, int] = {}
+    for gap in gaps:
+        if gap.contact is not None:
+            own[gap.contact.name] = own.get(gap.contact.name, 0) + 1 + len(gap.slip)
+    if (total := sum(own.values())) <= MOST_ROWS:
+        return
+    largest = max(own, key=lambda name: own[name])
+    message = (
+        f"contacts of blocks, plates and rods with each other have {total} rows, {own[largest]} of them here; up to "
+        f"{MOST_ROWS} are possible"
+    )
+    remedy = "Name only the pairs that can meet with 'between', use a plane for a floor, or spheres for small parts."
+    raise MechanismError([mechanism.source.problem(("contacts", largest), message, remedy)])
 
 
 def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
@@ -295,6 +314,14 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
         ):
             return axis
     return None
+
+
+def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
+    """Where parts are along the axis along which none moves, in m."""
+    if still is None:
+        return {}
+    parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
+    return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:

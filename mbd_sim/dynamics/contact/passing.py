@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import assert_never
 
 import casadi as ca
 
@@ -15,7 +16,21 @@ from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements import constraints as c
-from mbd_sim.mechanism.elements.contacts import CAM_ANGLE, Ball, Barrel, Cam, Contact, ContactBody, Face, Solid
+from mbd_sim.mechanism.elements.contacts import (
+    CAM_ANGLE,
+    Ball,
+    Barrel,
+    Cam,
+    Cone,
+    Contact,
+    ContactBody,
+    Ellipsoid,
+    Face,
+    PlanarBody,
+    Rim,
+    RimPoint,
+    Solid,
+)
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -99,11 +114,10 @@ def _contact_pair(contact: Contact) -> _Pair:
 
     def place(one: BodyFrame, other: BodyFrame) -> ca.SX:
         """What the gap depends on; tilts count as lengths at the rim."""
-        axis = None if isinstance(first, Ball) else one.rotation @ constant(_axis(first))
         match second:
             case Face():
                 normal = other.rotation @ constant(second.normal)
-                tilt = [] if axis is None else [_radius(first) * ca.dot(normal, axis)]
+                tilt = [radius * ca.dot(normal, one.rotation @ constant(axis)) for radius, axis in _arms(first)]
                 return ca.vertcat(ca.dot(normal, _in_ground(one, other)), *tilt)
             case Barrel():
                 own = other.rotation @ constant(second.axis)
@@ -133,12 +147,19 @@ def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
     return other.rotation.T @ _in_ground(one, other)
 
 
-def _axis(body: ContactBody) -> Array:
-    """The direction about which a body is round; of a cam, one across it."""
-    if isinstance(body, Cam):
-        return body.axes[:, 0]
-    assert not isinstance(body, Ball | Face | Solid)
-    return body.axis
+def _arms(body: ContactBody) -> list[tuple[float, Array]]:
+    """Radii of a body that is not a ball, each with a direction: that about which it is round, or one across a cam."""
+    match body:
+        case Ball() | Face() | Solid() | PlanarBody():
+            return []
+        case Cam():
+            return [(_radius(body), body.axes[:, 0])]
+        case Ellipsoid(radii=radii, axes=axes):
+            return list(zip(radii, axes.T, strict=True))
+        case Rim() | RimPoint() | Barrel() | Cone():
+            return [(body.radius, body.axis)]
+        case _:
+            assert_never(body)
 
 
 def _thickness(body: ContactBody) -> float:
@@ -151,7 +172,9 @@ def _radius(body: ContactBody) -> float:
     match body:
         case Cam():
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
-        case Face():
+        case Face() | PlanarBody():
             return 0.0
+        case Ellipsoid():
+            return min(body.radii)
         case _:
             return body.radius

@@ -413,13 +413,13 @@ def _step(module: CModule, system: System, model: ExportedModel, method: Method,
     emitter.index, emitter.steps, emitter.history = index, integer(1), history
     needs = StepNeeds(equations.rates, equations.core, lambda: equations.joint_linearization.partial_system, emit)
     step = step_of(method, needs)(emitter)
-    if emitter.begin is not None:
-        emitter.begin()
+    if emitter.kept is not None:
+        emitter.kept.begin()
     if sample is not None:
         b.call(sample, [index, t, y, inputs])
     step(t)
     emitter.project(t_next, y)
     emitter.index = b.add(index, integer(1))
-    if emitter.end is not None:
-        emitter.end(Value(BOOL, "true"))
+    if emitter.kept is not None:
+        emitter.kept.end(Value(BOOL, "true"))
     b.ret_void()

@@ -12,7 +12,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.actuators import ENERGIES, FLUID
 from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES
 from mbd_sim.mechanism.contents import commanded_drives
-from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator, DcMotor, EffortMotor, FluidCylinder, Machine
+from mbd_sim.mechanism.elements.actuators import PRESSURES, Actuator
 from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import reference
@@ -191,21 +191,11 @@ def drive_outputs(mechanism: Mechanism) -> list[Variable]:
     return found
 
 
-def _electric_units(machine: Machine) -> dict[str, str]:
-    match machine:
-        case DcMotor():
-            return {"voltage": "V", "current": "A"}
-        case EffortMotor() | FluidCylinder():
-            return {}
-        case _:
-            assert_never(machine)
-
-
 def actuator_outputs(mechanism: Mechanism, readings: Sequence[str]) -> list[tuple[int, int, Variable]]:
     """Effort, voltage and current of the actuators, with their row and column in the readings."""
     found = []
     for column, actuator in enumerate(mechanism.actuators):
-        electric = _electric_units(actuator.motor)
+        electric = {"voltage": "V", "current": "A"} if actuator.motor.electric else {}
         for what, unit in {"effort": _unit_of(mechanism, actuator, "effort"), **electric}.items():
             about = f"{what} of {actuator.name}"
             found.append((readings.index(what), column, variable(what, actuator.name, f"motor_{what}", unit, about)))

@@ -9,16 +9,20 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import assert_never
 
 import numpy as np
 
 from mbd_sim.base.errors import InputError, quoted
 from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.parts import pose_of, shapes_of
+from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
+from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
+from mbd_sim.files.builders.welded import free_parts
 from mbd_sim.files.schema import shapes as schema
-from mbd_sim.files.schema.constraints import ContactSpec
+from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.units import split_unit
@@ -29,18 +33,24 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    Cone,
     Contact,
     ContactBody,
+    Curved,
     Cushion,
+    Ellipsoid,
     Face,
+    PlanarBody,
     Rim,
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
 
 SIDES = {-1: "-", 1: "+"}
+MOST_ON_PLANE = 16  # corners of a hull, each with rows of its own: with 20 of them, the first start takes 20 s
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -49,19 +59,21 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 2, 6, 4),
     (1, 5, 7, 3),
 )
+ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
+ROUND_SLOTS = 4  # at most, of a pair with a cylinder, a disc, a ring or a cone
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim]]:
-    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims and corners."""
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Ellipsoid | PlanarBody]]:
+    """What of a shape, or of a point, can touch a plane, each with a name: balls, rims, corners, tip and outline."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
     pose = pose_of(shape)
 
     def at(*offset: float) -> Attachment:
-        return Attachment(part, pose.position + pose.rotation @ np.array(offset))
+        return Attachment(part, pose.position + pose.rotation @ array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | Ellipsoid | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -89,14 +101,28 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
                 (FIRST_RIM.strip(), Rim(first, axis, r, length)),
                 (LAST_RIM.strip(), Rim(last, axis, r, length, first=False)),
             ]
+        case schema.ConeSpec(radius=r, length=length):
+            base, tip = (at(0.0, 0.0, 0.5 * side * length) for side in (-1, 1))
+            return [("", Rim(base, axis, r)), ("tip", Ball(tip, 0.0))]
+        case schema.CapsuleSpec(radius=r, length=length):
+            return [(f"end {SIDES[side]}", Ball(at(0.0, 0.0, 0.5 * side * length), r)) for side in SIDES]
+        case schema.EllipsoidSpec(radii=radii):
+            return [("", Ellipsoid(at(0.0, 0.0, 0.0), pose.rotation, radii))]
+        case schema.HullSpec():
+            found, _ = hull_of(shape)
+            return [(f"corner {number}", Ball(at(*corner), 0.0)) for number, corner in enumerate(found, start=1)]
         case schema.PlateSpec(size=(x, y)):
             return corners(x, y, 0.0)
         case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
+        case schema.OutlineSpec():
+            return [("", planar_body(part, shape, pose, hollow=False))]
+        case _:
+            assert_never(shape)
 
 
 def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | None:
-    """A shape, or a point, as a ball or a cylinder; None for shapes with corners."""
+    """A shape, or a point, as a ball or a cylinder; None for others."""
     if isinstance(shape, Pose):
         return Ball(Attachment(part, np.array(shape.position)), 0.0)
     pose = pose_of(shape)
@@ -110,12 +136,23 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             return Barrel(center, pose.rotation[:, 2], r, 0.0)
         case schema.CylinderSpec(radius=r, length=length):
             return Barrel(center, pose.rotation[:, 2], r, length)
-        case schema.RodSpec() | schema.PlateSpec() | schema.BlockSpec():
+        case (
+            schema.RodSpec()
+            | schema.PlateSpec()
+            | schema.BlockSpec()
+            | schema.ConeSpec()
+            | schema.CapsuleSpec()
+            | schema.EllipsoidSpec()
+            | schema.HullSpec()
+            | schema.OutlineSpec()
+        ):
             return None
+        case _:
+            assert_never(shape)
 
 
-def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
-    """A shape, or a point, as a convex body; None for round shapes with edges."""
+def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
+    """A shape, or a point, as a convex body."""
     if isinstance(shape, Pose):
         return polytope(part, [shape.position], (), 0.0)
     pose = pose_of(shape)
@@ -136,8 +173,23 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | None:
         case schema.BlockSpec(size=(x, y, z)):
             signs = product((-1, 1), repeat=3)
             return polytope(part, placed(*((0.5 * a * x, 0.5 * b * y, 0.5 * c * z) for a, b, c in signs)), BLOCK, 0.0)
-        case schema.DiscSpec() | schema.RingSpec() | schema.CylinderSpec():
+        case schema.CapsuleSpec(radius=r, length=length):
+            return polytope(part, placed((0.0, 0.0, -0.5 * length), (0.0, 0.0, 0.5 * length)), (), r)
+        case schema.HullSpec():
+            points, faces = hull_of(shape)
+            return polytope(part, placed(*points), faces, 0.0)
+        case schema.DiscSpec(radius=r) | schema.RingSpec(radius=r):
+            return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, 0.0)
+        case schema.CylinderSpec(radius=r, length=length):
+            return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+        case schema.ConeSpec(radius=r, length=length):
+            return Cone(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+        case schema.EllipsoidSpec(radii=radii):
+            return Ellipsoid(Attachment(part, pose.position), pose.rotation, radii)
+        case schema.OutlineSpec():
             return None
+        case _:
+            assert_never(shape)
 
 
 def polytope(part: str, points: Sequence[Array], faces: tuple[tuple[int, ...], ...], radius: float) -> Solid:
@@ -174,7 +226,7 @@ class _ContactBuilder:
         points = context.points_by_part
         self._names = {name: known and dict.fromkeys(known) for name, known in points.items()}
         for name, spec in parts.items():
-            shapes = dict.fromkeys(shape.name for shape in shapes_of(spec) if shape.name)
+            shapes = dict.fromkeys(shape.name for shape in touching_shapes(spec) if shape.name)
             self._names[name] = {**shapes, **dict.fromkeys(spec.points)}
 
     def build(self, name: str, spec: ContactSpec) -> list[Contact]:
@@ -193,11 +245,14 @@ class _ContactBuilder:
         if len(self._context.problems) > before:
             return []
         law = contact_law(spec)
-        if isinstance(law, Cushion) and any(slots_of(first, second) for _, _, first, second in pairs):
-            message = "blocks, plates and rods are rigid in contact with each other"
+        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
+        if isinstance(law, Cushion) and any(slots):
+            message = (
+                "only spheres, points, cylinders, discs and rings can have a 'stiffness' in contact with each other"
+            )
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
-        return [Contact(name, *pair, law, spec.inside, slots_of(*pair[2:])) for pair in pairs]
+        return [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
 
     def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
         """Refuse a stiffness with a unit that does not fit the exponent."""
@@ -232,6 +287,8 @@ class _ContactBuilder:
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """Two round bodies as the records of a gap; None, with a problem, if they have none."""
+        if any(isinstance(each.shape, schema.OutlineSpec) for each in (first, second)):
+            return self._outline_pair(where, first, second, inside)
         bodies = [round_body(each.part, each.shape) for each in (first, second)]
         if bodies[0] is None or bodies[1] is None:
             return self._solid_pair(where, first, second, inside)
@@ -256,19 +313,30 @@ class _ContactBuilder:
             return None
         return one, other
 
+    def _outline_pair(
+        self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
+    ) -> tuple[ContactBody, ContactBody] | None:
+        """An outline and another one, or a roller; None, with a problem, for other shapes."""
+        found = [_planar(each, inside and each is second) for each in (first, second)]
+        if found[0] is None or found[1] is None:
+            other = second if found[1] is None else first
+            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
+            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
+            if inside and not isinstance(second.shape, schema.OutlineSpec):
+                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
+            self._context.report(where, message, remedy)
+            return None
+        return found[0], found[1]
+
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """Two convex bodies; None, with a problem, if one of them is not among those that can touch each other."""
+        """Two convex bodies; None, with a problem, if they cannot touch each other."""
         one, other = (solid(each.part, each.shape) for each in (first, second))
-        pair = f"{_article(first.kind)} cannot be in contact with {_article(second.kind)}"
-        if one is None or other is None:
-            remedy = "Blocks, plates, rods, spheres and points can be in contact with each other and with planes."
-            self._context.report(where, pair, remedy)
-        elif inside:
+        if inside:
             message = f"{_article(second.kind)} cannot enclose {_article(first.kind)}"
             self._context.report(where, message, "Give the enclosing part several blocks, or remove 'inside'.")
-        elif one.radius + other.radius == 0.0 and len(one.vertices) < MOST_SLOTS and len(other.vertices) < MOST_SLOTS:
+        elif _is_thin(one) and _is_thin(other):
             message = f"{first.name} and {second.name} have no thickness, so that they would pass through each other"
             self._context.report(where, message, "Give a rod a radius, or a block instead of a plate.")
         else:
@@ -297,23 +365,39 @@ class _ContactBuilder:
             if cam is not None and self._differ((*where, "cam"), cam.at.part, face.at.part):
                 yield f"{_word(spec.cam)} on {_word(names)}", (spec.cam, names), cam, face
             return
-        for index, reference in enumerate(spec.parts or []):
-            place = (*where, "parts", index)
-            for solid in self._solids(place, reference):
+        for place, written in self._references(where, spec, face.at.part):
+            for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, face.at.part):
                     break
-                for label, body in edges(solid.part, solid.shape):
+                bodies = edges(solid.part, solid.shape)
+                if len(bodies) > MOST_ON_PLANE:
+                    message = f"{solid.name} has {len(bodies)} corners, too many for a contact with a plane"
+                    self._context.report(place, message, f"Give its hull at most {MOST_ON_PLANE} points.")
+                    break
+                for label, body in bodies:
+                    if isinstance(body, PlanarBody):
+                        yield from self._outline_on_face(place, solid, body, names, face)
+                        continue
                     quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
                     yield quantity, (solid.name, names), body, face
+
+    def _outline_on_face(
+        self, where: Location, shape: _TouchingShape, body: PlanarBody, names: str, face: Face
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        across = body.axes[:, 2]
+        if abs(float(across @ face.normal)) > ACROSS:
+            message = f"the plane does not cut that of the outline {shape.name!r} at a right angle"
+            self._context.report(where, message, "Choose another 'normal', or the 'plane' of the outline.")
+            return
+        yield f"{_word(shape.name)} on {_word(names)}", (shape.name, names), body, planar_face(face, across)
 
     def _on_cam(
         self, where: Location, spec: ContactSpec, cam: Cam
     ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
         """Rollers and points on a cam."""
         assert spec.cam is not None
-        for index, reference in enumerate(spec.parts or []):
-            place = (*where, "parts", index)
-            for solid in self._solids(place, reference):
+        for place, written in self._references(where, spec, cam.at.part):
+            for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, cam.at.part):
                     break
                 body = round_body(solid.part, solid.shape)
@@ -322,6 +406,17 @@ class _ContactBuilder:
                     self._context.report(place, message, "Give a sphere, cylinder, disc or point, or a 'plane'.")
                     break
                 yield f"{_word(solid.name)} on {_word(spec.cam)}", (solid.name, spec.cam), body, cam
+
+    def _references(self, where: Location, spec: ContactSpec, support: str) -> list[tuple[Location, str]]:
+        """The places and the names of the parts that touch a support, a part or ground."""
+        place: Location = (*where, "parts")
+        if spec.parts != ALL:
+            return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
+        solid = [name for name, part in self._parts.items() if any(not one.hole for one in touching_shapes(part))]
+        names = free_parts(solid, self._context.valid_joints.values(), support)
+        if not names:
+            self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
+        return [(place, reference(name)) for name in names]
 
     def _differ(self, where: Location, one: str, other: str) -> bool:
         if one == other:
@@ -339,7 +434,7 @@ class _ContactBuilder:
             self._context.problems.append(self._context.source.problem_of(where, error))
             return []
         spec = self._parts.get(part)
-        shapes = [] if spec is None else shapes_of(spec)
+        shapes = [] if spec is None else touching_shapes(spec)
         if named := [shape for shape in shapes if name and shape.name == name]:
             return [_TouchingShape(part, reference, named[0])]
         if spec is None and part != GROUND:
@@ -359,10 +454,30 @@ class _ContactBuilder:
         ]
 
 
-def slots_of(first: ContactBody, second: ContactBody) -> int:
+def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
+    """A shape, or a point, as the outline of a planar body; None for those that have none."""
+    if isinstance(shape.shape, schema.OutlineSpec):
+        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
+    body = None if encloses else round_body(shape.part, shape.shape)
+    return None if body is None else round_planar_body(body)
+
+
+def _is_thin(body: Solid | Curved) -> bool:
+    """Whether a body has no volume."""
+    return body.thin if isinstance(body, Solid) else isinstance(body, Barrel) and body.length == 0.0
+
+
+def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
-    if not isinstance(first, Solid) or not isinstance(second, Solid):
+    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
+        return outline_slots(first, second)
+    static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
+    if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0
+    if isinstance(first, Ellipsoid) or isinstance(second, Ellipsoid):
+        return 1
+    if not isinstance(first, Solid) or not isinstance(second, Solid):
+        return min(len(each.vertices) if isinstance(each, Solid) else ROUND_SLOTS for each in (first, second))
     fewest = min(len(first.vertices), len(second.vertices))
     corners = sum(max(map(len, each.faces), default=len(each.vertices)) for each in (first, second))
     return fewest if fewest <= 2 else min(corners, MOST_SLOTS)

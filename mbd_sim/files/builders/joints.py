@@ -6,6 +6,7 @@ The laws are those of springs, dampers and friction.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, assert_never
 
 import numpy as np
@@ -143,6 +144,17 @@ def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
     ends = [attachment((part, frame)) for part, frame in zip((joint.parent, joint.child), frames, strict=True)]
     axes = frames[0].rotation, frames[1].rotation
     return Bushing(joint.name, ends[0], ends[1], *axes, np.diag(stiffness), np.zeros((6, 6)), in_joint=True)
+
+
+def with_stops(joint: Joint) -> Joint:
+    """The joint with rigid stops at those of its limits that would not act."""
+    acting = tuple(
+        limits
+        if limits is None or limits.stiffness is not None or limits.restitution is not None
+        else replace(limits, restitution=0.0)
+        for limits in joint.limits
+    )
+    return replace(joint, limits=acting)
 
 
 def _limits(given: Any) -> tuple[Limits | None, ...]:

@@ -18,7 +18,7 @@ from mbd_sim.files.builders.constraints import build_constraints, coupled_joints
 from mbd_sim.files.builders.contacts import build_contacts
 from mbd_sim.files.builders.context import BuildContext, ForceElements, MechanismElements
 from mbd_sim.files.builders.forces import build_force_elements
-from mbd_sim.files.builders.joints import build_joint, joint_bushing
+from mbd_sim.files.builders.joints import build_joint, joint_bushing, with_stops
 from mbd_sim.files.builders.parts import build_part, point_poses
 from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
@@ -239,6 +239,8 @@ def build_elements(file: MechanismFile, source: Source, refused: Refused | None 
     }
     context = BuildContext(points, source, problems, complete=refused is None)
     built = {name: build_joint(name, spec, context) for name, spec in file.joints.items()}
+    if file.limits == "stops":
+        built = {name: joint and with_stops(joint) for name, joint in built.items()}
     if refused is None or refused.joints is not None:
         context.joints = built | dict.fromkeys(refused.joints or () if refused else ())
     joints = context.valid_joints

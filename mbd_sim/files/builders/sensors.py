@@ -13,7 +13,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.files.builders.context import BuildContext
 from mbd_sim.files.schema import sensors as schema
 from mbd_sim.mechanism.elements import sensors as records
-from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor
+from mbd_sim.mechanism.elements.actuators import Actuator
 from mbd_sim.mechanism.elements.joint_types import JointCoordinate
 from mbd_sim.mechanism.elements.parts import Joint, PartFrame
 from mbd_sim.mechanism.elements.sensors import AnySensor, ErrorModel, Sampling, SamplingError, steps_of
@@ -127,7 +127,7 @@ class _SensorBuilder:
             self._context.report(where, f"there is no actuator {quoted(spec.actuator)}", remedy)
         if (actuator := self._actuators.get(spec.actuator)) is None:
             return None
-        if not isinstance(actuator.motor, DcMotor):
+        if not actuator.motor.electric:
             self._context.report(where, f"'{spec.actuator}' has no current", "Name an actuator of the type 'dc_motor'.")
             return None
         return records.MotorCurrent(name, sampling, _errors(spec), spec.actuator)

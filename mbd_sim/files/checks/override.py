@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _SECTIONS = (
     "tolerance",
     "gravity",
+    "limits",
     "parameters",
     "functions",
     "parts",
@@ -132,9 +133,10 @@ def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
         if location[0] in ("parameters", "functions"):
             data = _replaced(data, location, value)
     from mbd_sim.files.checks.repetition import expanded
-    from mbd_sim.files.text.mesh_files import with_mesh_solids
+    from mbd_sim.files.text.mesh_files import with_mesh_hulls, with_mesh_solids
 
-    again = with_mesh_solids(expanded(Source(data, source.template_lines, source.file, source.text)))
+    again = expanded(Source(data, source.template_lines, source.file, source.text))
+    again = with_mesh_solids(with_mesh_hulls(again))
     again.changes = every
     return again
 

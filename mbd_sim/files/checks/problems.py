@@ -171,8 +171,9 @@ TYPE_SYNONYMS = {
     "slide": ("prismatic",), "linear": ("prismatic", "spring"), "translational": ("prismatic",), "weld": ("fixed",),
     "rigid": ("fixed",), "floating": ("free",), "ball": ("spherical", "sphere"), "socket": ("spherical",),
     "cardan": ("universal",), "hooke": ("universal",), "helical": ("screw",), "lead_screw": ("screw",),
-    "bar": ("rod",), "capsule": ("cylinder",), "disk": ("disc",), "wheel": ("disc",), "hoop": ("ring",),
+    "bar": ("rod",), "disk": ("disc",), "wheel": ("disc",), "hoop": ("ring",),
     "box": ("block",), "cuboid": ("block",), "cube": ("block",), "point": ("particle",), "point_mass": ("particle",),
+    "egg": ("ellipsoid",), "polyhedron": ("hull",), "mesh": ("hull",), "pyramid": ("hull",),
     "mass": ("particle",), "rectangle": ("plate",), "rope": ("cable",), "link": ("distance", "rod"),
     "pulley": ("cable",), "gears": ("gear",), "mimic": ("coupling",), "roll": ("rolling",),
 }  # fmt: skip

@@ -37,6 +37,8 @@ def drawn(model: CompiledModel, geom: int) -> tuple[str, dict[str, Any]] | None:
     match kind:
         case "SPHERE":
             record = {"type": "sphere", "radius": size[0], **at}
+        case "ELLIPSOID":
+            record = {"type": "ellipsoid", "radii": size, **pose_keys}
         case "CAPSULE":
             arm = place.rotation @ np.array([0.0, 0.0, size[1]])
             record = {

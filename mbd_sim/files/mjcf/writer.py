@@ -7,6 +7,7 @@ start of the mechanism becomes a keyframe.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from typing import assert_never
 
 import numpy as np
 
@@ -95,6 +96,7 @@ def _values(body: WrittenBody, each: MjcfJoint, q: Array, u: Array) -> tuple[Arr
 
 WORLD = "world"  # the name of the body that is ground
 LEAST_INERTIA = 1e-14  # kg·m²; MuJoCo refuses moments of 0
+CONE_CORNERS = 48  # of the base of a cone, which MJCF does not have
 LEAST_MASS = 1e-9  # kg, of bodies that move and have no mass here
 
 
@@ -133,9 +135,11 @@ def _add_bodies(document: MjcfDocument) -> None:
         for joint in body.joints:
             _add_joint(document, frame, joint)
         _add_inertial(document, frame, body)
-        for shape in body.part.shapes:
-            if not shape.hole:
-                _add_geom(frame, shape)
+        for count, shape in enumerate(body.part.shapes, start=1):
+            if shape.kind == "outline":
+                document.leave_out("outlines", name)
+            elif not shape.hole:
+                _add_geom(document, frame, shape, f"{name}_{shape.kind}_{count}")
         for point, pose in body.part.points.items():
             document.site(name, pose, f"{name}.{point}")
         for mesh in body.part.meshes:
@@ -211,30 +215,56 @@ def _add_inertial(document: MjcfDocument, frame: Element, body: WrittenBody) -> 
     add_element(frame, "inertial", {"pos": text(part.center), "mass": number(mass), **moments})
 
 
-def _add_geom(frame: Element, shape: Shape) -> None:
-    """A shape to draw: without mass, and without contacts, which it does not have here either."""
-    kind, size = _geom(shape)
-    attributes = {"type": kind, "size": text(np.array(size)), "mass": "0", "contype": "0", "conaffinity": "0"}
+def _add_geom(document: MjcfDocument, frame: Element, shape: Shape, name: str) -> None:
+    """A shape to draw: without mass, and without contacts, which it does not have here either.
+
+    A cone or a hull is a mesh of its corners, of this name.
+    """
+    form = _geom(shape)
+    if isinstance(form, tuple):
+        attributes = {"type": form[0], "size": text(np.array(form[1]))}
+    else:
+        assets = document.root.find("asset")
+        assets = add_element(document.root, "asset", {}) if assets is None else assets
+        add_element(assets, "mesh", {"name": name, "vertex": text(form.ravel())})
+        attributes = {"type": "mesh", "mesh": name}
+    attributes |= {"mass": "0", "contype": "0", "conaffinity": "0"}
     if shape.color:
         color = [int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)]
         attributes["rgba"] = text(np.array([*color, 1.0]))
     add_element(frame, "geom", attributes | placed(shape.pose))
 
 
-def _geom(shape: Shape) -> tuple[str, list[float]]:
-    """Type and half sizes of a shape."""
-    match shape.kind, shape.size:
-        case ("block", sides):
-            return "box", [0.5 * side for side in sides]
-        case ("plate", (x, y)):
-            return "box", [0.5 * x, 0.5 * y, 0.5 * THICKNESS * max(x, y)]
-        case ("rod", (length, radius)):
-            return "capsule", [radius, 0.5 * length]
-        case ("cylinder", (length, radius)):
-            return "cylinder", [radius, 0.5 * length]
-        case ("disc" | "ring", (radius,)):
-            return "cylinder", [radius, 0.5 * THICKNESS * radius]
-    return "sphere", [shape.size[0]]
+def _geom(shape: Shape) -> tuple[str, list[float]] | Array:
+    """Type and half sizes of a shape, or the corners (n, 3) of one that MJCF does not have."""
+    size = shape.size
+    match shape.kind:
+        case "block":
+            return "box", [0.5 * side for side in size]
+        case "plate":
+            return "box", [0.5 * size[0], 0.5 * size[1], 0.5 * THICKNESS * max(size)]
+        case "rod" | "capsule":
+            return "capsule", [size[1], 0.5 * size[0]]
+        case "cylinder":
+            return "cylinder", [size[1], 0.5 * size[0]]
+        case "disc" | "ring":
+            return "cylinder", [size[0], 0.5 * THICKNESS * size[0]]
+        case "sphere" | "particle":
+            return "sphere", [size[0]]
+        case "ellipsoid":
+            return "ellipsoid", [*size]
+        case "cone":
+            angles = np.arange(CONE_CORNERS) * (2.0 * np.pi / CONE_CORNERS)
+            heights = np.full(CONE_CORNERS, -0.5 * size[0])
+            rim = np.column_stack([size[1] * np.cos(angles), size[1] * np.sin(angles), heights])
+            return np.vstack([rim, [0.0, 0.0, 0.5 * size[0]]])
+        case "hull":
+            assert shape.hull is not None
+            return np.array(shape.hull.corners)
+        case "outline":
+            raise ValueError("MJCF has no outlines")
+        case _:
+            assert_never(shape.kind)
 
 
 def _note_rest(document: MjcfDocument) -> None:

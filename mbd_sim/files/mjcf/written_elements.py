@@ -272,6 +272,8 @@ def _add_actuator(document: MjcfDocument, actuator: Actuator) -> bool:
             limit = min(motor.effort_limit, math.inf if servo is None else servo.limit)
         case EffortMotor() | DcMotor() | FluidCylinder():
             return False
+        case _:
+            assert_never(motor)
     if (place := _place(document, actuator)) is None:
         return False
     section, attributes = document.section("actuator"), {"name": actuator.name, **place}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.fields import (
@@ -17,6 +17,7 @@ from mbd_sim.files.schema.fields import (
     QuantityField,
     Restitution,
     Spec,
+    list_or_word,
 )
 from mbd_sim.mechanism.elements.contacts import CAM_ANGLE
 from mbd_sim.mechanism.values.expression import TimeExpression
@@ -288,12 +289,18 @@ ContactStiffness = Annotated[float, QuantityField(None, above=0)]
 ContactExponent = Annotated[float, QuantityField("", at_least=1)]
 ContactDamping = Annotated[float, QuantityField("s/m", at_least=0)]
 _PARTNERS = "'between' two parts, 'among' several, 'parts' on a 'plane' or on a 'cam', or a 'plane' on a 'cam'"
+ALL = "all"
+PartsOrAll = Annotated[
+    Annotated[list[str], Field(min_length=1), Tag("list")] | Annotated[Literal["all"], Tag("word")],
+    Discriminator(list_or_word),
+]
 
 
 class ContactSpec(Spec):
     """Shapes that cannot penetrate each other: `between` two parts, `among` several, or of `parts` on a plane or cam.
 
-    A part stands for its shapes; `part.name` is one of them by its name, or a point. The plane through `plane` has the
+    A part stands for its shapes; `part.name` is one of them by its name, or a point. `parts: all` are all parts with
+    shapes but those that are welded to ground or to the plane. The plane through `plane` has the
     `normal` of that point's part, away from the material; the second of two parts encloses the first if it is `inside`.
     A cam turns with the part of `cam`; its `profile` is the radius in the x-y plane of this point, an expression of
     `angle`. A contact is rigid, with Newton's `restitution`, or with a `stiffness` k compliant: k δⁿ (1 + c δ').
@@ -301,7 +308,7 @@ class ContactSpec(Spec):
 
     between: tuple[str, str] | None = None
     among: list[str] | None = Field(None, min_length=2)
-    parts: list[str] | None = Field(None, min_length=1)
+    parts: PartsOrAll | None = Field(None, description="parts, shapes and points, or all")
     plane: str | None = None
     normal: Direction = (0.0, 0.0, 1.0)
     cam: str | None = None

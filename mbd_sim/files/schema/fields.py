@@ -365,6 +365,11 @@ def written_as(value: Any) -> str:
     return "list" if isinstance(value, list | tuple) else "mapping"
 
 
+def list_or_word(value: Any) -> str:
+    """Whether a value is written as a `list` or as a `word`."""
+    return "list" if isinstance(value, list | tuple) else "word"
+
+
 def list_or_number(value: Any) -> str:
     """Whether a value is written as a `list` or as a `number`."""
     return "list" if isinstance(value, list | tuple) else "number"

@@ -97,6 +97,9 @@ class PartSpec(Spec):
     inertia_check: bool = Field(True, description="false: accept an inertia that no rigid body can have")
     shape: AnyShapeSpec | None = None
     shapes: list[AnyShapeSpec] | None = None
+    collisions: list[AnyShapeSpec] | None = Field(
+        None, description="what touches in contacts, in place of the shapes; without mass, and not drawn"
+    )
     meshes: list[MeshSpec] = Field(
         [],
         description="drawn instead of the shapes, and passed on to exported URDF; center and inertia of a part with a "
@@ -108,6 +111,14 @@ class PartSpec(Spec):
     def _one_of(self) -> PartSpec:
         if self.shape is not None and self.shapes is not None:
             raise InputError("has both shape and shapes", "Move 'shape' into 'shapes'.")
+        return self
+
+    @model_validator(mode="after")
+    def _only_touching(self) -> PartSpec:
+        for index, shape in enumerate(self.collisions or []):
+            if given := [key for key in ("mass", "density", "hole") if getattr(shape, key, None)]:
+                message = f"collisions[{index}]: {given[0]} has no effect on a shape that only touches"
+                raise InputError(message, f"Remove '{given[0]}', or move the shape to 'shapes'.")
         return self
 
 
@@ -154,6 +165,9 @@ class MechanismFile(Spec):
         "mean exactly that; 0: as written",
     )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
+    limits: Literal["stops"] | None = Field(
+        None, description="stops: limits of joints that have neither a stiffness nor a restitution are rigid stops"
+    )
     # Made without validation, which would build both records at every start.
     integrator: IntegrationSpec = IntegrationSpec.model_construct()
     ground: GroundSpec = GroundSpec.model_construct()

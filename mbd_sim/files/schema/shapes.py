@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
+from mbd_sim.base.geometry.batch import Batch, array
+from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.files.schema.fields import (
+    Angle,
     Color,
     Direction,
+    Length,
     Mass,
     Name,
+    Number,
     PositiveDensity,
     PositiveLength,
+    QuantityField,
     RotationSpec,
     Spec,
     Vector,
+    written_as,
 )
+from mbd_sim.mechanism.elements.parts import MOST_CORNERS
 
 
 class ShapeSpec(Spec):
@@ -108,6 +118,24 @@ class CylinderSpec(AxialShapeSpec):
     density: PositiveDensity | None = None
 
 
+class ConeSpec(AxialShapeSpec):
+    """A uniform solid cone, whose base has its center at `at`; `axis` leads from there to the tip."""
+
+    type: Literal["cone"]
+    radius: PositiveLength
+    length: PositiveLength
+    density: PositiveDensity | None = None
+
+
+class CapsuleSpec(AxialShapeSpec):
+    """A uniform solid cylinder with half a ball on each end; `length` is between the centers of these."""
+
+    type: Literal["capsule"]
+    radius: PositiveLength
+    length: PositiveLength
+    density: PositiveDensity | None = None
+
+
 class SphereSpec(PlacedShapeSpec):
     """A uniform solid sphere."""
 
@@ -116,7 +144,131 @@ class SphereSpec(PlacedShapeSpec):
     density: PositiveDensity | None = None
 
 
+class EllipsoidSpec(PlacedShapeSpec):
+    """A uniform solid ellipsoid, `radii` along x, y, z."""
+
+    type: Literal["ellipsoid"]
+    radii: tuple[PositiveLength, PositiveLength, PositiveLength]
+    density: PositiveDensity | None = None
+
+
+class HullSpec(PlacedShapeSpec):
+    """A uniform solid, the convex hull of points or of the mesh in a file, which are given in a frame at `at`."""
+
+    type: Literal["hull"]
+    points: list[Vector] | None = Field(None, min_length=1, max_length=1000, description="those inside do not count")
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)] | None = None
+    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    density: PositiveDensity | None = None
+
+    @model_validator(mode="after")
+    def _points(self) -> HullSpec:
+        if (self.points is None) == (self.file is None):
+            raise InputError("needs either 'points' or a 'file'", "Give one of them.")
+        if 0.0 in self.scale:
+            raise InputError("has a scale of 0, which leaves nothing of it", "Write positive numbers.")
+        if self.points is not None:
+            self.polyhedron  # noqa: B018  (reports degenerate points)
+        return self
+
+    @cached_property
+    def polyhedron(self) -> tuple[Any, tuple[tuple[int, ...], ...]]:
+        """The corners (n, 3) in m in its frame, and the faces as places in these, counterclockwise from outside.
+
+        :raises InputError: the points lie in a plane, or the hull has too many corners.
+        """
+        points = array(self.points) * array(self.scale)
+        first = points.values[0] if isinstance(points, Batch) else points
+        if not np.all(np.isfinite(first)):
+            return points, ()  # the problem is reported where the numbers are
+        hull = convex_hull(first, MOST_CORNERS)
+        if hull.beyond:
+            message = f"has more than {MOST_CORNERS} corners"
+            raise InputError(message, "Leave out some, or give a 'file', of whose mesh those farthest out are taken.")
+        if isinstance(points, Batch):
+            others = [convex_hull(values, MOST_CORNERS) for values in points.values]
+            points.require(np.array([(one.corners, one.faces) == (hull.corners, hull.faces) for one in others]))
+        return points[list(hull.corners)], hull.faces
+
+
+PlanePoint = tuple[Length, Length]
+WholeNumber = Annotated[float, QuantityField("", at_least=1)]
+_CURVES = ("through", "center", "radius", "involute")
+
+
+class StrokeSpec(Spec):
+    """A piece of an outline to a point: a line, an arc, or the involute of a circle.
+
+    The point is given by `to`, or in `polar` coordinates. An arc leads `through` a third point, around a `center`, or
+    has a `radius`, positive where it turns to the left; the latter two turn by less than half a turn. The `involute` of
+    a circle with this radius around `center` leads through both ends. `round` is the radius of the arc that replaces
+    the corner at the point.
+    """
+
+    to: PlanePoint | None = None
+    polar: tuple[Length, Angle] | None = Field(None, description="in place of 'to': radius and angle about the origin")
+    through: PlanePoint | None = None
+    center: PlanePoint | None = None
+    radius: Length | None = None
+    involute: PositiveLength | None = None
+    round: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> StrokeSpec:
+        if (self.to is None) == (self.polar is None):
+            raise InputError("needs one of to, polar", "Give the point to which the piece leads.")
+        given = [key for key in _CURVES if getattr(self, key) is not None]
+        if len(given) > 1 and given != ["center", "involute"]:
+            raise InputError(f"has {' and '.join(given)}", "Give one of them.")
+        return self
+
+
+PlanePointOrStroke = Annotated[
+    Annotated[PlanePoint, Tag("list")] | Annotated[StrokeSpec, Tag("mapping")], Discriminator(written_as)
+]
+
+
+class OutlineSpec(PlacedShapeSpec):
+    """A uniform body with the outline of a chain of lines and curves, in a plane through `at`.
+
+    Without a `thickness` it is a thin plate, and if it is not `closed` a wall
+    without mass, whose material is on the left. The chain can be repeated around the origin of its plane.
+    """
+
+    type: Literal["outline"]
+    plane: Literal["xy", "xz", "yz"] = "xy"
+    points: list[PlanePointOrStroke] = Field(min_length=2)
+    closed: bool = True
+    repeat: WholeNumber = Field(1.0, description="how often the chain is passed, each time turned further by 1/repeat")
+    thickness: PositiveLength | None = None
+    density: PositiveDensity | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> OutlineSpec:
+        if not float(self.repeat).is_integer():
+            raise InputError("repeat must be a whole number", "Write for example 12.", self.repeat)
+        if not self.closed and self.mass != 0.0:
+            raise InputError("an outline that is not closed has no mass", "Add 'mass: 0'.")
+        if not self.closed and self.repeat > 1.0:
+            raise InputError("an outline that is not closed cannot be repeated", "Remove one of the two.")
+        if self.density is not None and self.thickness is None:
+            raise InputError("a density needs a thickness", "Add 'thickness', or give 'mass'.")
+        return self
+
+
 AnyShapeSpec = Annotated[
-    RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec,
+    RodSpec
+    | ParticleSpec
+    | DiscSpec
+    | RingSpec
+    | PlateSpec
+    | BlockSpec
+    | CylinderSpec
+    | ConeSpec
+    | CapsuleSpec
+    | SphereSpec
+    | EllipsoidSpec
+    | HullSpec
+    | OutlineSpec,
     Field(discriminator="type"),
 ]

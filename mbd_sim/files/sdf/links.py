@@ -89,6 +89,8 @@ def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, A
             record = {"type": "block", "size": values.numbers(form, "size", where, 3) or [1.0, 1.0, 1.0]}
         case "sphere":
             record = {"type": "sphere", "radius": values.number(form, "radius", where, 1.0)}
+        case "ellipsoid":
+            record = {"type": "ellipsoid", "radii": values.numbers(form, "radii", where, 3) or [1.0, 1.0, 1.0]}
         case "cylinder":
             record = {
                 "type": "cylinder",
@@ -103,7 +105,11 @@ def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, A
         case _:
             values.reading.leave_out_at(f"{form.tag} shapes, which are not drawn", element, key)
             return None
-    sizes = [*record.get("size", ()), *(record[name] for name in ("radius", "length") if name in record)]
+    sizes = [
+        *record.get("size", ()),
+        *record.get("radii", ()),
+        *(record[name] for name in ("radius", "length") if name in record),
+    ]
     if min(sizes) <= 0.0:
         values.reading.leave_out_at("shapes without size, which are not drawn", element, key)
         return None

@@ -12,6 +12,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -275,37 +276,47 @@ def _add_link(document: SdfDocument, part: Part) -> None:
     for name, index in MOMENTS.items():
         _add(tensor, name, number(float(inertia[index])))
     for count, shape in enumerate((shape for shape in part.shapes if not shape.hole), start=1):
-        _add_shape(link, f"{part.name}_shape_{count}", shape)
+        if (form := _form(shape)) is None:
+            document.leave_out("shapes that SDF does not have", [f"{part.name}: {shape.kind}"])
+        else:
+            _add_visual(link, f"{part.name}_shape_{count}", shape, *form)
     document.leave_out("meshes", [f"{part.name}: {mesh.file}" for mesh in part.meshes])
 
 
-def _add_shape(link: Element, name: str, shape: Shape) -> None:
+def _form(shape: Shape) -> tuple[str, dict[str, str]] | None:
+    """The element that stands for a shape, with what is in it; None where the written version of SDF has none."""
+    size = shape.size
+    match shape.kind:
+        case "block":
+            return "box", {"size": text(np.array(size))}
+        case "plate":
+            return "box", {"size": text(np.array([*size, THICKNESS * max(size)]))}
+        case "rod" | "capsule":
+            return "capsule", {"radius": number(size[1]), "length": number(size[0])}
+        case "cylinder":
+            return "cylinder", {"radius": number(size[1]), "length": number(size[0])}
+        case "disc" | "ring":
+            return "cylinder", {"radius": number(size[0]), "length": number(THICKNESS * size[0])}
+        case "sphere" | "particle":
+            return "sphere", {"radius": number(size[0])}
+        case "ellipsoid":
+            return "ellipsoid", {"radii": text(np.array(size))}
+        case "cone" | "hull" | "outline":
+            return None
+        case _:
+            assert_never(shape.kind)
+
+
+def _add_visual(link: Element, name: str, shape: Shape, form: str, sizes: Mapping[str, str]) -> None:
     visual = ElementTree.SubElement(link, "visual", name=name)
     _add_pose(visual, shape.pose)
-    geometry = ElementTree.SubElement(visual, "geometry")
-    match shape.kind, shape.size:
-        case ("block", size):
-            _add(ElementTree.SubElement(geometry, "box"), "size", text(np.array(size)))
-        case ("plate", (x, y)):
-            sides = np.array([x, y, THICKNESS * max(x, y)])
-            _add(ElementTree.SubElement(geometry, "box"), "size", text(sides))
-        case ("rod", (length, radius)):
-            _add_sizes(ElementTree.SubElement(geometry, "capsule"), radius, length)
-        case ("cylinder", (length, radius)):
-            _add_sizes(ElementTree.SubElement(geometry, "cylinder"), radius, length)
-        case ("disc" | "ring", (radius,)):
-            _add_sizes(ElementTree.SubElement(geometry, "cylinder"), radius, THICKNESS * radius)
-        case ("sphere" | "particle", (radius,)):
-            _add(ElementTree.SubElement(geometry, "sphere"), "radius", number(radius))
+    drawn = ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), form)
+    for tag, size in sizes.items():
+        _add(drawn, tag, size)
     if shape.color:
         color = np.array([*(int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)), 1.0])
         material = ElementTree.SubElement(visual, "material")
         _add(material, "diffuse", text(color))
-
-
-def _add_sizes(form: Element, radius: float, length: float) -> None:
-    _add(form, "radius", number(radius))
-    _add(form, "length", number(length))
 
 
 def _add_joints(document: SdfDocument) -> None:

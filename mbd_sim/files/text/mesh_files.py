@@ -1,8 +1,8 @@
 """The files of meshes: where they are, the surfaces that trimesh reads from them, and the solids that these enclose.
 
 A mesh is named as URDFs write it: by a `package://` URI, a `file://` URI or a path. A part with a mass and without an
-inertia gets center and inertia from its closed meshes; the `solid` of each is written into the data of the file, so
-that a recording and a converted file do not depend on the file of the mesh.
+inertia gets center and inertia from its closed meshes; the `solid` of each is written into the data of the file, and
+so are the points of a hull, so that a recording and a converted file do not depend on the file of the mesh.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ from urllib.parse import unquote, urlparse
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, listed
+from mbd_sim.base.errors import InputError, MechanismError, listed
+from mbd_sim.base.geometry.convex_hull import convex_hull, face_normals, fans
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
+from mbd_sim.files.text.library import digest_of_file
+from mbd_sim.mechanism.elements.parts import MOST_CORNERS
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.mechanism.values.source import Source
+from mbd_sim.mechanism.values.source import Location, Source
 
 
 def mesh_path(uri: str, source: str) -> Path | None:
@@ -215,6 +218,90 @@ def with_mesh_solids(source: Source) -> Source:
     )
 
 
+HOLLOW = 1e-6  # of a hull's size or volume, by which a mesh must be inside or smaller to show that it has hollows
+
+
+def with_mesh_hulls(source: Source) -> Source:
+    """The source with points in place of the files of hulls, and remarks on what a hull of them does not show.
+
+    :raises MechanismError: a file cannot be read, or its points have no hull.
+    """
+    parts = source.data.get("parts") if isinstance(source.data, dict) else None
+    if not isinstance(parts, dict):
+        return source
+    changed, remarks, problems, read = dict(parts), [], [], {}
+    for name, part in parts.items():
+        for steps, shape in _hulls_of_files(part):
+            try:
+                path = _found(shape["file"], source.file)
+                points, remark = _corners_of(path, f"the mesh {shape['file']} of {name}")
+            except InputError as error:
+                message = f"there is no hull of {shape['file']}: {error.message}"
+                problems.append(source.problem(("parts", name, *steps, "file"), message, error.remedy))
+                continue
+            hull = {key: value for key, value in shape.items() if key != "file"} | {"points": points}
+            changed[name] = _with_value(changed[name], steps, hull)
+            remarks.append(remark)
+            read[str(path)] = digest_of_file(path)
+    if problems:
+        raise MechanismError(problems)
+    if not read:
+        return source
+    return replace(
+        source,
+        data={**source.data, "parts": changed},
+        text=None,
+        comments=source.comments if source.text is None else (f"From {Path(source.file).name} and its meshes.",),
+        other_files=None if source.other_files is None else {**source.other_files, **read},
+        remarks=(*source.remarks, *(remark for remark in remarks if remark)),
+    )
+
+
+def _hulls_of_files(part: Any) -> Iterator[tuple[Location, Mapping[str, Any]]]:
+    """Those shapes of a part that are hulls of files, each with its keys."""
+    if not isinstance(part, dict):
+        return
+    shapes = part.get("shapes")
+    places: list[tuple[Location, Any]] = [(("shape",), part.get("shape"))]
+    places += [(("shapes", number), shape) for number, shape in enumerate(shapes if isinstance(shapes, list) else [])]
+    for steps, shape in places:
+        is_hull = isinstance(shape, dict) and shape.get("type") == "hull" and shape.get("points") is None
+        if is_hull and isinstance(shape.get("file"), str):
+            yield steps, shape
+
+
+def _with_value(part: Mapping[str, Any], steps: Location, value: Any) -> dict[str, Any]:
+    """The part with another value of its shape, or of one of its shapes."""
+    if len(steps) == 1:
+        return {**part, "shape": value}
+    return {**part, "shapes": [value if number == steps[1] else one for number, one in enumerate(part["shapes"])]}
+
+
+def _corners_of(path: Path, name: str) -> tuple[list[list[float]], str]:
+    """The corners of the hull of a mesh, and a remark if it has hollows, or more corners.
+
+    :raises MeshError: the file cannot be read.
+    :raises InputError: its points have no hull.
+    """
+    triangles = read_triangles(path)
+    points = np.unique(triangles.reshape(-1, 3), axis=0)
+    hull = convex_hull(points, MOST_CORNERS)
+    corners = points[list(hull.corners)]
+    size, said, depths = float(np.max(np.ptp(points, axis=0))), [], np.full(len(points), np.inf)
+    for face, normal in zip(hull.faces, face_normals(corners, hull.faces), strict=True):
+        depths = np.minimum(depths, (corners[face[0]] - points) @ normal)
+    full = solid(corners[fans(hull.faces)])["volume"]
+    fills = not _is_closed(triangles) or solid(triangles)["volume"] > (1.0 - HOLLOW) * full
+    if depths.max() > HOLLOW * size or not fills:
+        said.append("has hollows, which its hull fills")
+    if hull.beyond:
+        said.append(
+            f"has a hull of more than {MOST_CORNERS} corners: it is that of the {MOST_CORNERS} farthest out, beyond "
+            f"which others are by up to {100.0 * hull.beyond / size:.2g} % of its size"
+        )
+    return corners.tolist(), f"{name} {' and '.join(said)}." if said else ""
+
+
 _REMEDY = "Give its 'inertia'."
 _SCALE = "give 'scale: [0.001, 0.001, 0.001]'"
 
@@ -252,10 +339,14 @@ def _with_solids(name: str, part: Mapping[str, Any], file: str) -> tuple[dict[st
 
 
 def _solid_of(uri: str, file: str) -> dict[str, Any]:
+    return solid(read_triangles(_found(uri, file)))
+
+
+def _found(uri: str, file: str) -> Path:
     path = mesh_path(uri, file)
     if path is None:
         raise MeshError("not found")
-    return solid(read_triangles(path))
+    return path
 
 
 def solid(triangles: Array) -> dict[str, Any]:

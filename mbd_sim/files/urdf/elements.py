@@ -15,12 +15,14 @@ import numpy as np
 
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.files.text.shape_entries import capsule, with_collisions
 from mbd_sim.files.text.xml import Element, Reading, placed, pose_of, rows
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.constraints import Coupling
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.names import is_name
 from mbd_sim.mechanism.values.source import Location, Origin
 
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
@@ -33,7 +35,7 @@ def part_of(reading: Reading, link: Element, key: str, colors: dict[str, str], o
     part: dict[str, Any] = {"mass": 0.0}
     if inertial := link.first("inertial"):
         part |= _inertial(reading, inertial, f"{key}.inertial", origins)
-    drawn = _drawn(reading, link, key, colors, origins)
+    drawn = _shapes(reading, link, key, colors, origins)
     if "shapes" in drawn:
         part.setdefault("inertia", [0.0, 0.0, 0.0])  # given, so that shapes are only drawn
     return part | drawn
@@ -84,24 +86,28 @@ def _tensor(tensor: Array) -> Any:
     return {name[1:]: float(tensor[index]) for name, index in MOMENTS.items()}
 
 
-def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins) -> dict[str, Any]:
-    """The meshes and the shapes of the visual elements, or else the shapes of the collision elements."""
-    drawn: dict[str, list[dict[str, Any]]] = {"meshes": [], "shapes": []}
+def _shapes(reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins) -> dict[str, Any]:
+    """The meshes and shapes of the visual elements, and the shapes of the collision elements."""
+    found: dict[str, list[tuple[dict[str, Any], Origin]]] = {"meshes": [], "shapes": [], "collisions": []}
     for tag in ("visual", "collision"):
         for element in link.all(tag):
             shape = _shape(reading, element, f"{key}.{tag}", link_key=key)
-            if shape is None or (tag == "collision" and "file" in shape):
+            if shape is None:
+                continue
+            if tag == "collision" and "file" in shape:
+                reading.leave_out("meshes of <collision>, through which other parts pass", key)
                 continue
             if color := _color(reading, element, f"{key}.{tag}", colors):
                 shape["color"] = color
-            kind = "meshes" if "file" in shape else "shapes"
-            origins[(kind, len(drawn[kind]))] = reading.origin(element, f"{key}.{tag}")
-            drawn[kind].append(shape)
-        if drawn["shapes"]:
-            break
-    if drawn["meshes"]:
+            kind = "collisions" if tag == "collision" else "meshes" if "file" in shape else "shapes"
+            if shape.get("name") in {other.get("name") for other, _ in found[kind]}:
+                shape.pop("name", None)
+            found[kind].append((shape, reading.origin(element, f"{key}.{tag}")))
+    if found["meshes"]:
         reading.leave_out("meshes, drawn and passed on to exported URDF", key)
-    return {kind: shapes for kind, shapes in drawn.items() if shapes}
+    entries = with_collisions(found)
+    origins |= {(kind, index): origin for kind, many in entries.items() for index, (_, origin) in enumerate(many)}
+    return {kind: [shape for shape, _ in many] for kind, many in entries.items()}
 
 
 def _shape(reading: Reading, element: Element, key: str, link_key: str) -> dict[str, Any] | None:
@@ -128,15 +134,18 @@ def _shape(reading: Reading, element: Element, key: str, link_key: str) -> dict[
             found = {name: reading.required(form, name, where) for name in keys}
             shape = {"type": form.tag, **found}
             sizes = [value for value in found.values() if value is not None]
+        case "capsule":
+            sizes = [reading.required(form, name, where) or 0.0 for name in ("radius", "length")]
+            shape, pose = capsule(pose_of(*reading.pose(element, key)), *sizes), {}
         case _:
-            reading.leave_out(f"{form.tag} shapes, which are not drawn", link_key)
+            reading.leave_out(f"{form.tag} shapes, which are not taken", link_key)
             return None
     if not sizes or None in shape.values():
         return None
     if min(sizes) <= 0.0:
-        reading.leave_out("shapes without size, which are not drawn", link_key)
+        reading.leave_out("shapes without size, which are not taken", link_key)
         return None
-    return shape | pose
+    return shape | pose | ({"name": name} if is_name(name := element.attributes.get("name", "")) else {})
 
 
 def _mesh(reading: Reading, form: Element, key: str, pose: dict[str, Any]) -> dict[str, Any] | None:

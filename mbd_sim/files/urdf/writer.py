@@ -15,6 +15,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -197,6 +198,12 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
         "actuators": [actuator.name for actuator in mechanism.actuators],
         "contacts between shapes": [contact.name for contact in mechanism.contacts],
+        "shapes that URDF does not have": [
+            f"{part.name}: {shape.kind}"
+            for part in mechanism.parts.values()
+            for shape in part.shapes
+            if not shape.hole and _form(shape) is None
+        ],
     }
     return tuple(f"{kind}: {listed(names, max_count=1000)}" for kind, names in found.items() if names)
 
@@ -288,8 +295,11 @@ def _add_link(robot: Element, part: Part) -> None:
         geometry = _add_geometry(link, "visual", part, mesh)
         ElementTree.SubElement(geometry, "mesh", filename=mesh.file, scale=_text(np.array(mesh.scale)))
     for shape in part.shapes:
-        if not shape.hole:
-            _add_shape(_add_geometry(link, "collision" if part.meshes else "visual", part, shape), shape)
+        if not shape.hole and (form := _form(shape)) is not None:
+            tag, sizes = form
+            ElementTree.SubElement(
+                _add_geometry(link, "collision" if part.meshes else "visual", part, shape), tag, sizes
+            )
 
 
 def _add_geometry(link: Element, tag: str, part: Part, drawn: Shape | Mesh) -> Element:
@@ -303,19 +313,24 @@ def _add_geometry(link: Element, tag: str, part: Part, drawn: Shape | Mesh) -> E
     return geometry
 
 
-def _add_shape(geometry: Element, shape: Shape) -> None:
-    match shape.kind, shape.size:
-        case ("block", size):
-            ElementTree.SubElement(geometry, "box", size=_text(np.array(size)))
-        case ("plate", (x, y)):
-            ElementTree.SubElement(geometry, "box", size=_text(np.array([x, y, THICKNESS * max(x, y)])))
-        case ("rod" | "cylinder", (length, radius)):
-            ElementTree.SubElement(geometry, "cylinder", length=_number(length), radius=_number(radius))
-        case ("disc" | "ring", (radius,)):
-            thickness = _number(THICKNESS * radius)
-            ElementTree.SubElement(geometry, "cylinder", length=thickness, radius=_number(radius))
-        case ("sphere" | "particle", (radius,)):
-            ElementTree.SubElement(geometry, "sphere", radius=_number(radius))
+def _form(shape: Shape) -> tuple[str, dict[str, str]] | None:
+    """The element that stands for a shape, with its attributes; None where URDF has none."""
+    size = shape.size
+    match shape.kind:
+        case "block":
+            return "box", {"size": _text(np.array(size))}
+        case "plate":
+            return "box", {"size": _text(np.array([*size, THICKNESS * max(size)]))}
+        case "rod" | "cylinder" | "capsule":
+            return "cylinder", {"length": _number(size[0]), "radius": _number(size[1])}
+        case "disc" | "ring":
+            return "cylinder", {"length": _number(THICKNESS * size[0]), "radius": _number(size[0])}
+        case "sphere" | "particle":
+            return "sphere", {"radius": _number(size[0])}
+        case "cone" | "ellipsoid" | "hull" | "outline":
+            return None
+        case _:
+            assert_never(shape.kind)
 
 
 def _add_origin(element: Element, pose: Pose) -> None:

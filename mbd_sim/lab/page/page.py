@@ -39,6 +39,7 @@ Theme = Literal["light", "dark"]
 PICTURES = 60.0  # a second
 NUMBERS = 6.0  # updates of texts, plots and sliders a second
 PANEL = 370.0  # px of width
+FIRST_VIEWS = 5  # that are corrected
 
 
 class Page:
@@ -140,9 +141,13 @@ class Page:
         sizes = [(0, 0)]
 
         def follow(_: Any) -> None:
-            """Aim at the mechanism again when the window has another size, as after turning a phone."""
-            camera = client.camera
-            if sizes[-1] != (size := (camera.image_width, camera.image_height)):
+            """Aim at the mechanism again when the window has another size, as after turning a phone.
+
+            A slow browser applies the first view, which is that of a usual window, after it was aimed.
+            """
+            camera, size = client.camera, (client.camera.image_width, client.camera.image_height)
+            is_first = len(sizes) < FIRST_VIEWS and np.allclose(camera.position, self.server.initial_camera.position)
+            if sizes[-1] != size or is_first:
                 sizes.append(size)
                 aim(camera, self._extent, camera.aspect, camera.image_width)
 
@@ -178,12 +183,14 @@ class Page:
 
     def _status(self, frame: Frame) -> str:
         pace = f"running at {frame.rate:.3g} × real time" if frame.running else "paused"
-        account = (
-            "positions only" if self.session.bench.positions_only else f"energy residual {frame.energies[6]:.1e} J"
-        )
+        if frame.pull is not None:  # in place of the account, so that the panel keeps its height
+            force, most = (float(f"{one:.3g}") for one in (np.linalg.norm(frame.pull[2]), frame.pull[3]))
+            account = f"pulled with {force:g} N of at most {most:g} N"
+        elif self.session.bench.positions_only:
+            account = "positions only"
+        else:
+            account = f"energy residual {frame.energies[6]:.1e} J"
         lines = [f"t = {frame.time:.3f} s · {pace} · {account}"]
-        if frame.pull is not None:
-            lines.append(f"pulled with {np.linalg.norm(frame.pull[2]):.3g} N; the most is {frame.pull[3]:.3g} N")
         if frame.message:
             lines.append(f"> {frame.message}")
         if self._problem:

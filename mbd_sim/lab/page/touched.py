@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 
-UNTOUCHED = 0.7  # s after which a control that the user has moved follows the session again
+UNTOUCHED = 1.5  # s after which a control that the user has moved follows the session again
 
 
 class Touched:

@@ -10,12 +10,13 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import quaternions, to_quaternion
 from mbd_sim.files.text.mesh_files import mesh_path
-from mbd_sim.mechanism.elements.parts import GROUND, Mesh
+from mbd_sim.mechanism.elements.parts import GROUND, Mesh, Polyhedron
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
 from mbd_sim.pictures.shapes.primitives import Form, Lines, Primitive, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere
+from mbd_sim.pictures.shapes.prisms import Prism
+from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, triangles_of
 from mbd_sim.simulation.model.model import Model
 
 THIN = 0.25  # of the width of a line, for lines as thin as they can be seen
@@ -89,6 +90,15 @@ class Bodies:
                 return [add.add_box(path, dimensions=size, **place)]
             case Sphere(radius):
                 return [add.add_icosphere(path, radius=radius, **place)]
+            case Ellipsoid(radii):
+                import trimesh
+
+                ball = trimesh.creation.icosphere(subdivisions=3)
+                return [add.add_mesh_simple(path, ball.vertices * np.array(radii), ball.faces, **place)]
+            case Cone() | Polyhedron() | Prism() as solid:
+                corners = triangles_of(solid).reshape(-1, 3)
+                faces = np.arange(len(corners)).reshape(-1, 3)
+                return [add.add_mesh_simple(path, corners, faces, flat_shading=True, **place)]
             case Lines(strips, radius):
                 segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in strips])
                 color, width = place.pop("color"), 2.0 * radius or THIN * LINE_WIDTH * self._extent.size

@@ -47,7 +47,8 @@ class OwnSession(Session):
 
     def play(self) -> None:
         """Run on from the present state."""
-        self.running, self.message, self._advanced, self._rate = True, "", self._clock(), 0.0
+        self.running, self.message, self._advanced = True, "", self._clock()
+        self._rate = self.speed if math.isfinite(self.speed) else 0.0
         self._restart_clock()
 
     def pause(self) -> None:

@@ -110,8 +110,8 @@ def _freed(mechanism: Mechanism, name: str) -> Mechanism:
     """The mechanism in which the joint of a driven coordinate has no drive."""
     for joint in mechanism.joints.values():
         if joint.drive and name in joint.motion_names:
-            commanded = isinstance(joint.drive, CommandedDrive)
-            start = [joint.drive.start] if commanded else [one.at(0.0) for one in joint.drive]
+            drive = joint.drive
+            start = [drive.start] if isinstance(drive, CommandedDrive) else [one.at(0.0) for one in drive]
             position = start[0] if len(start) == 1 else start
             return with_values(
                 mechanism, {f"joints.{joint.name}.drive": None, f"joints.{joint.name}.position": position}

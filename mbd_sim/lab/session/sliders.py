@@ -9,13 +9,14 @@ from typing import Any, Literal
 
 import yaml
 
-from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.errors import InputError, MechanismError
 from mbd_sim.files.checks.override import location_of
-from mbd_sim.files.text.units import is_number, si_factor, split_unit
+from mbd_sim.files.text.units import si_factor, split_unit
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.lab.session.session import Session
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.expression import evaluate, names_in
 from mbd_sim.mechanism.values.source import value_at
 from mbd_sim.pictures.shapes.joints import weight
 from mbd_sim.simulation.run.simulation import BaseSimulation
@@ -97,14 +98,15 @@ def settings_of(bench: Bench, size: float, *, with_state: bool = True) -> list[S
 
 def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
     """The changed values as the file has them; `shown` are values by key, in their units."""
-    changed = [one for one in settings if one.kind == "value" and shown.get(one.key, one.value) != one.value]
+    written = {key: float(f"{value:.12g}") for key, value in shown.items()}
+    changed = [one for one in settings if one.kind == "value" and written.get(one.key, one.value) != one.value]
     lists = {one.key.partition("[")[0] for one in changed if "[" in one.key}
     data: dict[str, Any] = {}
     for setting in settings:
         name, bracket, _ = setting.key.partition("[")
         if setting not in changed and not (bracket and name in lists):
             continue
-        value = float(f"{shown.get(setting.key, setting.value):.12g}")
+        value = written.get(setting.key, setting.value)
         entry = f"{value:.12g} {setting.unit}" if setting.unit else value
         *sections, last = name.split(".")
         here = data
@@ -178,11 +180,12 @@ def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
         text = _written(mechanism, key)
         unit, factor = "", 1.0
         if isinstance(text, str):
-            number, unit = split_unit(text)
-            if not is_number(number):
-                continue  # a formula: it follows other values
+            formula, unit = split_unit(text)
+            number = _constant(formula, mechanism)
+            if number is None:
+                continue  # it follows other values
             factor = si_factor(unit) if unit else 1.0
-            value = float(number) * factor
+            value = number * factor
         elif text is not None:
             value = float(text)
         shown = float(f"{value / factor:.12g}")
@@ -194,6 +197,16 @@ def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
         else:
             low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size)
         yield Setting("value", group, key, label, unit, factor, shown, low, high)
+
+
+def _constant(formula: str, mechanism: Mechanism) -> float | None:
+    """The value of a number or of a formula such as `2*pi`; None if it depends on other values of the file."""
+    if names_in(formula, mechanism.parameters):
+        return None
+    try:
+        return evaluate(formula, {})
+    except InputError:
+        return None  # it calls a function of the file
 
 
 def _written(mechanism: Mechanism, key: str) -> Any:
@@ -215,6 +228,8 @@ def _range(mechanism: Mechanism, key: str, value: float, size: float) -> tuple[f
     """Sensible ends of a slider."""
     if key.startswith("gravity"):
         return -max(GRAVITY, abs(value)), max(GRAVITY, abs(value))
+    if key.endswith(".restitution"):
+        return 0.0, 1.0
     if value == 0.0:
         scale = weight(mechanism, size)
         return 0.0, _round(scale * size * (0.1 if key.endswith("damping") else 1.0))

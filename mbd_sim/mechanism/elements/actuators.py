@@ -75,6 +75,7 @@ class FluidCylinder:
     transition: float
     pressures: tuple[float, float]
     control: ClassVar[Literal["opening"]] = "opening"
+    electric: ClassVar[bool] = False  # whether it has a voltage and a current
     has_states: ClassVar[bool] = True
     gear: ClassVar[float] = 1.0
     rotor_inertia: ClassVar[float] = 0.0  # no rotor
@@ -167,6 +168,7 @@ class EffortMotor(_StartsAtRest):
     gear: float = 1.0
     rotor_inertia: float = 0.0
     control: ClassVar[Literal["effort"]] = "effort"
+    electric: ClassVar[bool] = False
     has_states: ClassVar[bool] = False
 
 
@@ -194,6 +196,7 @@ class DcMotor(_StartsAtRest):
     regularization: float = 0.1
     control: Control = "voltage"
     bandwidth: float = 0.0
+    electric: ClassVar[bool] = True
 
     @property
     def has_states(self) -> bool:

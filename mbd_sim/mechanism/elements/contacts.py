@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 
 CAM_ANGLE = "angle"  # the variable of a cam's profile
@@ -54,8 +55,27 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
+
+    at: Attachment
+    axes: Array
+    radii: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Barrel:
     """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
 
     at: Attachment
     axis: Array
@@ -94,6 +114,11 @@ class Solid:
     radius: float
 
     @property
+    def thin(self) -> bool:
+        """Whether it has no volume: a plate, a rod or a point without a radius."""
+        return self.radius == 0.0 and len(self.faces) <= 2
+
+    @property
     def edges(self) -> tuple[tuple[int, int], ...]:
         """The pairs of vertices that edges connect, the smaller index first."""
         if len(self.vertices) == 2:
@@ -102,7 +127,23 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
-ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam | Solid
+@dataclass(frozen=True, eq=False)
+class PlanarBody:
+    """An outline in the x-y plane of `axes` (3, 3) through `origin` (3,), endless across it; a circle is a roller.
+
+    `at` is the origin of the part, in whose frame these are. Points and balls are circles in any plane, and so have no
+    plane of their own.
+    """
+
+    at: Attachment
+    origin: Array
+    axes: Array
+    outline: Outline
+    has_plane: bool = True
+
+
+Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
+ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)
@@ -123,11 +164,11 @@ class Cushion:
 class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
-    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, two barrels with parallel
-    axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both for people,
-    `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have `slots`,
-    with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and nothing
-    moves; None in space.
+    Pairs are ball and face, rim and face, rim point and face, ellipsoid and face, ball and ball, ball and barrel, two
+    barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both
+    for people, `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have
+    `slots`, with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and
+    nothing moves; None in space.
     """
 
     name: str

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import assert_never
+from typing import Literal, assert_never
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from mbd_sim.base.errors import counted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive, JointCoordinate, JointKind, JointType
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ElasticLaw, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.values.names import is_name
@@ -28,19 +29,40 @@ def is_frame_name(text: str) -> bool:
     return is_name(text) and not text.startswith("/") and text != GROUND
 
 
+ShapeKind = Literal[
+    "rod", "particle", "disc", "ring", "plate", "block", "cylinder", "cone", "capsule", "sphere", "ellipsoid", "hull",
+    "outline",
+]  # fmt: skip
+
+
+MOST_CORNERS = 100  # of a hull
+
+
+@dataclass(frozen=True)
+class Polyhedron:
+    """A convex polyhedron: its `corners` in m, and its `faces` as places in these, counterclockwise from outside."""
+
+    corners: tuple[tuple[float, float, float], ...]
+    faces: tuple[tuple[int, ...], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A shape to draw: `kind` as in the file, centered on `pose`; rods and axial shapes are along z.
+    """A shape to draw: `kind` as in the file, its box centered on `pose`; rods and axial shapes are along z.
 
-    `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
-    (x, y, z) for blocks and (length, radius) for cylinders.
+    `size` is (length, radius) for rods, cylinders, cones and capsules, (radius,) for discs, rings, spheres and
+    particles, (x, y) for plates, (x, y, z) for blocks and the radii of ellipsoids, and empty for a hull, of which the
+    corners of `hull` are in the frame of `pose`; an `outline` in its x-y plane has the size (thickness,).
     """
 
-    kind: str
+    kind: ShapeKind
     size: tuple[float, ...]
     pose: Pose
     color: str | None = None
     hole: bool = False
+    hull: Polyhedron | None = None
+    name: str | None = None
+    outline: Outline | None = None
 
     __repr__ = short_repr
 
@@ -57,7 +79,10 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
+    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame.
+
+    `collisions` are the shapes that can touch others, if these are not the `shapes`, which are drawn.
+    """
 
     name: str
     mass: float
@@ -66,6 +91,12 @@ class Part:
     points: Mapping[str, Pose] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()
     meshes: tuple[Mesh, ...] = ()
+    collisions: tuple[Shape, ...] | None = None
+
+    @property
+    def touching(self) -> tuple[Shape, ...]:
+        """The shapes that can touch others."""
+        return self.shapes if self.collisions is None else self.collisions
 
     def __repr__(self) -> str:
         return f"<Part {self.name}: {self.mass:g} kg, {counted(len(self.points), 'point')}>"

@@ -9,12 +9,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.mechanism.elements.constraints import Cable, Constraint, Distance, Flat
+from mbd_sim.mechanism.elements.constraints import (
+    Cable,
+    Clutch,
+    Constraint,
+    Coupling,
+    Distance,
+    Flat,
+    KnifeEdge,
+    Rolling,
+    Surface,
+)
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Move
 from mbd_sim.mechanism.exact_geometry.loop_positions import Loops, Placement
@@ -125,6 +136,10 @@ def _guiding(constraint: Constraint) -> Iterator[Flat | Distance | Cable]:
             yield constraint
         case Cable(law=None, length=length, points=(_, _)) if not length.variables:
             yield constraint
+        case Flat() | Distance() | Cable() | Surface() | Coupling() | Rolling() | KnifeEdge() | Clutch():
+            pass
+        case _:
+            assert_never(constraint)
 
 
 def _ends(rod: Distance | Cable) -> tuple[Attachment, Attachment]:

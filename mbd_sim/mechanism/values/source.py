@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from mbd_sim.base.errors import InputError, Problem, quoted
 from mbd_sim.mechanism.values.names import in_quotes, is_name
@@ -40,7 +40,7 @@ class Source:
     which the entries depend, and `changes` the values that were replaced since, by their keys.
 
     `other_files` are the digests of the other files that were read, see `digest_of`, by their paths; None if these
-    were searched for, so that others may be found another time.
+    were searched for, so that others may be found another time. `base` is how the file was read, see `load_mechanism`.
     """
 
     data: Any
@@ -60,6 +60,7 @@ class Source:
     shaping: frozenset[str] = frozenset()
     changes: dict[str, Any] = field(default_factory=dict)
     other_files: Mapping[str, str] | None = field(default_factory=dict)
+    base: Literal["fixed", "free"] | None = None
 
     def __repr__(self) -> str:
         return f"<Source {self.file or 'without a file'}{self.format and f', from {self.format}'}>"

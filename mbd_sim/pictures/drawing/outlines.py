@@ -11,10 +11,11 @@ from typing import assert_never
 
 import numpy as np
 
+from mbd_sim.base.geometry.convex_hull import face_normals
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.elements.constraints import Surface
-from mbd_sim.mechanism.elements.parts import Joint, Part, Shape
+from mbd_sim.mechanism.elements.parts import Joint, Part, Polyhedron, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.mesh_outlines import mesh_paths
 from mbd_sim.pictures.drawing.sheet import (
@@ -31,7 +32,8 @@ from mbd_sim.pictures.drawing.sheet import (
 )
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.palette import Color, from_hex, mixed
-from mbd_sim.pictures.shapes.solids import Box, Cylinder, Ring, Rod, Sphere, half_sizes, solid_of
+from mbd_sim.pictures.shapes.prisms import Prism
+from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, half_sizes, solid_of
 
 BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths: of rods, from and to; and of rods on which something slides
 DOT, MAX_DOT = 5.0, 11.0  # pt
@@ -47,9 +49,9 @@ def shape_paths(page: ScaledView, shape: Shape, pose: Pose, color: Color, tube: 
     depth = page.depth(placed.position)
     match solid_of(shape):
         case Rod(length, radius):
-            half = 0.5 * length * placed.rotation[:, 2]
+            half, widest = 0.5 * length * placed.rotation[:, 2], np.inf if shape.kind == "capsule" else MAX_BAR
             ends = page.project(np.array([placed.position - half, placed.position + half]))
-            half_width = TUBE if tube else float(np.clip(radius * page.scale, BAR, MAX_BAR))
+            half_width = TUBE if tube else float(np.clip(radius * page.scale, BAR, widest))
             return [_bar(ends, half_width, color, depth, tube)]
         case Sphere(radius, particle=True):
             return [dot(page.project(placed.position), color, depth, radius * page.scale)]
@@ -59,8 +61,16 @@ def shape_paths(page: ScaledView, shape: Shape, pose: Pose, color: Color, tube: 
             return _ring(page, placed, radius, color)
         case Cylinder(length, radius, disc):
             return cylinder(page, placed, length, radius, color, shape.hole, spoke=disc)
+        case Prism() as prism:
+            return _prism(page, placed, prism, color, shape.hole)
         case Box(size):
             return _block(page, placed, np.array(size) / 2.0, color, shape.hole)
+        case Cone(length, radius):
+            return _cone(page, placed, length, radius, color, shape.hole)
+        case Ellipsoid(radii):
+            return _ellipsoid(page, placed, np.array(radii), color, shape.hole)
+        case Polyhedron() as solid:
+            return _polyhedron(page, placed, solid, color, shape.hole)
         case _ as unknown:
             assert_never(unknown)
 
@@ -81,14 +91,7 @@ def cylinder(
     circle = pose.rotation[:, :2] @ arc(np.zeros(2), radius, count=73).T
     half = sign * 0.5 * length * axis
     near, far = (page.project((pose.position + side * half)[:, None].T + circle.T) for side in (1, -1))
-    outline = SheetPath(
-        hull(np.vstack([near, far])),
-        edge=outline_color(color),
-        fill=WHITE if hole else fill_color(color),
-        closed=True,
-        dash=(3.0, 2.0) if hole else (),
-        depth=depth,
-    )
+    outline = _outline(page, pose, hull(np.vstack([near, far])), color, hole)
     paths = [outline]
     if abs(float(axis @ page.view.toward)) > 1e-3 and not page.view.planar:
         paths.append(replace(outline, points=near, fill=None if hole else _lit(page, color, sign * axis)))
@@ -97,6 +100,56 @@ def cylinder(
         rim = hub + radius * pose.rotation[:, 0]
         paths.append(SheetPath(page.project(np.array([hub, rim])), edge=mixed(color, INK, 0.3), width=0.8, depth=depth))
     return paths
+
+
+def _cone(page: ScaledView, pose: Pose, length: float, radius: float, color: Color, hole: bool) -> list[SheetPath]:
+    """A cone about z of `pose`, which is half of its height above its base."""
+    axis = pose.rotation[:, 2]
+    circle = pose.rotation[:, :2] @ arc(np.zeros(2), radius, count=73).T
+    base = page.project((pose.position - 0.5 * length * axis)[:, None].T + circle.T)
+    tip = page.project(pose.position + 0.5 * length * axis)
+    outline = _outline(page, pose, hull(np.vstack([base, tip])), color, hole)
+    if axis @ page.view.toward < -1e-3 and not page.view.planar:
+        return [outline, replace(outline, points=base, fill=None if hole else _lit(page, color, -axis))]
+    return [outline]
+
+
+def _ellipsoid(page: ScaledView, pose: Pose, radii: Array, color: Color, hole: bool) -> list[SheetPath]:
+    """Its outline is an ellipse: the farthest points in all directions of the sheet."""
+    axes = page.project((pose.rotation * radii).T)
+    directions = arc(np.zeros(2), 1.0, count=73)
+    reach = directions @ axes.T
+    points = page.project(pose.position) + reach @ axes / np.linalg.norm(reach, axis=1)[:, None]
+    outline = _outline(page, pose, points, color, hole)
+    if page.view.planar or hole:
+        return [outline]
+    center = page.project(pose.position)
+    shine = center + 0.32 * (points - center) + 0.3 * (points[np.argmax(points @ [-0.8, 1.0])] - center)
+    return [outline, replace(outline, points=shine, edge=None, fill=mixed(color, WHITE, 0.78))]
+
+
+def _polyhedron(page: ScaledView, pose: Pose, solid: Polyhedron, color: Color, hole: bool) -> list[SheetPath]:
+    """In the plane its outline, in space the faces toward the eye."""
+    corners = np.array(solid.corners)
+    points = page.project(pose.position + corners @ pose.rotation.T)
+    if page.view.planar:
+        return [_outline(page, pose, hull(points), color, hole)]
+    normals = face_normals(corners, solid.faces) @ pose.rotation.T
+    return [
+        replace(
+            _outline(page, pose, points[list(face)], color, hole), fill=WHITE if hole else _lit(page, color, normal)
+        )
+        for face, normal in zip(solid.faces, normals, strict=True)
+        if normal @ page.view.toward > 1e-6
+    ]
+
+
+def _outline(page: ScaledView, pose: Pose, points: Array, color: Color, hole: bool) -> SheetPath:
+    """The outline of a solid at `pose`, or of a hole."""
+    fill, dash = (WHITE, (3.0, 2.0)) if hole else (fill_color(color), ())
+    return SheetPath(
+        points, edge=outline_color(color), fill=fill, closed=True, dash=dash, depth=page.depth(pose.position)
+    )
 
 
 def hull(points: Array) -> Array:
@@ -188,6 +241,25 @@ def _block(page: ScaledView, pose: Pose, half: Array, color: Color, hole: bool) 
                 SheetPath(points, edge=outline_color(color), fill=fill, closed=True, depth=depth, layer=BODIES)
             )
     return paths
+
+
+def _prism(page: ScaledView, pose: Pose, prism: Prism, color: Color, hole: bool) -> list[SheetPath]:
+    """The face toward the eye; seen at a slant also the other one, and the sides between them."""
+    corners, axis, depth = np.array(prism.corners), pose.rotation[:, 2], page.depth(pose.position)
+    facing = float(axis @ page.view.toward)
+    half = (0.5 if facing >= 0.0 else -0.5) * prism.height * axis
+    near, far = (page.project(pose.position + side * half + corners @ pose.rotation[:, :2].T) for side in (1, -1))
+    fill = WHITE if hole else fill_color(color)
+    face = SheetPath(near, edge=outline_color(color), fill=fill, closed=True, depth=depth, layer=BODIES)
+    if not prism.closed:
+        return [SheetPath(near, edge=outline_color(color), width=2.0 * LINE, depth=depth, layer=BODIES)]
+    if page.view.planar and abs(facing) > 0.5:
+        return [face]
+    sides = []
+    for one, other in zip(range(len(near)), (*range(1, len(near)), 0), strict=True):
+        quad = np.array([near[one], near[other], far[other], far[one]])
+        sides.append(replace(face, points=quad, edge=fill, fill=fill))
+    return [replace(face, points=far), *sides, replace(face, fill=WHITE if hole else _lit(page, color, half))]
 
 
 def _lit(page: ScaledView, color: Color, normal: Array) -> Color:

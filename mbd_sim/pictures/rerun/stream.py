@@ -19,7 +19,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import quaternions
 from mbd_sim.files.text.mesh_files import mesh_path
-from mbd_sim.mechanism.elements.parts import GROUND, Mesh
+from mbd_sim.mechanism.elements.parts import GROUND, Mesh, Polyhedron
 from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.constraints import constraint_entities, contact_entities, trace_entities
 from mbd_sim.pictures.rerun.forces import arrow_entities, connector_entities, weight
@@ -31,7 +31,8 @@ from mbd_sim.pictures.shapes.joints import LONG
 from mbd_sim.pictures.shapes.meshes import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Lines, Primitive, primitives
-from mbd_sim.pictures.shapes.solids import Box, Cylinder, Ring, Rod, Sphere
+from mbd_sim.pictures.shapes.prisms import Prism
+from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, triangles_of
 from mbd_sim.simulation.run.events import ERRORS, EventKind
 
 RERUN_READS = (".glb", ".gltf", ".obj", ".stl")  # files of meshes
@@ -110,6 +111,19 @@ def archetype(primitive: Primitive, source: str = "") -> Any:
             return rr.Boxes3D(sizes=[size], **placed, **look)
         case Sphere(radius):
             return rr.Ellipsoids3D(half_sizes=[[radius] * 3], centers=[pose.position], **look)
+        case Ellipsoid(radii):
+            return rr.Ellipsoids3D(half_sizes=[radii], **placed, **look)
+        case Cone() | Polyhedron() | Prism():
+            corners = pose.position + triangles_of(form) @ pose.rotation.T
+            if primitive.hole:
+                return rr.LineStrips3D(corners[:, [0, 1, 2, 0]], radii=[THIN], colors=[color])
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            return rr.Mesh3D(
+                vertex_positions=corners.reshape(-1, 3),
+                vertex_normals=np.repeat(normals, 3, axis=0),
+                albedo_factor=color,
+            )
         case Lines(strips, radius):
             moved = [pose.position + points @ pose.rotation.T for points in strips]
             return rr.LineStrips3D(moved, radii=[radius or THIN], colors=[color])

@@ -40,18 +40,21 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint, Mesh, Part
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint, Mesh, Part, Polyhedron
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Linear
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder, joint_radius
 from mbd_sim.pictures.shapes.palette import Color
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     POINT_MASS_RADIUS,
     Box,
+    Cone,
     Cylinder,
+    Ellipsoid,
     Ring,
     Rod,
     Solid,
@@ -177,8 +180,15 @@ def _marks(solid: Solid) -> Lines | None:
         case Ring(radius):
             return Lines(tuple(diameters(radius, (0.0,))), 0.015 * radius)
         case Sphere(radius, particle=False):
-            return Lines((meridian(radius),), 0.015 * radius)
-        case Sphere() | Rod() | Box():
+            return Lines((meridian(radius, radius),), 0.015 * radius)
+        case Ellipsoid(radii):
+            return Lines((meridian(radii[0], radii[2]),), 0.015 * min(radii))
+        case Cone(length, radius):
+            sides = 1.005 * np.array(
+                [[-radius, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0], [radius, 0.0, -length / 2.0]]
+            )
+            return Lines((sides[:2], sides[1:], sides[::2]), 0.015 * radius)
+        case Sphere() | Rod() | Box() | Polyhedron() | Prism():
             return None
         case _:
             assert_never(solid)

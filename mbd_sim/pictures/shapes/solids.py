@@ -7,12 +7,16 @@ dashpots and curved arrows.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
+from mbd_sim.base.geometry.convex_hull import fans
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import aligning_z
-from mbd_sim.mechanism.elements.parts import Part, Shape
+from mbd_sim.mechanism.elements.parts import Part, Polyhedron, Shape
+from mbd_sim.mechanism.outlines.pieces import polyline
+from mbd_sim.pictures.shapes.prisms import Prism, prism_triangles
 
 COIL_TURNS = 9
 COIL_END = 0.08  # straight part at each end of a coil, relative to its length
@@ -137,45 +141,102 @@ class Sphere:
     particle: bool = False
 
 
-Solid = Rod | Cylinder | Ring | Box | Sphere
+@dataclass(frozen=True)
+class Cone:
+    """A cone about z, with its tip up; its center is at half of its height."""
+
+    length: float
+    radius: float
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """An ellipsoid with `radii` along the axes."""
+
+    radii: tuple[float, float, float]
+
+
+Solid = Rod | Cylinder | Cone | Ring | Box | Sphere | Ellipsoid | Polyhedron | Prism
 
 
 def solid_of(shape: Shape) -> Solid:
-    """The solid of a shape, centered on the shape's pose.
-
-    :raises ValueError: there is no such kind of shape.
-    """
-    match shape.kind, shape.size:
-        case "rod", (length, radius):
-            return Rod(length, radius)
-        case "cylinder", (length, radius):
-            return Cylinder(length, radius)
-        case "disc", (radius,):
-            return Cylinder(DISC_THICKNESS * radius, radius, disc=True)
-        case "ring", (radius,):
-            return Ring(radius, RING_TUBE * radius)
-        case "plate", (x, y):
-            return Box((x, y, PLATE_THICKNESS * min(x, y)))
-        case "block", (x, y, z):
-            return Box((x, y, z))
-        case ((("sphere" | "particle") as kind), (radius,)):
-            return Sphere(radius, particle=kind == "particle")
+    """The solid of a shape, centered on the shape's pose."""
+    size = shape.size
+    match shape.kind:
+        case "rod" | "capsule":
+            return Rod(size[0], size[1])
+        case "cylinder":
+            return Cylinder(size[0], size[1])
+        case "cone":
+            return Cone(size[0], size[1])
+        case "disc":
+            return Cylinder(DISC_THICKNESS * size[0], size[0], disc=True)
+        case "ring":
+            return Ring(size[0], RING_TUBE * size[0])
+        case "plate":
+            return Box((size[0], size[1], PLATE_THICKNESS * min(size)))
+        case "block":
+            return Box((size[0], size[1], size[2]))
+        case "sphere" | "particle":
+            return Sphere(size[0], particle=shape.kind == "particle")
+        case "ellipsoid":
+            return Ellipsoid((size[0], size[1], size[2]))
+        case "hull":
+            assert shape.hull is not None
+            return shape.hull
+        case "outline":
+            assert shape.outline is not None
+            corners = tuple((x, y) for x, y in polyline(shape.outline).tolist())
+            return Prism(corners, size[0] or PLATE_THICKNESS * shape.outline.size, shape.outline.closed)
         case _:
-            raise ValueError(f"no solid for a shape of kind '{shape.kind}' and size {shape.size}")
+            assert_never(shape.kind)
 
 
 def half_sizes(shape: Shape) -> Array:
-    """Half the size (3,) in m of the box around a shape, along the shape's axes; plates, discs and rings are flat."""
-    match shape.kind, shape.size:
-        case (("rod" | "cylinder"), (length, radius)):
-            return np.array([radius, radius, length / 2.0])
-        case (("disc" | "ring"), (radius,)):
-            return np.array([radius, radius, 0.0])
-        case "plate", (x, y):
-            return np.array([x, y, 0.0]) / 2.0
-        case "block", (x, y, z):
-            return np.array([x, y, z]) / 2.0
-    return np.full(3, shape.size[0])
+    """Half the size (3,) in m of the box around a shape, along the shape's axes; plates, discs and rings are flat.
+
+    The rounded ends of a rod do not count.
+    """
+    size = shape.size
+    match shape.kind:
+        case "rod" | "cylinder" | "cone":
+            return np.array([size[1], size[1], size[0] / 2.0])
+        case "capsule":
+            return np.array([size[1], size[1], size[0] / 2.0 + size[1]])
+        case "disc" | "ring":
+            return np.array([size[0], size[0], 0.0])
+        case "plate":
+            return np.array([size[0], size[1], 0.0]) / 2.0
+        case "block":
+            return np.array(size) / 2.0
+        case "sphere" | "particle":
+            return np.full(3, size[0])
+        case "ellipsoid":
+            return np.array(size)
+        case "hull":
+            assert shape.hull is not None
+            return np.asarray(np.max(np.array(shape.hull.corners), axis=0))
+        case "outline":
+            assert shape.outline is not None
+            return np.array([*(0.5 * np.ptp(polyline(shape.outline), axis=0)), 0.5 * size[0]])
+        case _:
+            assert_never(shape.kind)
+
+
+AROUND = 48  # corners of the base of a cone that is drawn as a polyhedron
+
+
+def triangles_of(solid: Cone | Polyhedron | Prism) -> Array:
+    """The surface (n, 3, 3) of a cone, a polyhedron or a prism, as triangles that are counterclockwise from outside."""
+    if isinstance(solid, Prism):
+        return prism_triangles(solid)
+    if isinstance(solid, Polyhedron):
+        return np.array(solid.corners)[fans(solid.faces)]
+    base, half = solid.radius * circle(np.linspace(0.0, 2.0 * np.pi, AROUND + 1)), solid.length / 2.0
+    rim = np.column_stack([base, np.full(len(base), -half)])
+    center, tip = np.tile([0.0, 0.0, -half], (AROUND, 1)), np.tile([0.0, 0.0, half], (AROUND, 1))
+    sides, floor = np.stack([rim[:-1], rim[1:], tip], axis=1), np.stack([rim[1:], rim[:-1], center], axis=1)
+    return np.vstack([sides, floor])
 
 
 def diameters(radius: float, heights: tuple[float, ...], *, crossed: bool = False) -> list[Array]:
@@ -186,9 +247,9 @@ def diameters(radius: float, heights: tuple[float, ...], *, crossed: bool = Fals
     return lines
 
 
-def meridian(radius: float) -> Array:
-    """A circle (33, 3) about y, slightly larger than a ball of this radius: it shows how the ball turns."""
-    x, z = (1.005 * radius * circle(np.linspace(0.0, 2.0 * np.pi, 33))).T
+def meridian(width: float, height: float) -> Array:
+    """An ellipse (33, 3) about y, slightly outside a ball or an ellipsoid of these radii: it shows how this turns."""
+    x, z = (1.005 * np.array([width, height]) * circle(np.linspace(0.0, 2.0 * np.pi, 33))).T
     return np.column_stack([x, 0.0 * x, z])
 
 

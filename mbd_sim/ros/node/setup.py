@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -22,6 +22,7 @@ from mbd_sim.base.errors import InputError, listed, nearest
 from mbd_sim.base.packages import MissingPackageError
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.text.xml import Base
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.files.urdf.writer import ControlTopics, control_blocks, floating_joints
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -79,7 +80,7 @@ def build_simulation(parameters: NodeParameters) -> tuple[BaseSimulation, Wrench
 
     :raises MechanismError, ValueError: the file is wrong, or a parameter does not fit the mechanism.
     """
-    mechanism = _with_seed(load_mechanism(parameters["mechanism"]), parameters["sensor_seed"])
+    mechanism = _with_seed(loaded_mechanism(parameters), parameters["sensor_seed"])
     if (step := parameters["step"] or mechanism.step) < LEAST_STEP:
         raise ValueError(f"step: a node needs steps of at least 1 ns, the resolution of time in ROS, not {step:g} s.")
     targets = wrench_targets(mechanism, parameters.names_in("wrenches"))
@@ -94,6 +95,22 @@ def build_simulation(parameters: NodeParameters) -> tuple[BaseSimulation, Wrench
         live=live,
     )
     return simulation, targets
+
+
+def loaded_mechanism(parameters: NodeParameters) -> Mechanism:
+    """The mechanism of the parameters, on a floor and with stops where they say so.
+
+    :raises ValueError: a parameter has an unknown word.
+    """
+    for name, words in (("base", get_args(Base)), ("limits", ("stops",))):
+        if parameters[name] not in ("", *words):
+            raise ValueError(f"{name}: '{parameters[name]}' is not one of {', '.join(words)}. Or leave it empty.")
+    return load_mechanism(
+        parameters["mechanism"],
+        parameters["base"] or None,
+        floor=parameters["floor"],
+        limits=parameters["limits"] or None,
+    )
 
 
 def _with_seed(mechanism: Mechanism, seed: int) -> Mechanism:

@@ -29,6 +29,13 @@ PARAMETERS = (
         "several mechanisms, each with a node in its own namespace, on the clock of the first: "
         "'left=double_rod, four_bar'",
     ),
+    ParameterSpec(
+        "base", "", "fixed or free: how the root link of a URDF or SDF is attached to ground; empty: as the file says"
+    ),
+    ParameterSpec(
+        "floor", False, "put a floor at z = 0, and a free base where its lowest point touches it"
+    ),
+    ParameterSpec("limits", "", "stops: the limits of joints are rigid stops; empty: as the file says"),
     ParameterSpec("method", "", "integration method; empty: from the mechanism file"),
     ParameterSpec("step", 0.0, "integration step in s; 0: from the mechanism file", 0.0, 1.0),
     ParameterSpec(

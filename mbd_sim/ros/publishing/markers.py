@@ -17,13 +17,25 @@ from mbd_sim.base.geometry import pose as geometry
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.base.geometry.rotation import aligning_z, to_quaternion
 from mbd_sim.files.text.mesh_files import resource_uri
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Mesh, Polyhedron
 from mbd_sim.pictures.shapes import palette, solids
 from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cylinder, Ring, Rod, Sphere, circle
+from mbd_sim.pictures.shapes.prisms import Prism
+from mbd_sim.pictures.shapes.solids import (
+    LINE_WIDTH,
+    Box,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Ring,
+    Rod,
+    Sphere,
+    circle,
+    triangles_of,
+)
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
@@ -64,7 +76,7 @@ Points = tuple[tuple[float, float, float], ...]
 class FixedMarker:
     """A marker that moves with a part: its namespace and type, pose in the part's frame, scale in m, and color.
 
-    `points`, in m in the marker's frame, are those of lines; `mesh` is the URI of a mesh.
+    `points`, in m in the marker's frame, are those of lines and triangles; `mesh` is the URI of a mesh.
     """
 
     part: str
@@ -107,6 +119,10 @@ def fixed_markers(primitive: Primitive, source: str, size: float) -> list[FixedM
             return [marker(Marker.CUBE, sides)]
         case Sphere(radius):
             return [marker(Marker.SPHERE, (2.0 * radius,) * 3)]
+        case Ellipsoid((x, y, z)):
+            return [marker(Marker.SPHERE, (2.0 * x, 2.0 * y, 2.0 * z))]
+        case Cone() | Polyhedron() | Prism() as solid:
+            return [marker(Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), points=triangles_of(solid).reshape(-1, 3))]
         case Lines(strips, radius):
             width = 2.0 * radius or THIN * size
             return [marker(Marker.LINE_STRIP, (width, 0.0, 0.0), points=strip) for strip in strips]

@@ -110,13 +110,13 @@ class CompiledContacts:
         return done, int(self._counts[1])
 
     def switch(
-        self, time: float, y: Array, inputs: Array, opening: NDArray[np.int64], yielding: NDArray[np.int64],
-        elastic: bool, reached: NDArray[np.int64],
+        self, time: float, y: Array, inputs: Array, old: Array, opening: NDArray[np.int64],
+        yielding: NDArray[np.int64], elastic: bool, reached: NDArray[np.int64],
     ) -> int:  # fmt: skip
         """See `step.switch`; y and the modes among the inputs are to be restored where it is not simple."""
         self._counts[0] = 0
         marks = opening.ctypes.data, yielding.ctypes.data
-        addresses = y.ctypes.data, inputs.ctypes.data
+        addresses = y.ctypes.data, inputs.ctypes.data, old.ctypes.data
         found = library().switch(self._address, time, *addresses, *marks, elastic, reached.ctypes.data, *self._results)
         return int(found)
 

@@ -183,12 +183,14 @@ class OneSidedModel:
             rows = list(self.frictions[element][0])
             return "slides" if element in sliding else "sticks", read.forces[rows], read.rates[rows]
 
+        apart = {} if self.features is None else self.features.distances(time, y, inputs)
         found: dict[str, ContactState] = {}
         for gap, name in enumerate(self.names):
             how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
             how = how if modes[gap] else "open"
             place = placed.get(gap, (None, None))
-            found[name] = ContactState(how, read.gaps[gap], read.rates[gap], read.forces[gap], forces, slip, *place)
+            size = apart[gap] if gap in apart and not modes[gap] else read.gaps[gap]
+            found[name] = ContactState(how, size, read.rates[gap], read.forces[gap], forces, slip, *place)
         for index, (rows, load) in enumerate(self.frictions):
             if load is None:
                 how, forces, slip = state(index)
@@ -310,8 +312,8 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         guards=layout.gaps + len(functions.equations.frictions) + single_loads,
         rates=pair(functions.rates),
         project=pair(functions.project),
-        readings=(functions.rates.system, functions.readings),
-        open_guards=functions.open_guards,
+        readings=functions.readings,
+        open_start=functions.open_start,
         event_readers={
             "contact_terms": functions.terms,
             "contact_response": functions.response,

@@ -70,7 +70,8 @@ class ContactState:
     `gap` in m or rad, and its `rate`; `normal` force λ ≥ 0 in N or N·m; `friction` and `slip` (k,) along the k = 0, 1
     or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" where
     there is no friction. Friction without a gap has the gap 0 and no normal force. The gap of a compliant contact is
-    negative by its depth; it is open where it exerts no force, and does not stick.
+    negative by its depth; it is open where it exerts no force, and does not stick. Of an open slot, at which nothing
+    touches, the gap is a lower bound of the distance of both bodies.
 
     `point` (3,) in m is where it touches, and `force` (3,) in N what it exerts on the constrained point's or wheel's
     part, friction included, both in ground's frame. Of a rope or strut they are those of its last end, or of the first

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.first_zero import first_zero
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.roots import first_zero
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
 from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts
 from mbd_sim.simulation.contact.complementarity import solve

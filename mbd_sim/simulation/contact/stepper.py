@@ -114,12 +114,16 @@ class OneSidedStepper:
         self._observer = observer
         self._contacts.observe(observer is not None)
 
-    def advance(self, y: Array, inputs: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array) -> bool:
+    def advance(
+        self, y: Array, inputs: Array, history: Array, counter: NDArray[np.int64], h: float, n: int, estimate: Array
+    ) -> bool:
         """Take n steps, and count them; False, with nothing changed, where the state would not stay finite.
 
+        :param history: what the method keeps of earlier steps, behind the inputs in memory.
         :raises EventError: contacts without a solution. Nothing is changed then either, nor after any other exception.
         """
-        before, modes, first, features = y.copy(), inputs.copy(), int(counter[0]), self._model.features
+        before, modes, kept, first = y.copy(), inputs.copy(), history.copy(), int(counter[0])
+        features = self._model.features
         self._new.clear()
         try:
             done = 0
@@ -128,7 +132,7 @@ class OneSidedStepper:
                     taken, why = self._contacts.advance(y, inputs, first + done, h, n - done, estimate)
                     self._note_compiled()
                 else:
-                    taken, why = self._without_event(y, inputs, first + done, h, estimate)
+                    taken, why = self._without_event(y, inputs, history, first + done, h, estimate)
                 done += taken
                 if why == NOT_FINITE:
                     raise FloatingPointError
@@ -139,14 +143,16 @@ class OneSidedStepper:
                     features.end_step((first + done) * h, y, inputs)
             counter[0] = first + n
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
-            y[:], inputs[:], counter[0] = before, modes, first
+            y[:], inputs[:], history[:], counter[0] = before, modes, kept, first
             if isinstance(error, FloatingPointError):
                 return False
             raise
         self._keep_new()
         return True
 
-    def _without_event(self, y: Array, inputs: Array, first: int, h: float, estimate: Array) -> tuple[int, int]:
+    def _without_event(
+        self, y: Array, inputs: Array, history: Array, first: int, h: float, estimate: Array
+    ) -> tuple[int, int]:
         """Take a step in which features can change if it has no event: see `compiled.step.advance` for the result."""
         before, features = y.copy(), self._model.features
         assert features is not None
@@ -155,7 +161,7 @@ class OneSidedStepper:
             return 0, NOT_FINITE
         motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
         if taken and features.first_change(motion, inputs, None, h) is not None:
-            y[:], taken = before, 0
+            y[:], history[:], taken = before, 0.0, 0
         return taken, DONE if taken else HARD
 
     def find_modes(self, time: float, y: Array, inputs: Array) -> None:
@@ -166,7 +172,7 @@ class OneSidedStepper:
         self._new.clear()
         self._model.modes(inputs)[:] = 0.0
         self._renew(time, y, inputs)
-        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
+        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True)
         self._keep_new()
 
     def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
@@ -205,13 +211,14 @@ class OneSidedStepper:
 
     def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> Marks:
         """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
+        old = self._model.modes(inputs).copy()
         self._renew(time, y, inputs)
         before, kept = y.copy(), inputs.copy()
         reached = self._contacts.marks(self._model.guard_count)
-        found = self._contacts.switch(time, y, inputs, decided.opening, decided.yielding, elastic, reached)
+        found = self._contacts.switch(time, y, inputs, old, decided.opening, decided.yielding, elastic, reached)
         if found == NOT_SIMPLE:
             y[:], inputs[:] = before, kept
-            found = self._decide(time, y, inputs, decided, elastic, reached)
+            found = self._decide(time, y, inputs, old, decided, elastic, reached)
         else:
             self._note_compiled()
         decided.count += 1
@@ -219,13 +226,18 @@ class OneSidedStepper:
             reached[:] = 0
         return reached
 
-    def _decide(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool, into: Marks) -> int:
-        """Make those changes without compiled code: whether anything has changed; the guards become 1 in `into`."""
+    def _decide(
+        self, time: float, y: Array, inputs: Array, old: Array, decided: _Decided, elastic: bool, into: Marks
+    ) -> int:
+        """Make those changes without compiled code: whether anything has changed; the guards become 1 in `into`.
+
+        :param old: the modes before.
+        """
         layout, modes = self._model.layout, self._model.modes(inputs)
         readings = self._model.readings(time, y, inputs)
         reached = readings.guards <= self._tolerance
         into[:] = reached
-        old, speeds = modes.copy(), y[self._speeds].copy()
+        speeds = y[self._speeds].copy()
         self._model.flip_signs(modes, reached)
         closed = modes[layout.closed] != 0.0
         touched = reached[: layout.gaps] & ~closed
@@ -235,6 +247,7 @@ class OneSidedStepper:
         decided.yielding[at_limit] = 1
         opening, yielding = (frozenset(np.flatnonzero(marks).tolist()) for marks in (decided.opening, decided.yielding))
         self._resolve(time, y, inputs, Forced(opening, yielding), touched, elastic)
+        self._record_changes(time, old, modes)
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
         return SAME if is_same else CHANGED
 
@@ -242,12 +255,9 @@ class OneSidedStepper:
         if self._model.features is not None:
             self._model.features.renew(time, y, inputs)
 
-    def _resolve(
-        self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
-    ) -> None:
+    def _resolve(self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool) -> None:
         """Impacts of touching contacts that approach, then the new modes."""
         model = self._model
-        old = model.modes(inputs).copy()
         readings = model.readings(time, y, inputs)
         touching = self._finder.is_touching(readings) | touched
         gaps = model.layout.gaps
@@ -265,8 +275,6 @@ class OneSidedStepper:
             except NoSolutionError as error:
                 raise self._unsolved(time, y, inputs, touching, NO_FORCES) from error
         model.modes(inputs)[:] = modes
-        if not first:
-            self._record_changes(time, old, modes)
 
     def _unsolved(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> EventError:
         """The error of contacts without a solution: gaps that only drives or the time change, or too much friction."""

@@ -53,7 +53,7 @@ def find_modes_of_members(
             raise type(error)(f"member {member}: {error}") from error
 
 
-def advance_through_events(steppers: Sequence[OneSidedStepper]) -> Advance:
+def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int) -> Advance:
     """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive.
 
     Those that are observed, or have a step that compiled code leaves to others, are advanced by their steppers.
@@ -67,8 +67,9 @@ def advance_through_events(steppers: Sequence[OneSidedStepper]) -> Advance:
         for member in sorted({*groups} - {*unobserved} | {*left}):
             y, inputs, estimate, alive = (rows[name][member] for name in ("y", "inputs", "estimates", "alive"))
             if alive[0]:
+                own, history = inputs[:inputs_size], inputs[inputs_size:]
                 try:
-                    alive[0] = float(steppers[member].advance(y, inputs, np.array([first]), h, steps, estimate))
+                    alive[0] = float(steppers[member].advance(y, own, history, np.array([first]), h, steps, estimate))
                 except EventError:
                     alive[0] = 0.0
 
@@ -82,8 +83,8 @@ def member_groups(model: Model, count: int, steppers: Sequence[OneSidedStepper])
     """The arrays of `count` members, and what advances them."""
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if steppers:
-        threaded_from = ENOUGH // model.kernel.instructions
-        return MemberGroups(count, 1, sizes, advance_through_events(steppers), threaded_from)
+        advance = advance_through_events(steppers, len(model.inputs))
+        return MemberGroups(count, 1, sizes, advance, ENOUGH // model.kernel.instructions)
     if model.method.uses_series:  # each member needs its own expansions
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations

@@ -109,7 +109,8 @@ class KernelMemory:
         code, leaves state and step counter together, as this code counts its steps.
         """
         if self.stepper is not None:
-            return self.stepper.advance(self.y, self.inputs, self._counter, self.step_size, n, self._error_estimate)
+            arrays = self.y, self.inputs, self.history, self._counter
+            return self.stepper.advance(*arrays, self.step_size, n, self._error_estimate)
         if self._step is None:
             self._step = self.compiled_step(lambda n: False)
         return self._step(n) is None

@@ -130,15 +130,14 @@ def _motor_state(
     motor: Motor, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
 ) -> ActuatorState:
     read = dict(zip(MOTOR_READINGS, row, strict=False))
-    is_electric = isinstance(motor, DcMotor)
     return ActuatorState(
         commands=commands,
         position=read["position"],
         velocity=read["velocity"],
         effort=read["effort"],
-        voltage=read["voltage"] if is_electric else None,
-        current=read["current"] if is_electric else None,
-        electrical=read["electrical"] if is_electric else read["mechanical"],
+        voltage=read["voltage"] if motor.electric else None,
+        current=read["current"] if motor.electric else None,
+        electrical=read["electrical"] if motor.electric else read["mechanical"],
         mechanical=read["mechanical"],
         copper_loss=read["copper"],
         friction_loss=read["friction"],

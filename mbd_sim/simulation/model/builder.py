@@ -60,7 +60,7 @@ def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], ste
         input_layout=equations.inputs,
         start=equations.start_state,
         inputs=inputs,
-        history_size=choice.method.history_size(len(equations.start_state), len(inputs)),
+        history_size=_history_size(equations, choice.method, len(inputs)),
         part_names=equations.part_names,
         row_names=tuple(str(row.owner[1]) for row in equations.rows),
         rank=equations.start.rank,
@@ -87,6 +87,18 @@ def one_sided_model(equations: Equations, kernel: Kernel) -> OneSidedModel | Non
 def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
     """What a method solves for instead of all rates, if it treats only the forces within joints implicitly."""
     return equations.joint_linearization.partial_system if method.uses_joints else None
+
+
+def _history_size(equations: Equations, method: Method, inputs_size: int) -> int:
+    """The numbers that the kernel keeps behind the inputs from step to step."""
+    size = len(equations.start_state)
+    kept = method.history_size(size, inputs_size)
+    if equations.one_sided is None or not method.keeps_history:
+        return kept
+    from mbd_sim.compiler.steps.guarded import kept_at_start
+
+    layout = equations.one_sided.equations.layout
+    return kept + kept_at_start(size, layout.gaps, layout.rows)
 
 
 def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:

@@ -54,8 +54,8 @@ def require_one_sided_method(mechanism: Mechanism, name: str) -> None:
 def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, name: str, step: float) -> MethodChoice:
     """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
 
-    The default is `DEFAULT`, or `ONE_STEP` if the motion has events or samples: a method that uses earlier steps would
-    restart after each of them. It is also `ONE_STEP` if the rates are `TRIVIAL`.
+    The default is `DEFAULT`, or `ONE_STEP` if there are samples: a method that uses earlier steps would restart after
+    each of them. It is also `ONE_STEP` if the rates are `TRIVIAL`.
 
     The rates are those at the start, and at rest in the start configuration, where regularized friction is stiffest.
 
@@ -64,7 +64,7 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     :raises MechanismError: the named method cannot treat samples and delays of actuators, or what is not smooth.
     """
     sampled = _is_sampled(equations)
-    default = ONE_STEP if one_sided_names(mechanism) or sampled or _is_trivial(equations.rates) else DEFAULT
+    default = ONE_STEP if sampled or _is_trivial(equations.rates) else DEFAULT
     method = METHODS[default if name == AUTO else name]
     if sampled and method.keeps_history:
         message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"

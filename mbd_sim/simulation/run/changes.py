@@ -160,14 +160,16 @@ def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> A
 
 DEPTH = 1e-9  # of the size of the mechanism or its natural length, up to which a start counts as touching
 REMEDY = "Change the start positions so that the gap is zero or positive."
+RAISE = " A free base can be put on its floor with --floor, or load_mechanism(…, floor=True)."
 
 
 @dataclass(frozen=True)
 class Penetration:
-    """How far a one-sided element is beyond its limit: its `location` in the file, and a sentence's end."""
+    """How far a one-sided element is beyond its limit: its `location` in the file, a sentence's end, more remedies."""
 
     location: Location
     text: str
+    remedy: str = ""
 
 
 def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Penetration]:
@@ -181,18 +183,24 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
     gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
     for gap, distance, unit in gaps:
-        if gap.clutch or not distance < -limit * unit:
+        if gap.clutch or gap.numbers is not None or not distance < -limit * unit:
             continue
         row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
         match row.owner[0]:
             case "contacts":
                 assert gap.bodies is not None
                 first, second = gap.bodies
-                found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'"))
+                found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'", RAISE))
             case "joints":
                 found.append(Penetration((*row.owner, "limits"), f"the joint is {depth} beyond its {row.quantity}"))
             case _:
                 found.append(Penetration(row.owner, f"the {row.quantity} is {depth} beyond the bound"))
+    if model.one_sided.features is not None:
+        for contact, depth_in_m in model.one_sided.features.depths(time, y, inputs):
+            if depth_in_m > limit * one_sided.units.length:
+                first, second = contact.names
+                text = f"'{first}' is {depth_in_m:.4g} m inside '{second}'"
+                found.append(Penetration(("contacts", contact.name), text))
     return found
 
 
@@ -203,7 +211,7 @@ def require_free_start(model: Model) -> None:
     """
     source, inputs = model.mechanism.source, model.inputs
     problems = [
-        source.problem(each.location, f"at the start {each.text}", REMEDY)
+        source.problem(each.location, f"at the start {each.text}", REMEDY + each.remedy)
         for each in penetrations(model, 0.0, model.start, inputs)
     ]
     if problems:

@@ -308,7 +308,7 @@ def limits_remark(mechanism: Mechanism) -> str:
     ]
     if not idle:
         return ""
-    remedy = "To make them stops, give limits.stiffness or limits.restitution"
+    remedy = "To make all of them stops: --limits stops; to make some, give limits.stiffness or limits.restitution"
     if mechanism.source.file.endswith(".urdf"):
         remedy += " in a mechanism file with 'urdf:'"
     elif mechanism.source.format:

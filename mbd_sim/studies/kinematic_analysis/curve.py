@@ -22,9 +22,9 @@ from typing import Literal
 import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
-from mbd_sim.base.first_zero import first_zero
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.kinematic_analysis.drive_line import CurvePoint, DriveLine, least_place

@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from mbd_sim.base.first_zero import first_zero
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.studies.kinematic_analysis.drive_line import least_place
 from mbd_sim.studies.kinematic_analysis.loads import CouplerAndFollower, TransmissionAngle

@@ -125,7 +125,7 @@ def contact_function(derived: Equations) -> ca.Function:
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
     y = ca.vertcat(q, u, ca.SX.zeros(derived.start_state.size - layout.nq - layout.nv))
     given, inputs = inputs_with_parameters(derived)
-    readings = contact.readings.call([t, y, inputs, ca.SX.zeros(rows, 1)])[0]
+    readings = contact.read(t, y, inputs, ca.SX.zeros(rows, 1))
     velocity = readings[gaps : gaps + rows]
     at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
     sizes = contact.terms.call([t, y, inputs])[2]

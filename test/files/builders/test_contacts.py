@@ -55,7 +55,10 @@ MISTAKES = {
     "a plane that is not there": ("{parts: [ball], plane: ground.wal}", "contacts.k.plane", "'ground' has no point 'wal'", "wall"),
     "a part with itself": ("{between: [rod, rod.tip]}", "contacts.k.between[1]", "'rod' cannot be in contact with itself", "Name different parts."),
     "a part on its own plane": ("{parts: [box, ball], plane: ball}", "contacts.k.parts[1]", "'ball' cannot be in contact with itself", ""),
-    "blocks": ("{between: [ball, box]}", "contacts.k.between[1]", "a block cannot be in contact with a sphere", "only with a plane"),
+    "a block and a pipe": ("{between: [pipe.outer, box]}", "contacts.k.between[1]", "a cylinder cannot be in contact with a block", "with each other"),
+    "a block inside a ball": ("{between: [box, ball], inside: true}", "contacts.k.between[1]", "a sphere cannot enclose a block", "several blocks"),
+    "a thin rod and a point": ("{between: [rod, drop]}", "contacts.k.between[1]", "rod and drop have no thickness", "a radius"),
+    "a compliant block": ("{between: [ball, box], stiffness: 1e5}", "contacts.k.stiffness", "are rigid in contact with each other", "Remove 'stiffness'"),
     "a block on a cam": ("{parts: [box], cam: coin, profile: 0.1}", "contacts.k.parts[0]", "a block cannot be in contact with a cam", ""),
     "two points": ("{between: [drop, rod.tip]}", "contacts.k.between[1]", "two points cannot touch", "a shape with a radius"),
     "too large inside": ("{between: [pipe.outer, coin], inside: true}", "contacts.k.between[1]", "is not less than 0.3 m of coin", "exchange them"),
@@ -99,6 +102,22 @@ def test_a_list_of_parts_has_all_pairs():
     ]  # fmt: skip
     assert [type(contact.second) for contact in found] == [Barrel, Barrel, Ball, Barrel, Barrel, Barrel]
     assert [type(contact.first) for contact in found] == [Ball, Ball, Ball, Barrel, Ball, Ball]
+
+
+def test_blocks_rods_and_points_become_convex_bodies():
+    """Vertices in the frame of the part, faces whose normals point outward, and the number of points that can touch."""
+    found = contacts("{among: [box, rod, ball]}")
+    assert [contact.slots for contact in found] == [2, 1, 1]
+    box, rod = found[0].first, found[0].second
+    assert sorted(map(tuple, np.abs(box.vertices))) == [(0.5, 1.0, 1.5)] * 8
+    for face in box.faces:
+        corners = box.vertices[list(face)]
+        assert np.cross(corners[1] - corners[0], corners[2] - corners[1]) @ corners.mean(axis=0) > 0
+    assert len(box.edges) == 12
+    assert rod.vertices.tolist() == [[0, 0, 0], [0, 0, 1]]
+    assert (rod.edges, rod.radius, found[1].second.radius) == (((0, 1),), 0, 0.1)
+    assert [contact.slots for contact in contacts("{between: [box, frame.p]}")] == [1]
+    assert found[1].second.vertices.tolist() == [[0, 0, 0.2]]
 
 
 def test_a_part_inside_another_is_in_its_hole():

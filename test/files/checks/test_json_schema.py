@@ -144,7 +144,7 @@ def test_a_file_with_many_keys_satisfies_it_and_loads():
         ("    mass: m", "    mas: m"),
         ("  rod:\n", "  rod: {}\n  the}rod:\n"),
         ("  l: 1.5 m", "  l: [1]"),
-        ("type: rod", "type: cone"),
+        ("type: rod", "type: blob"),
         ("to: [0, 0, -l]}\n    points", "to: [0, 0]}\n    points"),
         ("{tip: [0, 0, -l]}", "{tip: [0, 0, 0, 0]}"),
         ("type: revolute", "type: hinge"),

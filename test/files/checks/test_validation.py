@@ -8,7 +8,7 @@ from test.generators.mechanism_texts import PENDULUM, changed, problem_of, probl
 
 MASS, SHAPE, POINTS = "    mass: m\n", "{type: rod, to: [0, 0, -l]}", "{tip: [0, 0, -l]}"
 AXIS, END = "    axis: [0, -1, 0]\n", "    position: 90 deg\n"
-SHAPES = "block, cylinder, disc, particle, plate, ring, rod, sphere"
+SHAPES = "block, capsule, cone, cylinder, disc, ellipsoid, hull, particle, plate, ring, rod, sphere"
 
 # What is replaced by what, then the line, key, message and remedy of the only problem that this makes.
 MISTAKES = {
@@ -35,7 +35,7 @@ MISTAKES = {
     "a long point": ((POINTS, "{tip: [0, 0, 0, -l]}"), 9, "parts.rod.points.tip", "has 4 values, not 3", "[x, y, z]"),
     "a point that is no list": ((POINTS, "{tip: 5}"), 9, "parts.rod.points.tip", "must be a list or a mapping", "[x, y, z]"),
     "a point with an index": ((POINTS, "{'tip{i}': [0, 0, 0]}"), 9, "parts.rod.points.'tip{i}'", "not a valid name", "needs for"),
-    "an unknown shape": ((SHAPE, "{type: cone}"), 8, "parts.rod.shape.type", "unknown type 'cone'", SHAPES[:5]),
+    "an unknown shape": ((SHAPE, "{type: blob}"), 8, "parts.rod.shape.type", "unknown type 'blob'", SHAPES[:5]),
     "a shape by another name": ((SHAPE, "{type: disk, radius: 1}"), 8, "parts.rod.shape.type", "unknown type 'disk'", "'disc'?"),
     "a shape without type": ((SHAPE, "{to: [0, 0, 1]}"), 8, "parts.rod.shape", "'type' is missing", f"Valid: {SHAPES}."),
     "a shape that is a word": ((SHAPE, "rod"), 8, "parts.rod.shape", "must be a mapping", "Its keys: mass, hole, color"),
@@ -232,7 +232,7 @@ sensors: {tacho: {type: tachometer, joint: pin, rate: 100}}
 
 def test_an_error_prints_as_file_line_key_message_value_and_remedy():
     problem = problem_of(changed(("shape:", "sape:")))
-    valid = "center, inertia, inertia_check, mass, meshes, points, shapes"
+    valid = "center, collisions, inertia, inertia_check, mass, meshes, points, shapes"
     assert str(problem) == f"file.yaml:8: parts.rod.sape: unknown key 'sape'. Did you mean 'shape'? Others: {valid}."
     problem = problem_of(changed((MASS, "    mass: -3\n")))
     assert str(problem) == ("file.yaml:7: parts.rod.mass: must be at least 0 (got -3). Write 0 or a positive number.")

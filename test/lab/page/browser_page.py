@@ -33,6 +33,14 @@ class AnyPage:
     def tab(self, name):
         self.page.get_by_role("tab", name=name).press("Enter")
 
+    def has_tabs_in_one_line(self):
+        """Whether all tabs are beside each other, and none is cut off."""
+        boxes = [tab.bounding_box() for tab in self.page.get_by_role("tab").all()]
+        ends = [box["x"] + box["width"] for box in boxes]
+        return (
+            len(boxes) == 6 and len({box["y"] for box in boxes}) == 1 and max(ends) <= self.page.viewport_size["width"]
+        )
+
     def folder(self, name):
         """Open or close a folder."""
         self.page.get_by_text(name, exact=True).last.dispatch_event("click")

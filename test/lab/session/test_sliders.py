@@ -1,5 +1,6 @@
 """What sliders change, in the units of the file."""
 
+import numpy as np
 import pytest
 import yaml
 
@@ -85,3 +86,31 @@ def test_the_yaml_is_what_the_file_needs(bench, settings):
 
 def test_without_changes_the_yaml_says_so(settings):
     assert as_yaml(list(settings.values()), {}) == "# as in the file\n"
+
+
+def test_a_formula_of_constants_has_a_slider_and_one_of_other_values_has_not():
+    """As `w: 2*pi`, the speed of a prescribed drive; `e` is a parameter here, and `twice` a function of the file."""
+    bench = Bench.of(
+        parse_mechanism(
+            """
+mechanism: crank
+parameters: {e: 3, w: 2*pi, a: "${3*pi} deg", follows: 2*w, named: 2*e, called: twice(2)}
+functions: {twice(x): w*x}
+parts:
+  crank: {mass: 1 kg, center: [1, 0, 0]}
+  rod: {mass: 1 kg, center: [1, 0, 0], inertia: [1, 1, 1]}
+joints:
+  drive: {type: revolute, between: [ground, crank], axis: [0, -1, 0], drive: a + w*t + follows + named + called + e}
+  pin: {type: revolute, between: [crank, rod], axis: [0, -1, 0]}
+"""
+        )
+    )
+    settings = {one.label: one for one in settings_of(bench, 1.0) if one.group == "Parameters"}
+    assert set(settings) == {"e", "w", "a"}
+    assert settings["w"].value == pytest.approx(2.0 * np.pi, rel=1e-11)
+    assert (settings["a"].unit, settings["a"].value) == ("deg", pytest.approx(3.0 * np.pi, rel=1e-11))
+    shown = {one.key: bench.values()[one.key] / one.factor for one in settings.values()}
+    assert as_yaml(list(settings.values()), shown) == "# as in the file\n"
+    bench.simulation.set_live({"parameters.w": 7.0})
+    shown["parameters.w"] = bench.values()["parameters.w"]
+    assert as_yaml(list(settings.values()), shown) == "parameters:\n  w: 7.0\n"

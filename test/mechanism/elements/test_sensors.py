@@ -4,10 +4,12 @@ from pathlib import Path
 from typing import get_args
 from xml.etree import ElementTree
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from mbd_sim import Simulation, parse_mechanism
+from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.measurements import measured_values
 from mbd_sim.files.checks import problems
@@ -27,13 +29,14 @@ KEYS = {
     "encoder": "joint: hinge, counts: 64",
     "tachometer": "joint: hinge",
     "current": "actuator: motor",
-    "range": "at: rod, most: 4, plane: ground",
+    "range": "at: rod, most: 20, plane: ground.floor",
     "pose": "at: rod",
     "twist": "at: rod",
     "odometry": "at: rod",
 }
 FILE = """
 mechanism: sensed
+ground: {{points: {{floor: [0, 0, -4]}}}}
 parts: {{rod: {{mass: 2, inertia: [0.1, 0.2, 0.3]}}}}
 joints: {{hinge: {{type: revolute, between: [ground, rod], axis: [0, 1, 0]}}}}
 actuators: {{motor: {{type: dc_motor, joint: hinge, torque_constant: 1, resistance: 2}}}}
@@ -59,6 +62,38 @@ def test_its_values_are_those_of_its_quantities(kind):
     sizes = [9 if quantity is ORIENTATION else len(quantity.components) for quantity in sensor.quantities]
     assert measured_values(sensor, exact).numel() == sum(sizes)
     assert len(sensor.errors) == len(sensor.quantities)
+
+
+ANGLE, SPEED, VOLTAGE = 0.3, -1.2, 3.0
+AXES = rot.about([0.0, 1.0, 0.0], ANGLE)
+UPWARD = AXES.T @ [0.0, 0.0, 9.81]  # the specific force at rest, in the axes of the rod
+CURRENT = (VOLTAGE - SPEED) / 2.0
+OMEGA = [0.0, SPEED, 0.0]
+EXACT = {  # with the turning rod's origin in that of ground; its own torque of inertia is what the motor exerts
+    "imu": [*OMEGA, *UPWARD, *AXES.ravel(order="F")],
+    "accelerometer": UPWARD,
+    "force_torque": [*(2.0 * UPWARD), 0.0, CURRENT, 0.0],
+    "encoder": [ANGLE],
+    "tachometer": [SPEED],
+    "current": [CURRENT],
+    "range": [4.0 / np.sin(ANGLE)],
+    "pose": [0.0, 0.0, 0.0, *AXES.ravel(order="F")],
+    "twist": [0.0, 0.0, 0.0, *OMEGA],
+    "odometry": [0.0, 0.0, 0.0, *AXES.ravel(order="F"), 0.0, 0.0, 0.0, *OMEGA],
+}
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_its_exact_values_have_their_closed_form(kind):
+    mechanism = sensed(kind)
+    (sensor,), derived = mechanism.sensors, derive(mechanism)
+    function = derived.measurements.sensors(derived.actuators)["one"]
+    arguments = function.sx_in()
+    found = ca.Function("measured", arguments, [measured_values(sensor, function.call(arguments)[0])])
+    y, inputs = derived.start_state.copy(), derived.inputs_without_commands
+    y[:2] = ANGLE, SPEED
+    inputs[derived.inputs.commands] = VOLTAGE
+    np.testing.assert_allclose(np.array(found(0.0, y, inputs)).ravel(), EXACT[kind], rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KEYS)
@@ -109,6 +144,14 @@ def test_the_advice_about_at_and_joint_names_it(kind):
     )
     advice = {"at": problems._OF_A_JOINT, "joint": problems._AT_A_POINT}
     assert all(kind in text for key, text in advice.items() if key in spec.model_fields)
+
+
+def test_the_advice_about_errors_knows_each_quantity_with_errors_of_its_own():
+    specs = get_args(get_args(AnySensorSpec)[0])
+    errors = {
+        name for one in specs for name, field in one.model_fields.items() if "ErrorsSpec" in str(field.annotation)
+    }
+    assert errors and errors <= set(problems._QUANTITIES)
 
 
 @pytest.mark.parametrize("kind", KEYS)

@@ -1,6 +1,7 @@
 """Messages of sensors: rclpy and rosbags read what was written, and frames are those of the exported URDF."""
 
 import xml.etree.ElementTree as ElementTree
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mbd_sim import Simulation
 from mbd_sim.files.urdf.writer import to_urdf
+from mbd_sim.mechanism.elements.sensors import AnySensor
 from mbd_sim.recordings.messages.topics import SensorSerializer
 from mbd_sim.ros.publishing.publishers import message_type
 
@@ -63,6 +65,10 @@ def read(simulation):
         return deserialize_message(payload, message_type(kind)), STORE.deserialize_cdr(payload, kind)
 
     return decoded
+
+
+def test_every_kind_is_among_these_messages(simulation):
+    assert {type(sensor) for sensor in simulation.mechanism.sensors} == set(get_args(AnySensor))
 
 
 def xyz(vector):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.base.first_zero import first_zero
+from mbd_sim.base.roots import first_zero
 from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.compiled import library
 from mbd_sim.simulation.contact.compiled import step as compiled_step

@@ -56,7 +56,9 @@ def test_the_choice_is_explained():
         r"default, is used only up to 1.4e\+03/s.",
         remark,
     )
-    assert limits.startswith("the limits of 'shoulder' do not act on the motion. To make them stops, give")
+    assert limits.startswith(
+        "the limits of 'shoulder' do not act on the motion. To make all of them stops: --limits stops;"
+    )
     assert f"note             {remark}" in simulate(finger(), 0.01, quiet=True)
 
 

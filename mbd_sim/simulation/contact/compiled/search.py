@@ -1,4 +1,7 @@
-"""The first event of a motion, in the subset of Python that is compiled: see `mbd_sim.simulation.contact.search`."""
+"""The first event of a motion, in the subset of Python that is compiled: see `mbd_sim.simulation.contact.search`.
+
+The root finder is that of `mbd_sim.base.roots`.
+"""
 
 from __future__ import annotations
 

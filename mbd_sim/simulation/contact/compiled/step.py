@@ -80,7 +80,7 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
     t, instants, count, is_ignored = start, 0, 0, False
     brief = BRIEF * (end - start)
     ignored, opening, yielding = integers(c.guards), integers(c.gaps), integers(c.frictions)
-    length = zeros(1)
+    length, old = zeros(1), zeros(c.modes)
     for _ in range(MOST_STAGES):
         if not c.simple or slides_in_space(c, inputs):
             return HARD
@@ -99,7 +99,9 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
             if instants > 2 * MOST_EVENTS:
                 return HARD
             count += 1
-            result = switch(c, t, y, inputs, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
+            for i in range(c.modes):
+                old[i] = inputs[c.first_mode + i]
+            result = switch(c, t, y, inputs, old, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
             if result == NOT_SIMPLE:
                 return HARD
             is_ignored = (count > 1 and result == SAME) or count > MOST_AT_ONCE
@@ -122,16 +124,17 @@ def clear(n: int, marks: Integers) -> None:
 
 
 def switch(
-    c: Contacts, t: float, y: Array, inputs: Array, opening: Integers, yielding: Integers, elastic: bool,
+    c: Contacts, t: float, y: Array, inputs: Array, old: Array, opening: Integers, yielding: Integers, elastic: bool,
     reached: Integers, events: Array, counts: Integers,
 ) -> int:  # fmt: skip
     """Make the changes whose guards are zero or negative, which become those that are `reached`.
 
     Where that is not simple, y and modes are not restored.
 
+    :param old: the modes before.
     :param opening: and `yielding` are what earlier events at this instant have decided, with what this one adds.
     """
-    readings, old, speeds, touched = zeros(readings_size(c)), zeros(c.modes), zeros(c.speeds), integers(c.gaps)
+    readings, speeds, touched = zeros(readings_size(c)), zeros(c.speeds), integers(c.gaps)
     if not c.simple:
         return NOT_SIMPLE
     read(c, t, y, inputs, readings)
@@ -145,8 +148,6 @@ def switch(
     for k in range(c.frictions):
         if reached[c.gaps + k] and not slides(c, inputs, k):
             yielding[k] = 1
-    for i in range(c.modes):
-        old[i] = inputs[c.first_mode + i]
     for i in range(c.speeds):
         speeds[i] = y[c.first_speed + i]
     if not resolve(c, t, y, inputs, readings, opening, yielding, touched, elastic, events, counts):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.dynamics.contact.feature_rows import Features
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,6 +15,18 @@ class Bounds:
 
     center: Array
     radius: float
+
+
+class SlotFeatures(Protocol):
+    """What touches at a slot."""
+
+    @property
+    def key(self) -> int:
+        """By which the narrow phase knows the features; not 0."""
+
+    @property
+    def numbers(self) -> Array:
+        """All numbers (SLOT_SIZE,) of the slot."""
 
 
 class NarrowPhase(Protocol):
@@ -34,7 +46,7 @@ class NarrowPhase(Protocol):
         Where they are apart, any positive number that is not more than their distance will do.
         """
 
-    def touching(self, one: Pose, other: Pose, tolerance: float) -> list[Features]:
+    def touching(self, one: Pose, other: Pose, tolerance: float) -> Sequence[SlotFeatures]:
         """The features whose gaps are zero up to the tolerance in m, or as negative as the distance; in a fixed order.
 
         All points that can bear a force: the corners of the area where faces touch. At most as many as there are slots.

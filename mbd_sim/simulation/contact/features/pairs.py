@@ -14,16 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
+from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Contact, Ellipsoid, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
+from mbd_sim.simulation.contact.features.smooth import SmoothPair
 
 PATH = 1.05  # of the straight line, the path of a body in a step
+AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
 BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
@@ -33,7 +36,14 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
     """The narrow phase of a contact with slots."""
     match contact.first, contact.second:
         case Solid() as first, Solid() as second:
-            return PolytopePair(first, second, contact.slots)
+            return PolytopePair(first, second, contact.slots, contact.still)
+        case PlanarBody() as first, PlanarBody() as second:
+            return OutlinePair(first, second, contact.slots, contact.names)
+        case (
+            (Solid() | Barrel() | Cone() | Ellipsoid()) as first,
+            (Solid() | Barrel() | Cone() | Ellipsoid()) as second,
+        ):
+            return SmoothPair(first, second, contact.slots)
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no slots")
 
@@ -52,7 +62,7 @@ class FeaturePair:
     parts: tuple[int, int]
 
 
-class Motion(Protocol):
+class PosesInTime(Protocol):
     """A motion from a state on: what is read of it after a length in s."""
 
     def poses(self, length: float) -> Array:
@@ -93,13 +103,17 @@ class FeaturePairs:
         self.pairs: list[FeaturePair] = []
         first = features
         for contact, gaps in slots.items():
-            numbers = tuple(slice(first + SLOT_SIZE * k, first + SLOT_SIZE * (k + 1)) for k in range(len(gaps)))
+            known = one_sided.gaps[gaps[0]].numbers
+            assert known is not None
+            size = known.shape[0]  # of a slot, the last of whose numbers is its key
+            numbers = tuple(slice(first + size * k, first + size * (k + 1)) for k in range(len(gaps)))
             parts = rows[contact.first.at.part], rows[contact.second.at.part]
             self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
             first = numbers[-1].stop
         self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
         bounds = [pair.phase.bounds for pair in self.pairs]
         self._centers = np.array([[each.center for each in both] for both in bounds])
+        self._across = np.array([_across(pair.contact.still) for pair in self.pairs])
         self._radii = np.array([[each.radius for each in both] for both in bounds])
 
     def poses(self, time: float, y: int, inputs: int) -> Array:
@@ -114,10 +128,10 @@ class FeaturePairs:
         """The slots of a pair that are closed."""
         return [slot for slot, gap in enumerate(pair.gaps) if inputs[self._closed + gap]]
 
-    def first_change(self, motion: Motion, inputs: Array, first: float | None, length: float) -> float | None:
+    def first_change(self, motion: PosesInTime, inputs: Array, first: float | None, length: float) -> float | None:
         """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
         end = length if first is None else first
-        for index in self._near(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
+        for index in self._approaching(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
             found = self._change(self.pairs[index], motion, inputs, end)
             if found is not None:
                 first = end = found
@@ -125,31 +139,41 @@ class FeaturePairs:
                     break
         return first
 
+    def _approaching(self, before: Array, after: Array) -> NDArray[np.intp]:
+        """The pairs that may have met on the way from the poses before to those after it: not those at rest."""
+        moves = np.any(np.abs(after - before) > AT_REST * self._tolerance, axis=1)
+        if not moves.any():
+            return np.zeros(0, dtype=np.intp)
+        near = self._near(before, after)
+        return near[np.any(moves[self._parts[near]], axis=1)]
+
     def _near(self, before: Array, after: Array) -> NDArray[np.intp]:
         """The pairs whose spheres may meet on the way from the poses before to those after it."""
         lines = []
         for poses in (before, after):
             positions, rotations = unpack_poses(poses)
             centers = positions[self._parts] + _turned(rotations[self._parts], self._centers)
-            lines.append(centers[:, 0] - centers[:, 1])
+            lines.append((centers[:, 0] - centers[:, 1]) * self._across)
         gaps = sum(np.sqrt(dots(line, line)) - self._radii.sum(axis=1) for line in lines)
         moved = lines[1] - lines[0]
         path = np.sqrt(dots(moved, moved))
         return np.flatnonzero(gaps <= PATH * path + 4.0 * self._tolerance)
 
-    def _change(self, pair: FeaturePair, motion: Motion, inputs: Array, end: float) -> float | None:
-        from mbd_sim.base.first_zero import first_zero
-
+    def _change(self, pair: FeaturePair, motion: PosesInTime, inputs: Array, end: float) -> float | None:
         closed = self.closed(pair, inputs)
-        gaps = [pair.gaps[slot] for slot in closed]
+        gaps, known = [pair.gaps[slot] for slot in closed], dict[float, tuple[Pose, Pose]]()
+
+        def poses(s: float) -> tuple[Pose, Pose]:
+            if s not in known:
+                known[s] = _poses_of(pair, motion.poses(s))
+            return known[s]
 
         def distance(s: float) -> float:
-            found = pair.phase.distance(*_poses_of(pair, motion.poses(s)))
+            found = pair.phase.distance(*poses(s))
             return found - min(0.0, *motion.gaps(s)[gaps].tolist()) if gaps else found
 
         def margin(s: float) -> float:
-            poses = _poses_of(pair, motion.poses(s))
-            return min((pair.phase.margin(*poses, inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
+            return min((pair.phase.margin(*poses(s), inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
 
         last, room = distance(end), margin(end)
         if last >= 0.0 and room >= -self._tolerance:
@@ -165,11 +189,9 @@ class FeaturePairs:
         return first_zero(value, end, min(start + offset, margin(0.0) + self._tolerance), last, 0.0)
 
     def _passed(
-        self, pair: FeaturePair, motion: Motion, distance: Callable[[float], float], end: float, last: float
+        self, pair: FeaturePair, motion: PosesInTime, distance: Callable[[float], float], end: float, last: float
     ) -> float | None:
         """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it."""
-        from mbd_sim.base.first_zero import first_zero
-
         path = PATH * _path(pair, motion.poses(0.0), motion.poses(end))
         if last >= path or (start := distance(0.0)) + last >= path or start <= self._tolerance:
             return None
@@ -203,16 +225,16 @@ class FeaturePairs:
         for slot in self.closed(pair, inputs):
             numbers = inputs[pair.numbers[slot]]
             if pair.phase.margin(*both, numbers) >= -BORDER * self._tolerance:
-                kept[int(numbers[KEY])] = slot
+                kept[int(numbers[-1])] = slot
         found = [each for each in pair.phase.touching(*both, self._tolerance) if each.key not in kept]
-        old = {int(inputs[numbers][KEY]): slot for slot, numbers in enumerate(pair.numbers)}
+        old = {int(inputs[numbers][-1]): slot for slot, numbers in enumerate(pair.numbers)}
         free = [slot for slot in range(len(pair.gaps)) if slot not in kept.values()]
         chosen = {old[each.key]: each for each in found if old.get(each.key) in free}
         free = [slot for slot in free if slot not in chosen]
         chosen |= dict(zip(free, (each for each in found if each.key not in old), strict=False))
         for slot in range(len(pair.gaps)):
             if slot in chosen:
-                if inputs[pair.numbers[slot]][KEY] != chosen[slot].key:
+                if inputs[pair.numbers[slot]][-1] != chosen[slot].key:
                     self._empty(pair, slot, inputs)
                 inputs[pair.numbers[slot]] = chosen[slot].numbers
             elif slot not in kept.values():
@@ -234,6 +256,12 @@ class FeaturePairs:
                 for slot in closed:
                     inputs[pair.numbers[slot]] = pair.phase.renewed(*both, inputs[pair.numbers[slot]])
 
+    def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
+        """The distance of the two bodies in m, by the index of each of their gaps."""
+        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+        found = ((pair, pair.phase.distance(*_poses_of(pair, poses))) for pair in self.pairs)
+        return {gap: distance for pair, distance in found for gap in pair.gaps}
+
     def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
         """The contacts whose bodies penetrate each other at a state, with the depths in m."""
         poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
@@ -250,18 +278,23 @@ def _turned(rotations: Array, vectors: Array) -> Array:
 
 
 def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
-    """The poses of both parts."""
-    one, other = (Pose(row[:3], row[3:].reshape(3, 3).T) for row in (poses[pair.parts[0]], poses[pair.parts[1]]))
+    """The poses of both parts; of pairs in a plane, in this plane."""
+    across = _across(pair.contact.still)
+    one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in pair.parts))
     return one, other
+
+
+def _across(still: int | None) -> Array:
+    """0 for the axis along which nothing moves, and 1 for the others."""
+    return np.array([float(axis != still) for axis in range(3)])
 
 
 def _path(pair: FeaturePair, before: Array, after: Array) -> float:
     """How far in m a point of one body can have moved against the other one."""
     total, lines = 0.0, []
-    for bounds, part in zip(pair.phase.bounds, pair.parts, strict=True):
-        ends = [row[part] for row in (before, after)]
-        change = ends[1][3:] - ends[0][3:]
-        total += bounds.radius * float(np.sqrt((change * change).sum()))
-        lines.append([turned(row[3:].reshape(3, 3).T, bounds.center) + row[:3] for row in ends])
+    for bounds, *ends in zip(pair.phase.bounds, _poses_of(pair, before), _poses_of(pair, after), strict=True):
+        change = ends[1].rotation - ends[0].rotation
+        total += bounds.radius * float(np.sqrt(dots(change, change).max() * 3.0))
+        lines.append([turned(pose.rotation, bounds.center) + pose.position for pose in ends])
     moved = (lines[0][1] - lines[1][1]) - (lines[0][0] - lines[1][0])
     return total + float(np.sqrt(dots(moved, moved)))

@@ -1,7 +1,4 @@
-"""Where a function of one variable first becomes zero: a bracketing root finder.
-
-The one that is compiled, `mbd_sim.simulation.contact.compiled.search.first_zero`, takes the same steps.
-"""
+"""Zeros of functions of one variable, by bracketing."""
 
 from __future__ import annotations
 

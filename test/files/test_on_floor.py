@@ -1,0 +1,143 @@
+"""A floor in one word: which shapes touch it, and where the base of a robot starts."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation, load_mechanism
+from mbd_sim.base.errors import MechanismError
+from mbd_sim.files.load import parse_mechanism
+from mbd_sim.files.on_floor import on_floor
+from mbd_sim.files.text.yaml_text import mechanism_text
+
+LEGS = {"front": (0.2, 0.1), "back": (-0.2, 0.1), "right": (0.0, -0.1)}
+FEET = [f"{name}_foot" for name in LEGS]
+URDF = """<robot name="tripod">
+<link name="body">
+  <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>
+  <visual><geometry><box size="9 9 9"/></geometry></visual>
+  <collision name="trunk"><geometry><sphere radius="0.1"/></geometry></collision>
+</link>
+{legs}
+</robot>"""
+LEG = """<link name="{name}_leg">
+  <inertial><origin xyz="0 0 -0.1"/><mass value="0.2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
+  <visual><geometry><mesh filename="leg.stl"/></geometry></visual>
+</link>
+<link name="{name}_foot"><collision><geometry>{foot}</geometry></collision></link>
+<joint name="{name}_hip" type="revolute">
+  <origin xyz="{x} {y} 0"/><parent link="body"/><child link="{name}_leg"/><axis xyz="0 1 0"/>
+  <limit lower="-0.5" upper="0.5" effort="10" velocity="5"/>
+</joint>
+<joint name="{name}_ankle" type="fixed">
+  <origin xyz="0 0 -0.3"/><parent link="{name}_leg"/><child link="{name}_foot"/>
+</joint>"""
+
+
+def robot(foot='<sphere radius="0.03"/>'):
+    return URDF.format(legs="\n".join(LEG.format(name=name, x=x, y=y, foot=foot) for name, (x, y) in LEGS.items()))
+
+
+def test_what_is_only_drawn_touches_nothing():
+    mechanism = parse_mechanism(robot(), base="free")
+    assert [shape.size for shape in mechanism.parts["body"].touching] == [(0.1,)]
+    assert not mechanism.parts["front_leg"].touching
+    assert [shape.size for shape in mechanism.parts["front_foot"].touching] == [(0.03,)]
+
+
+def test_shapes_without_collisions_stay_drawn_only():
+    text = robot().replace("<collision", "<visual").replace("</collision", "</visual")
+    with pytest.raises(MechanismError, match="no part with a shape can touch"):
+        on_floor(parse_mechanism(text, base="free"))
+
+
+@pytest.mark.parametrize(("foot", "below"), [('<sphere radius="0.03"/>', 0.03), ('<box size="0.1 0.1 0.04"/>', 0.02)])
+def test_the_lowest_point_is_on_the_floor(foot, below):
+    """Finds a floor that takes the shapes that are drawn, and a base that starts above the floor or in it."""
+    mechanism = on_floor(parse_mechanism(robot(foot), base="free"))
+    assert mechanism.joints["base"].position[:3] == pytest.approx([0, 0, 0.3 + below], abs=1e-15)
+    assert {contact.first.at.part for contact in mechanism.contacts} == {"body", *FEET}
+
+
+def test_turned_bases_and_changed_positions_stand_too():
+    """The base is lifted along z of ground, after the values of the file were changed."""
+    changes = {
+        "joints.base.orientation": {"axis": [1, 2, 0], "angle": "35 deg"},
+        "joints.front_hip.position": 0.4,
+        "contacts.floor.friction": 0.3,
+    }
+    mechanism = on_floor(parse_mechanism(robot(), base="free"), changes)
+    gaps = [reading.gap for reading in Simulation(mechanism).contacts().values()]
+    assert min(gaps) == pytest.approx(0.0, abs=1e-15)
+    assert mechanism.contacts[0].law.friction == 0.3
+
+
+def test_a_converted_file_stands_as_well():
+    mechanism = on_floor(parse_mechanism(robot(), base="free"))
+    again = parse_mechanism(mechanism_text(mechanism.source))
+    assert again.joints["base"].position.tolist() == mechanism.joints["base"].position.tolist()
+    assert [contact.quantity for contact in again.contacts] == [contact.quantity for contact in mechanism.contacts]
+
+
+def test_what_is_welded_to_ground_touches_no_floor():
+    mechanism = on_floor(parse_mechanism(robot()))
+    assert {contact.first.at.part for contact in mechanism.contacts} == set(FEET)
+
+
+def test_a_floor_of_the_file_stays_and_bases_are_not_lowered_to_it():
+    text = mechanism_text(parse_mechanism(robot(), base="free").source)
+    text += (
+        "contacts:\n  table: {parts: [front_foot, right_foot], plane: ground.top}\nground: {points: {top: [0, 0, H]}}\n"
+    )
+    high, low = (on_floor(parse_mechanism(text.replace("H", height))) for height in ("0.5", "-2"))
+    assert high.joints["base"].position[2] == pytest.approx(0.83) and low.joints["base"].position[2] == 0.0
+    assert {contact.name for contact in high.contacts} == {"table"}
+
+
+def test_many_corners_are_left_to_the_ends_and_a_remark_says_so(tmp_path):
+    foot = '<sphere radius="0.03"/>'
+    more = "".join(
+        f'<collision><geometry><box size="0.1 0.1 {0.1 + 0.01 * n}"/></geometry></collision>' for n in range(6)
+    )
+    text = robot(foot).replace("</link>", f"{more}</link>", 1)
+    mechanism = on_floor(parse_mechanism(text, base="free"))
+    assert {contact.first.at.part for contact in mechanism.contacts} == set(FEET)
+    assert any(
+        "only front_foot, back_foot, right_foot" in remark and "'body'" not in remark
+        for remark in mechanism.source.remarks
+    )
+
+
+def test_limits_become_stops_in_one_word(tmp_path):
+    (tmp_path / "r.urdf").write_text(robot())
+    mechanism = load_mechanism(tmp_path / "r.urdf", limits="stops")
+    assert all(mechanism.joints[f"{name}_hip"].limits[0].restitution == 0.0 for name in LEGS)
+    simulation = Simulation(mechanism)
+    simulation.set_efforts({"front_hip": 5.0})
+    simulation.step(500)
+    assert simulation.q[0] == pytest.approx(0.5, abs=1e-12)
+
+
+def test_limits_with_a_law_of_their_own_keep_it():
+    text = mechanism_text(parse_mechanism(robot()).source) + "limits: stops\n"
+    plain = parse_mechanism(text)
+    assert [limits.restitution for joint in plain.joints.values() for limits in joint.limits] == [0.0, 0.0, 0.0]
+    elastic = parse_mechanism(text.replace("upper: 0.5", "upper: 0.5, stiffness: 100", 1))
+    assert sorted(str(limits.restitution) for joint in elastic.joints.values() for limits in joint.limits) == [
+        "0.0",
+        "0.0",
+        "None",
+    ]
+
+
+def test_a_robot_lands_and_stands():
+    """A robot with springs in its hips comes to rest on its three feet, which carry its weight."""
+    springs = {
+        f"joints.{name}_hip.{key}": value for name in LEGS for key, value in (("stiffness", 200), ("damping", 5))
+    }
+    mechanism = on_floor(parse_mechanism(robot(), base="free"), springs)
+    simulation = Simulation(mechanism)
+    simulation.run(until=2.0)
+    weight = 9.81 * sum(part.mass for part in mechanism.parts.values())
+    force = sum(reading.force for reading in simulation.contacts().values())
+    assert force == pytest.approx([0.0, 0.0, weight], abs=1e-6)
+    assert np.max(np.abs(simulation.u)) < 1e-6
