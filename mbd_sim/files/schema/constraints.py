@@ -310,6 +310,7 @@ class ContactSpec(Spec):
     among: list[str] | None = Field(None, min_length=2)
     parts: PartsOrAll | None = Field(None, description="parts, shapes and points, or all")
     without: list[str] | None = Field(None, description="parts that 'all' leaves out")
+    active: bool = Field(True, description="false: it is only listed, until --floor or an overlay sets it to true")
     plane: str | None = None
     normal: Direction = (0.0, 0.0, 1.0)
     cam: str | None = None

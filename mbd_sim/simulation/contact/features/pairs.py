@@ -17,7 +17,7 @@ from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Barrel, Cluster, Cone, Contact, Ellipsoid, Face, PlanarBody, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Cluster, Contact, Egg, Face, PlanarBody, Solid, Taper
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.clearances import Clearances
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
@@ -43,8 +43,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
         case PlanarBody() as first, PlanarBody() as second:
             return OutlinePair(first, second, contact.slots, contact.names)
         case (
-            (Solid() | Barrel() | Cone() | Ellipsoid()) as first,
-            (Solid() | Barrel() | Cone() | Ellipsoid()) as second,
+            (Solid() | Barrel() | Taper() | Egg()) as first,
+            (Solid() | Barrel() | Taper() | Egg()) as second,
         ):
             return SmoothPair(first, second, contact.slots)
         case one, other:
