@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -65,7 +66,7 @@ def _directions(rim: Rim, face: Face, still: int | None) -> Array:
     return np.array([[math.cos(angle), math.sin(angle)] for angle in angles]) @ perpendiculars(rim.axis)
 
 
-def protrusion(radius: float, square: ca.SX) -> ca.SX:
+def protrusion(radius: float, square: Any) -> Any:
     """How far in m the points of a rim protrude, from the square s² of its tilt; negative where it is not flat."""
     x = square / FLAT_TILT**2
     return BULGE * radius * square * (1.0 - x) / (1.0 + x) ** 2
@@ -93,7 +94,7 @@ class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
     The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip. All may
-    depend on an `iterated` normal.
+    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`.
     """
 
     distance: ca.SX
@@ -101,6 +102,7 @@ class Touch:
     point: ca.SX
     sides: tuple[ca.SX, ca.SX]
     iterated: IteratedNormal | None = None
+    lift: ca.SX | None = None
 
 
 def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:

@@ -58,7 +58,7 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (1, 5, 7, 3),
 )
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
-ROUND_SLOTS = 4  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
+ROUND_SLOTS = 6  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
 
 
 def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg]]:

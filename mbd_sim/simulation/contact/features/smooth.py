@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS, protrusion
 from mbd_sim.dynamics.contact.smooth_rows import (
     FIXED_FIRST,
     FIXED_SECOND,
@@ -40,9 +41,9 @@ STARTS = np.array([v for v in product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
 STARTS /= np.sqrt((STARTS * STARTS).sum(axis=1))[:, None]
 ANGLES = np.arange(16) * (2.0 * np.pi / 16)
 NONE = -1
-FLAT = 1e-6  # sine of the angle below which a rim or an edge lies on a face, with points that are fixed in it
-LEAST_TILT = 1e-12  # of a rim, below which it has no lowest point
-RIM_POINTS = 4
+FLAT = 1e-6  # sine of the angle below which an edge lies on a face
+CODES = POINTS + 2  # numbers of points of a rim, and of an edge
+CIRCLE = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(POINTS) * (2.0 * np.pi / POINTS)])
 CHORD = 0.98  # of the chord of an edge across a disc, the part that carries this
 
 Key = tuple[int, int, int, int]  # kind, both features, and the sign of one of two normals
@@ -91,7 +92,8 @@ class SmoothPair:
         bodies = self._first, self._second
         self._radius = self._first.radius + self._second.radius
         self.bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
-        self._near = NEAR * (bodies[0].reach + bodies[1].reach)
+        self._reach = bodies[0].reach + bodies[1].reach
+        self._near = NEAR * self._reach
         rounded = self._radius > 0.0
         self._keys = [
             (CORNER_CORNER, i, j, 0)
@@ -109,10 +111,29 @@ class SmoothPair:
         a, b = self._placed(one, other)
         simple = np.vstack([_faces(a, b)[1], _across_sides(a, b)[1], turned(b.rotation, STARTS)])
         apart = self._separation(a, b, simple)
-        if apart > -ROUND_OFF * self._near or not self._keys:
-            return apart
-        pairs = _pairs(self._keys, a, b)
-        return max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
+        if apart <= -ROUND_OFF * self._near and self._keys:
+            pairs = _pairs(self._keys, a, b)
+            apart = max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
+        return min(apart, self._flat_distance(a, b, apart))
+
+    def _flat_distance(self, a: PlacedBody, b: PlacedBody, apart: float) -> float:
+        """The least gap of points of rims that lie nearly flat on a face; infinite if there are none.
+
+        :param apart: the distance in m of both bodies without these.
+        """
+        found = np.inf
+        for kind, body, other in ((POINT_FACE, a, b), (FACE_POINT, b, a)):
+            if not (body.body.faces and body.body.curved.any() and len(other.normals)):
+                continue
+            sign = 1.0 if kind == POINT_FACE else -1.0
+            fits = self._supports(a, b, sign * other.normals) >= apart - FLAT_TILT * body.body.reach
+            for face in np.flatnonzero(fits).tolist():
+                normal = other.normals[face]
+                for code, place in _lying(body, other, face, normal):
+                    key = (kind, code, face, 0) if kind == POINT_FACE else (kind, face, code, 0)
+                    if code % CODES < POINTS and other.inside(face, place) >= 0.0:
+                        found = min(found, self._meeting(a, b, key, sign * normal, place).gap)
+        return found
 
     def _separation(self, a: PlacedBody, b: PlacedBody, normals: Array) -> float:
         return float(self._supports(a, b, normals).max())
@@ -133,12 +154,13 @@ class SmoothPair:
         """See `NarrowPhase`."""
         a, b = self._placed(one, other)
         found = [*self._stationary(a, b)]
-        lowest = min(self._separation(a, b, np.vstack([normals for _, normals in found])), 0.0) - SUPPORT * tolerance
+        apart = self._separation(a, b, np.vstack([normals for _, normals in found]))
+        lowest = min(apart, self._flat_distance(a, b, apart), 0.0) - SUPPORT * tolerance
         meetings: list[tuple[Key, _Encounter]] = []
         for keys, normals in found:
             supports = self._supports(a, b, normals) if len(normals) else ()
             for key, normal, support in zip(keys, normals, supports, strict=True):
-                if support < lowest:
+                if support < lowest - (FLAT_TILT * self._reach if key[0] in (CORNER_FACE, FACE_CORNER) else 0.0):
                     continue
                 for each, place in self._members(a, b, key, normal):
                     meeting = self._meeting(a, b, each, normal, place)
@@ -173,6 +195,7 @@ class SmoothPair:
         if place is not None:
             body, face, sign = (b, j, 1.0) if kind == POINT_FACE else (a, i, -1.0)
             gap = sign * float(dots(normal, place - _middle(body, face))) - self._radius
+            gap -= _protrusion(*((a, i) if kind == POINT_FACE else (b, j)), normal)
             return _Encounter(normal, gap, body.inside(face, place), place)
         on_first, on_second = kind in (CORNER_FACE, CORNER_SIDE, CORNER_CORNER), kind in (FACE_CORNER, SIDE_CORNER)
         corner_a = i if on_first else 0 if kind == FACE_CORNER else int(a.body.sides[i][0])
@@ -203,7 +226,7 @@ class SmoothPair:
 
     def _features(self, a: PlacedBody, b: PlacedBody, key: Key, meeting: _Encounter) -> SmoothFeatures:
         kind, i, j, sign = key
-        corners, rims, directions, cosines = [], [], [], []
+        corners, rims, directions, cosines, flat = [], [], [], [], []
         sides = (kind in (SIDE_SIDE, SIDE_CORNER), kind in (SIDE_SIDE, CORNER_SIDE))
         faces = (kind in (FACE_CORNER, FACE_POINT), kind in (CORNER_FACE, POINT_FACE))
         for body, record, feature, is_side, is_face in zip((a, b), self._records, (i, j), sides, faces, strict=True):
@@ -215,6 +238,8 @@ class SmoothPair:
                 place = shape.faces[feature].center if is_face else shape.corners[corner]
             corners.append(place - record.at.point)
             rims.append(0.0 if is_face or is_point or not shape.curved[corner] else _rim(shape, corner, record))
+            on_rim = is_point and feature % CODES < POINTS
+            flat.append(float(np.sqrt(shape.grams[feature // CODES].trace() / 2.0)) if on_rim else 0.0)
             directions.append(shape.directions[feature] if is_side else np.zeros(3))
             cosines.append(float(shape.cosines[feature]) if is_side else 0.0)
         mode = MODES.get(kind, ITERATED)
@@ -231,6 +256,7 @@ class SmoothPair:
             float(sign),
             kind in (FACE_CORNER, FACE_POINT, SIDE_CORNER),
             np.eye(3)[int(np.argmin(np.round(np.abs(in_second), 9)))],
+            (flat[0], flat[1]),
         )
 
     def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
@@ -278,11 +304,19 @@ def _middle(body: PlacedBody, face: int) -> Array:
 
 
 def _tilted(body: PlacedBody, corner: int, normal: Array) -> float:
-    """In m, negative where a rim lies on a face with this normal, so that it has no lowest point; large for others."""
+    """In m, negative where a rim lies so flat on a face with this normal that it rests on points; large for others."""
     if not body.body.curved[corner]:
         return np.inf
     radius, tilt = _tilt(body, corner, normal)
-    return (tilt / LEAST_TILT - 1.0) * radius
+    return (tilt - EXACT_TILT) * radius
+
+
+def _protrusion(body: PlacedBody, code: int, normal: Array) -> float:
+    """How far in m the point with this number protrudes, if it is one of a rim."""
+    if code % CODES >= POINTS:
+        return 0.0
+    radius, tilt = _tilt(body, code // CODES, normal)
+    return float(protrusion(radius, tilt * tilt))
 
 
 def _tilt(body: PlacedBody, corner: int, normal: Array) -> tuple[float, float]:
@@ -302,13 +336,14 @@ def _lying(one: PlacedBody, other: PlacedBody, face: int, normal: Array) -> Iter
     shape, disc = one.body, other.body.faces[face]
     for corner in range(len(shape.corners)) if shape.curved.any() else ():
         radius, tilt = _tilt(one, corner, normal) if shape.curved[corner] else (0.0, 1.0)
-        if tilt <= FLAT:
-            first = cross(one.directions[0] if len(one.directions) else one.normals[0], STARTS[5])
-            across = first / np.sqrt(dots(first, first))
-            beside = cross(normal, across)
-            for number in range(RIM_POINTS):
-                arm = (across, beside, -across, -beside)[number]
-                yield 8 * corner + number, one.corners[corner] + radius * arm
+        if tilt <= FLAT_TILT and one.lead([corner], -other.normals[face]) >= 0.0:
+            axis = shape.faces[0].normal
+            first = cross(axis, np.eye(3)[int(np.argmin(np.round(np.abs(axis), 9)))])
+            first = first / np.sqrt(dots(first, first))
+            second = cross(axis, first)
+            for number, (x, y) in enumerate(CIRCLE.tolist()):
+                arm = turned(one.rotation, radius * (x * first + y * second))
+                yield CODES * corner + number, one.corners[corner] + arm
     for side in np.flatnonzero(~shape.ruled).tolist() if disc.radius else ():
         direction = one.directions[side]
         if abs(float(dots(direction, normal))) > FLAT:
@@ -322,7 +357,7 @@ def _lying(one: PlacedBody, other: PlacedBody, face: int, normal: Array) -> Iter
             length = float(np.sqrt(dots(stop - start, stop - start)))
             for number, end in enumerate((-along - half, -along + half)):
                 if 0.0 < end < length:
-                    yield 8 * side + RIM_POINTS + number, start + end * direction
+                    yield CODES * side + POINTS + number, start + end * direction
 
 
 def _rim(shape: RoundBody, corner: int, record: Curved | Solid) -> float:
