@@ -47,6 +47,11 @@ class PlaneMotion:
         """Points (n, 2), turned and moved."""
         return np.asarray(self.directions(points) + np.array([self.x, self.y]))
 
+    def back(self, x: float, y: float) -> tuple[float, float]:
+        """The point in the moved plane that is at a point of the other one."""
+        dx, dy = x - self.x, y - self.y
+        return self.cosine * dx + self.sine * dy, self.cosine * dy - self.sine * dx
+
 
 STILL = PlaneMotion(1.0, 0.0, 0.0, 0.0)
 
