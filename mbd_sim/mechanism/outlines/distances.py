@@ -190,8 +190,8 @@ def distances(one: PieceTable, other: PieceTable, place: PlaneMotion, firsts: In
     others = other_centers + other_radii[:, None] * normals + other_growths[:, None] * turned
     scale = 0.25 * min(one.shortest, other.shortest)
     margins = np.minimum(
-        np.where(flat, np.inf, scale * _room(one, firsts, -normals, place)),
-        np.where(other_flat, np.inf, scale * _room(other, seconds, normals, STILL)),
+        np.where(flat, np.inf, np.maximum(np.abs(radii), scale) * _room(one, firsts, -normals, place)),
+        np.where(other_flat, np.inf, np.maximum(np.abs(other_radii), scale) * _room(other, seconds, normals, STILL)),
     )
     beside = np.abs(_dots(_turned(starts), others - centers))
     other_beside = np.abs(_dots(other.along[seconds], points - other_centers))
