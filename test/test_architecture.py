@@ -31,6 +31,13 @@ def modules():
 
 
 @functools.cache
+def nodes(tree):
+    """What tests read of a syntax tree: walking the trees takes longer than everything else."""
+    kept = ast.Import | ast.ImportFrom | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Expr | ast.Constant
+    return [node for node in ast.walk(tree) if isinstance(node, kept)]
+
+
+@functools.cache
 def folders():
     return {name.rpartition(".")[0] for name in modules()} | {""}
 
@@ -45,7 +52,7 @@ def module_of(dotted):
 
 def exporter(folder, name):
     """The module from which a folder's __init__ exports a name, or the folder itself."""
-    for node in ast.walk(modules()[folder]):
+    for node in nodes(modules()[folder]):
         if isinstance(node, ast.ImportFrom) and any((alias.asname or alias.name) == name for alias in node.names):
             return module_of(node.module) or folder
     return folder
@@ -55,10 +62,8 @@ def exporter(folder, name):
 def imports_of(name):
     """The modules that one imports: at the top, in functions, for type checking alone, and by names in texts."""
     tree, found = modules()[name], set()
-    documentation = {
-        id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    }
-    for node in ast.walk(tree):
+    documentation = {id(node.value) for node in nodes(tree) if isinstance(node, ast.Expr)}
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             found |= {module_of(alias.name) for alias in node.names if alias.name.startswith("mbd_sim.")}
         elif isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "mbd_sim":
@@ -167,14 +172,14 @@ def test_no_two_classes_have_one_name():
     """A name that a reader has met once must not mean another thing elsewhere."""
     places = {}
     for name, tree in modules().items():
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(name)
     assert not {name: found for name, found in places.items() if len(found) > 1}
 
 
 def functions(tree):
-    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    return [node for node in nodes(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
 def length(function):

@@ -1,1 +1,1 @@
-"""What is computed from a model on request."""
+"""What is computed from the equations of a mechanism on request, without a simulation."""

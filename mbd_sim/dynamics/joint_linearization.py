@@ -28,7 +28,7 @@ from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver, TypicalMatr
 
 @dataclass(frozen=True, eq=False)
 class JointLinearization:
-    """Functions that are traced when they are first read.
+    """The functions of that linear system, traced when they are first read.
 
     `constraints` are the active rows; `typical` and `dependent` as in `ConstraintSolver`.
     """

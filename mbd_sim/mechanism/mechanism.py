@@ -32,9 +32,8 @@ if TYPE_CHECKING:
         Spring,
         TwoPointElement,
     )
-    from mbd_sim.mechanism.elements.sensors import AnySensor
-if TYPE_CHECKING:
     from mbd_sim.mechanism.elements.parts import Move
+    from mbd_sim.mechanism.elements.sensors import AnySensor
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,1 @@
-"""Studies of mechanisms: reports, formulas, loci, kinematics, optimization, synthesis."""
+"""Studies of mechanisms, which may use simulations: reports, formulas, loci, kinematics, optimization, synthesis."""

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mbd_sim.dynamics.constraints.rows import ConstraintRow, branch_checks, constraint_rows, joint_frames
+from mbd_sim.dynamics.constraints.rows import (
+    ConstraintRow,
+    IteratedNormal,
+    branch_checks,
+    constraint_rows,
+    joint_frames,
+)
 from mbd_sim.dynamics.kinematics.drives import driven_motion
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, flat_pose, link_wrench, world_twist
@@ -97,7 +103,8 @@ def equations_of_rows(
     mechanism, links, state, poses = traced.mechanism, traced.links, traced.state, traced.poses
     in_state, twists = expressed_in_state(traced, bodies, time), ca.vertcat(*bodies.twists)
     curves = coordinate_curves(links, state, rows)
-    body_position, body_slip = _stacked([row.position for row in rows]), _stacked([row.velocity for row in rows])
+    body_position = _stacked([row.position if row.normal is None else None for row in rows])
+    body_slip = _stacked([row.velocity for row in rows])
     position = in_state(body_position) + _coupled_coordinates(links, state, rows) - curves.values
     slip = in_state(body_slip)
     to_rates = ca.jacobian(state.q_rates, state.u)
@@ -107,23 +114,36 @@ def equations_of_rows(
     body_velocity = bodies.rate(body_position) + ca.jacobian(body_position, time) + body_slip
     wrenches = in_state(ca.jacobian(body_velocity, twists)).T
     own_rate = ca.substitute([body_velocity], [twists], [ca.SX.zeros(*twists.shape)])[0]
+    normals = _iterated_normals(rows, bodies, in_state)
+    apart = _stacked([None if row.normal is None else row.position for row in rows])
     return ConstraintEquations(
         rows=rows,
-        position=position,
-        gradient=gradient,
-        velocity=velocity,
-        bias=state.rate(velocity),
+        position=position + normals.inserted(in_state(apart)),
+        gradient=normals.inserted(gradient),
+        velocity=normals.inserted(velocity),
+        bias=normals.inserted(state.rate(velocity) + ca.jacobian(velocity, normals.symbols) @ normals.step),
         wrenches=[
-            ca.sparsify(link_wrench(link, X_WB, wrenches[6 * index : 6 * index + 6, :]))
+            normals.inserted(ca.sparsify(link_wrench(link, X_WB, wrenches[6 * index : 6 * index + 6, :])))
             for index, (link, X_WB) in enumerate(zip(links, poses, strict=True))
         ],
         driven_factors={
             name: ca.sparsify(ca.SX(ca.DM([row.factors.get(name, 0.0) for row in rows]))) - curves.slopes(name)
             for name in mechanism.driven_names
         },
-        own_rate=in_state(own_rate) - curves.time_rates,
+        own_rate=normals.inserted(in_state(own_rate)) - curves.time_rates,
         branch_checks=in_state(ca.vertcat(ca.SX(0, 1), *checks)),
     )
+
+
+def _iterated_normals(
+    rows: Sequence[ConstraintRow], bodies: BodySymbols, in_state: Callable[[ca.SX], ca.SX]
+) -> IteratedNormal:
+    """All iterated normals of rows in one vector, in the state, with their rates in place of the step."""
+    found = list({id(row.normal): row.normal for row in rows if row.normal is not None}.values())
+    none = ca.SX(0, 1)
+    symbols, values = (ca.vertcat(none, *each) for each in ([n.symbols for n in found], [n.value for n in found]))
+    rates = bodies.rate(ca.vertcat(none, *(normal.step for normal in found))) if found else none
+    return IteratedNormal(symbols, in_state(values), in_state(rates))
 
 
 def _no_equations(traced: TracedMechanism) -> ConstraintEquations:

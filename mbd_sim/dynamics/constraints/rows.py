@@ -178,12 +178,30 @@ AXIS_NAMES = ("across the axis, 1", "across the axis, 2", "along the axis")
 
 
 @dataclass(frozen=True, eq=False)
+class IteratedNormal:
+    """A vector (3,) that rows depend on, and that is found by iteration, of which no derivatives are formed.
+
+    `symbols` stand for it in the rows. `value` is the vector, and `step` one more step of
+    the iteration from `symbols`, both in the symbols of the parts; the rate of the step is that of the vector.
+    """
+
+    symbols: ca.SX
+    value: ca.SX
+    step: ca.SX
+
+    def inserted(self, expression: ca.SX) -> ca.SX:
+        """An expression with the value in place of the symbols."""
+        return ca.substitute([expression], [self.symbols], [self.value])[0]
+
+
+@dataclass(frozen=True, eq=False)
 class ConstraintRow:
     """One scalar constraint of the joint or constraint at `owner`, whose constrained quantity is `quantity`.
 
     A holonomic row has a `position` that stays zero, in `unit`; a nonholonomic row has a `velocity`, linear in the
     velocities of the parts. `factors` are those of joint coordinates, which the position does not include, and neither
-    the expression `less` of coordinates and time, which is subtracted.
+    the expression `less` of coordinates and time, which is subtracted. A row with an iterated `normal`, on which both
+    may depend, has a position, and a velocity that is its rate.
     """
 
     owner: Location
@@ -193,6 +211,7 @@ class ConstraintRow:
     unit: str = "m"
     factors: Mapping[str, float] = field(default_factory=dict)
     less: TimeExpression | None = None
+    normal: IteratedNormal | None = None
 
     @property
     def name(self) -> str:

@@ -15,7 +15,6 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
-from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
@@ -230,7 +229,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
     slots = [gap.numbers for gap in gaps if gap.numbers is not None]
     loads = sum(element.joint is not None for element in frictions)
-    layout = OneSidedLayout(len(gaps), len(kept), loads, SLOT_SIZE * len(slots))
+    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in slots))
     for row in prescribed:
         equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
     numbers = ca.vertcat(ca.SX.sym("contact", layout.features.start), *slots)

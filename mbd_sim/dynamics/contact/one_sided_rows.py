@@ -18,10 +18,12 @@ import numpy as np
 
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
+from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar_solids import in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
+from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.math.expressions import function_of
@@ -29,7 +31,7 @@ from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.elements.contacts import Contact, PlanarBody
+from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
@@ -186,9 +188,11 @@ def one_sided_rows(
             gaps += _gaps_of(constraint, writer)
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
-        if contact.slots:
-            moving = contact if still is None else in_plane(contact, still, places)
-            gaps += [] if moving is None else _slots(moving, bodies, length)
+        moving = contact if still is None else in_plane(contact, still, places)
+        if moving is None:
+            continue
+        if moving.slots:
+            gaps += _slots(moving, bodies, length)
         else:
             gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
     return gaps, frictions
@@ -203,13 +207,20 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
     """The gaps of a contact whose features change."""
     frames = _frames(contact, bodies)
     for slot in range(1, contact.slots + 1):
-        numbers = ca.SX.sym("features", SLOT_SIZE)
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
         match contact.first, contact.second:
+            case Cluster(), Face() as face:
+                numbers = ca.SX.sym("features", SLOT_SIZE)
+                touching = cluster_touch(numbers, *frames, face, length)
             case PlanarBody() as one, PlanarBody() as other:
+                numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = outline_touch(numbers, (one, other), *frames, length)
-            case _:
+            case Solid(), Solid():
+                numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = slot_touch(numbers, *frames, length, contact.still)
+            case one, other:
+                numbers = ca.SX.sym("features", SMOOTH_SIZE)
+                touching = smooth_touch((one, other), numbers, frames, length)
         gap = _gap_of(dataclasses.replace(contact, quantity=quantity), touching, *frames)
         yield dataclasses.replace(gap, contact=contact, numbers=numbers)
 
@@ -223,12 +234,19 @@ def _gap_of(contact: Contact, touching: Touch, first: BodyFrame, second: BodyFra
     law = contact.law
     assert isinstance(law, ContactLaw)
     owner = ("contacts", contact.name)
-    row = ConstraintRow(owner, contact.quantity, touching.distance)
-    place = ContactPlace(touching.point, touching.normal, touching.sides)
+    iterated = touching.iterated
+    slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
+    rate = None if iterated is None else ca.dot(touching.normal, slip)
+    row = ConstraintRow(owner, contact.quantity, touching.distance, rate, normal=iterated)
+    directions = (touching.normal, *touching.sides)
+    point, normal, *sides = (
+        (touching.point, *directions) if iterated is None else map(iterated.inserted, (touching.point, *directions))
+    )
+    place = ContactPlace(point, normal, tuple(sides))
     if is_absent(law.static_friction):
         return Gap(row, law, place=place, bodies=contact.names)
-    slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
     slips = _slip_rows(owner, f"{contact.quantity} slip", slip, touching.sides)
+    slips = tuple(dataclasses.replace(each, normal=iterated) for each in slips)
     return Gap(row, law, slips, place=place, bodies=contact.names)
 
 

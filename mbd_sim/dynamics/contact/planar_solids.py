@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Contact, Solid
 
 ALIGNED = 1e-12  # of the size of a body, by which the ends of a prism may be off its cross-section
 
@@ -21,6 +21,9 @@ def in_plane(contact: Contact, still: int, places: Mapping[str, float]) -> Conta
     :param places: of the parts along it, in m.
     """
     first, second = contact.first, contact.second
+    if isinstance(first, Barrel) and isinstance(second, Barrel):
+        upright = min(abs(first.axis[still]), abs(second.axis[still])) > 1.0 - ALIGNED
+        return replace(contact, slots=0) if upright else contact  # as circles
     if not isinstance(first, Solid) or not isinstance(second, Solid):
         return contact
     one, other = _cross_section(first, still), _cross_section(second, still)

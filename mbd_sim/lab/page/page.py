@@ -39,6 +39,7 @@ Theme = Literal["light", "dark"]
 PICTURES = 60.0  # a second
 NUMBERS = 6.0  # updates of texts, plots and sliders a second
 PANEL = 370.0  # px of width
+FIRST_VIEWS = 5  # that are corrected
 
 
 class Page:
@@ -140,9 +141,13 @@ class Page:
         sizes = [(0, 0)]
 
         def follow(_: Any) -> None:
-            """Aim at the mechanism again when the window has another size, as after turning a phone."""
-            camera = client.camera
-            if sizes[-1] != (size := (camera.image_width, camera.image_height)):
+            """Aim at the mechanism again when the window has another size, as after turning a phone.
+
+            A slow browser applies the first view, which is that of a usual window, after it was aimed.
+            """
+            camera, size = client.camera, (client.camera.image_width, client.camera.image_height)
+            is_first = len(sizes) < FIRST_VIEWS and np.allclose(camera.position, self.server.initial_camera.position)
+            if sizes[-1] != size or is_first:
                 sizes.append(size)
                 aim(camera, self._extent, camera.aspect, camera.image_width)
 

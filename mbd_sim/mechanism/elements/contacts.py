@@ -55,7 +55,7 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipsoid:
+class Egg:
     """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
 
     at: Attachment
@@ -66,6 +66,16 @@ class Ellipsoid:
 @dataclass(frozen=True, eq=False)
 class Barrel:
     """A cylinder around `axis` of a `length` in m, with its center at `at`; a disc or a ring has none."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Taper:
+    """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
 
     at: Attachment
     axis: Array
@@ -132,7 +142,19 @@ class PlanarBody:
     has_plane: bool = True
 
 
-ContactBody = Ball | Rim | RimPoint | Ellipsoid | Barrel | Face | Cam | Solid | PlanarBody
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
+
+    Each touches a plane for itself; few touch it at a time.
+    """
+
+    at: Attachment
+    bodies: tuple[Ball | Rim, ...]
+
+
+Curved = Barrel | Taper | Egg  # those that touch with changing features
+ContactBody = Cluster | Ball | Rim | RimPoint | Egg | Barrel | Taper | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

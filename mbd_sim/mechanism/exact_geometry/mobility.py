@@ -1,10 +1,11 @@
 """The nearest geometry with which loops move that are locked, or stay open, by digits that nobody meant.
 
-Three cranks of equal length move, and Bennett's four hinges, of which no two axes are parallel. What they have in
-common is found by numbers. Without the directions in which the loops are nearly redundant, there is a path. If they
-are as redundant everywhere on it, some geometry near the written one moves along it: the one with which all loops are
-closed at several places. Gauss-Newton finds it, with the least changes of the written numbers, each in units of its
-last digit. It is meant only if these changes are within the digits.
+Overconstrained loops such as three cranks of equal length, or Bennett's four hinges, of which no two axes are parallel,
+move only with exact lengths and directions. Whether a file means such a loop is found numerically. If the conditions of
+nearly redundant directions are left out, the loops move along a path. If these directions stay nearly redundant on all
+of it, the nearest geometry is sought with which all loops are closed at several places of the path: by the Gauss-Newton
+method, with the least changes of the written numbers, each in units of its last digit. That geometry is meant only if
+the changes are within the digits.
 """
 
 from __future__ import annotations

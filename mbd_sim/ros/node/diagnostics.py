@@ -17,7 +17,7 @@ from mbd_sim.recordings.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.node.subscriptions import Subscriptions, printable
 from mbd_sim.ros.publishing.publishers import TopicPublisher
 from mbd_sim.ros.publishing.thread import PublishingThread
-from mbd_sim.ros.stepping.clock import DurationSummary
+from mbd_sim.ros.stepping.pacing import DurationSummary
 from mbd_sim.ros.stepping.realtime import CollectionTime, waiting_time
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.model.model import UNKNOWN_ENERGY, Model

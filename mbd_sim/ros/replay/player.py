@@ -11,7 +11,7 @@ from typing import Protocol
 
 from mbd_sim.recordings.messages.cdr import DamagedError, Message
 from mbd_sim.recordings.run.reader import Recording
-from mbd_sim.ros.stepping.clock import INTERRUPTIBLE_SLEEP, MAX_LATENESS, Histogram
+from mbd_sim.ros.stepping.pacing import INTERRUPTIBLE_SLEEP, MAX_LATENESS, Histogram
 from mbd_sim.ros.stepping.thread import RequestQueue
 
 BATCH_SIZE = 200  # messages read at once

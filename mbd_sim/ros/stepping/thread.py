@@ -13,7 +13,8 @@ from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.recordings.messages.states import Due, Snapshot
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
-from mbd_sim.ros.stepping.clock import FollowedClock, Followers, Pacer, Rates
+from mbd_sim.ros.stepping.clock import FollowedClock, Followers, Rates
+from mbd_sim.ros.stepping.pacing import Pacer
 from mbd_sim.ros.stepping.run import SteppedRun
 from mbd_sim.simulation.run.changes import StateValues
 from mbd_sim.simulation.run.events import EventKind

@@ -104,6 +104,8 @@ def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> 
     radius = getattr(second, "radius", 0.0)
     names = f"'{contact.names[0]}' and '{contact.names[1]}'"
     where, problem = ("contacts", contact.name), model.mechanism.source.problem
+    if contact.slots and (max(tilts) > PARALLEL or np.ptp(along) > PARALLEL * radius):
+        return
     if isinstance(first, Barrel) and max(tilts) > PARALLEL:
         yield problem(
             where,

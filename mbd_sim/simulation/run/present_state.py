@@ -119,14 +119,18 @@ class PresentState(ReadOnlyAttributes):
 
     @property
     def error_estimate(self) -> float:
-        """The largest estimated error of every eighth step since time zero, relative to s + |q| and s + |u|."""
+        """The largest error of a step since time zero, estimated in every eighth step.
+
+        It is relative to s + |q| and s + |u|, with the natural sizes s of coordinates and speeds.
+        """
         return self._memory.error_estimate
 
     @property
     def step_advice(self) -> str | None:
         """A sentence that names a better step or method if the step is too large for the mechanism, else None.
 
-        Too large are steps with large errors, such as leave the energy account open, and such as may miss a contact.
+        A step is too large if its estimated error is large, if it leaves the energy account open, or if it may miss a
+        contact.
         """
         from mbd_sim.simulation.run.advice import advice_on_energy, advice_on_step
 

@@ -1,6 +1,7 @@
 """The page in a real browser, without a network: taking hold, several pages, a saved file, a phone."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -69,6 +70,27 @@ def test_on_a_phone_the_mechanism_is_above_the_panel(opened, chromium):
         assert 0.0 < x < 390.0
         assert 0.0 < y < box["y"]
     phone.close()
+
+
+def test_a_first_view_that_a_slow_browser_applies_late_is_corrected(opened):
+    """viser sends a view to all pages, and a phone's page would then show a part of the mechanism; a user's view stays."""
+    page, updates = opened.lab.page, []
+    first = np.array(page.server.initial_camera.position)
+    camera = SimpleNamespace(
+        image_width=390, image_height=844, aspect=390 / 844, position=first, on_update=updates.append
+    )
+    page._opened(SimpleNamespace(camera=camera, client_id=-1))
+    (update,) = updates
+    update(None)
+    aimed = camera.position
+    assert not np.allclose(aimed, first)
+    camera.position = first
+    update(None)
+    assert camera.position == aimed
+    camera.position = (9.0, 9.0, 9.0)
+    update(None)
+    assert camera.position == (9.0, 9.0, 9.0)
+    page._closed(SimpleNamespace(client_id=-1))
 
 
 def test_no_other_address_was_asked_for(opened):

@@ -8,8 +8,9 @@ from dataclasses import astuple
 import pytest
 
 from mbd_sim.recordings.messages.states import Due, Snapshot
-from mbd_sim.ros.stepping import clock as pacing
-from mbd_sim.ros.stepping.clock import MAX_LATENESS, DurationSummary, FollowedClock, Histogram, Pacer
+from mbd_sim.ros.stepping import pacing
+from mbd_sim.ros.stepping.clock import FollowedClock
+from mbd_sim.ros.stepping.pacing import MAX_LATENESS, DurationSummary, Histogram, Pacer
 from mbd_sim.simulation.run.events import Event
 from test.ros.stepping.threads import collected, wait_for
 

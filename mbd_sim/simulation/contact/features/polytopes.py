@@ -159,20 +159,15 @@ class _Placed:
         self.body, self.rotation, self.position = body, pose.rotation, pose.position - origin
         self.vertices = turned(pose.rotation, body.vertices) + self.position
 
-    @cached_property
-    def normals(self) -> Array:
-        """Of the faces (m, 3)."""
-        return turned(self.rotation, self.body.normals)
-
     def heights(self, points: Array) -> Array:
         """Of points (n, 3) above the planes of the faces (n, m)."""
         own = turned(self.rotation.T, points - self.position)
         return np.asarray(dots(own[:, None], self.body.normals) - self.body.offsets)
 
-    def depths(self, points: Array) -> Array:
-        """How far inside the borders of the faces (n, m) points (n, 3) are, seen along the normals."""
+    def depths(self, points: Array, face: int | slice = slice(None)) -> Array:
+        """How far inside the borders of some faces (n, m) points (n, 3) are, seen along the normals."""
         own, (corners, inward) = turned(self.rotation.T, points - self.position), self.body.borders
-        return np.asarray(dots(own[:, None, None] - corners, inward).min(axis=2))
+        return np.asarray(dots(own[:, None, None] - corners[face], inward[face]).min(axis=-1))
 
     def segments(self) -> tuple[Array, Array, Array]:
         """The starts, directions and lengths of the edges, see `Polytope.segments`."""
@@ -256,12 +251,16 @@ class PolytopePair:
         self._slots = slots
         self._radius = first.radius + second.radius
         self._solid = bool(first.faces or second.faces)
+        self._last: tuple[Pose, Pose, tuple[_Placed, _Placed]] | None = None
         bodies = self._first, self._second
         self.bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
 
     def _placed(self, one: Pose, other: Pose) -> tuple[_Placed, _Placed]:
-        origin = other.position
-        return _Placed(self._first, one, origin), _Placed(self._second, other, origin)
+        """Both bodies; those of the last poses are kept."""
+        if self._last is None or self._last[0] is not one or self._last[1] is not other:
+            placed = _Placed(self._first, one, other.position), _Placed(self._second, other, other.position)
+            self._last = one, other, placed
+        return self._last[2]
 
     def distance(self, one: Pose, other: Pose) -> float:
         """See `NarrowPhase`."""
@@ -324,6 +323,8 @@ class PolytopePair:
             across = cross(direction[:, None], other_direction)
             size = np.sqrt(dots(across, across))
             between = np.abs(dots(across, start[:, None] - other_start)) / np.where(size > PARALLEL, size, 1.0)
+            if not self._radius:  # of which the sign is not known yet
+                between = np.where(between <= -lowest, 0.0, between)
             yield from ((EDGE_EDGE, i, j) for i, j in within(np.where(size > PARALLEL, between, np.inf)))
 
     def _meeting(self, a: _Placed, b: _Placed, kind: int, i: int, j: int) -> _Meeting:
@@ -344,10 +345,10 @@ class PolytopePair:
 
     def _on_face(self, one: _Placed, other: _Placed, vertex: int, face: int, *, first: bool) -> _Meeting:
         """A vertex of one body on a face of the other; `first`: the vertex is that of the first body."""
-        point, normal = one.vertices[vertex], other.normals[face]
+        point, normal = one.vertices[vertex], turned(other.rotation, other.body.normals[face])
         corner = other.vertices[other.body.faces[face][0]]
         gap = float(dots(point - corner, normal)) - self._radius
-        margin = float(other.depths(point[None])[0, face])
+        margin = float(other.depths(point[None], face).min())
         if self._radius:
             margin = min(margin, self._lowest(one, vertex, normal))
         if first:

@@ -177,9 +177,11 @@ def test_the_row_of_what_touches_is_the_distance_nearby(bodies):
             near, far = (
                 (middle, far) if pair.distance(Pose(middle * direction, one.rotation), other) < 0 else (near, middle)
             )
+        deep = Pose((near - 2e-13) * direction, one.rotation)
         one = Pose(far * direction, one.rotation)
         found = pair.touching(one, other, 1e-13)
         assert found
+        assert [each.key for each in pair.touching(deep, other, 1e-13)] == [each.key for each in found]
         step = 1e-7
         moved = Pose(
             one.position + step * chance.normal(size=3), rot.about(rot.unit(chance.normal(size=3)), step) @ one.rotation

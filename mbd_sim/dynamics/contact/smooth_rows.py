@@ -1,0 +1,168 @@
+"""The gap of a slot between two convex bodies of which one is round, with corners, sides and faces that change.
+
+With corners c, whose support functions are c·n + √(n·K n) (a point has K = 0, a rim ρ² (1 - a aᵀ), an ellipsoid
+A D² Aᵀ), the gap along a unit normal n, which points from the second body to the first, is
+
+    g(n) = n·(c_A - c_B) - √(n·K_A n) - √(n·K_B n) - r_A - r_B.
+
+The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
+Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint
+among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that
+touch. A slot without features has zeros only; its gap is then the natural length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.constraints.rows import IteratedNormal
+from mbd_sim.dynamics.contact.shapes import Touch
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements.contacts import Barrel, ContactBody, Egg, Solid, Taper
+
+SMOOTH_SIZE = 29  # numbers of a slot, of which the last one is the key
+NEWTON_STEPS = 3
+TINY = 1e-60
+FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothFeatures:
+    """What touches at a slot, and its `key`, by which its narrow phase knows it; 0 is not a key.
+
+    `corners` (3,) are from the points at which the bodies are attached, in the axes of their parts, with the radii
+    `rims` in m of circles, or 1 for an ellipsoid and 0 for a point. `directions` (3,) and `cosines` are those of sides,
+    and zero for other features. `mode` is how the normal is found, and `hint` (3,) the normal in the axes of the
+    second part, or of the first one if it is fixed there. `sign` selects one of two normals of two sides. The contact
+    point is on the corner of the first body, or of the second with `on_second`, or else where both sides cross.
+    """
+
+    key: int
+    corners: tuple[Array, Array]
+    rims: tuple[float, float]
+    directions: tuple[Array, Array]
+    cosines: tuple[float, float]
+    mode: int
+    hint: Array
+    sign: float
+    on_second: bool
+    side: Array
+
+    @property
+    def numbers(self) -> Array:
+        """The numbers (SMOOTH_SIZE,) of the slot."""
+        modes = [float(self.mode == mode) for mode in range(4)]
+        scalars = (*self.rims, *self.cosines, *modes, self.sign, float(self.on_second))
+        return np.concatenate([*self.corners, *self.directions, scalars, self.hint, self.side, [float(self.key)]])
+
+
+def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
+    """K of the corner of a body, in ground's axes, from its number among the `rims`."""
+    match body:
+        case Egg():
+            axes = ca.sparsify(frame.rotation @ constant(body.axes)) @ ca.diag(ca.vertcat(*body.radii))
+            return rim * (axes @ axes.T)
+        case Barrel() | Taper():
+            axis = ca.sparsify(frame.rotation @ constant(body.axis))
+            return rim * rim * (ca.SX.eye(3) - axis @ axis.T)
+        case _:
+            return ca.SX(3, 3)
+
+
+def smooth_touch(
+    bodies: tuple[ContactBody, ContactBody],
+    numbers: ca.SX,
+    frames: tuple[SymbolicPose, SymbolicPose],
+    length: float,
+) -> Touch:
+    """The geometry of a slot; the frames are at the points of both bodies, with the axes of their parts.
+
+    :param length: the gap in m of a slot without features.
+    """
+    first, second = frames
+    radii = [body.radius if isinstance(body, Solid) else 0.0 for body in bodies]
+    c_a, c_b, d_a, d_b, hint, side = (numbers[k : k + 3] for k in (0, 3, 6, 9, 22, 25))
+    k_a, k_b, on_b, on_a, two, free, sign, on_second = (numbers[k] for k in range(14, 22))
+    at, other = first.position + first.rotation @ c_a, second.position + second.rotation @ c_b
+    line, side = at - other, second.rotation @ side
+    d_a, d_b = first.rotation @ d_a, second.rotation @ d_b
+    grams = [_gram(body, frame, numbers[12 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))]
+    fixed = on_b * (second.rotation @ hint) + on_a * (first.rotation @ hint)
+    fixed += two * _across_both(d_a, d_b, k_a, k_b, sign, 1.0 - two)
+    bound, cosine = free * (d_a + d_b), free * (k_b - k_a)
+
+    def following(given: ca.SX) -> ca.SX:
+        """The normal after one step from a given one."""
+        return fixed + free * _newton_step(given, bound, cosine, line, grams, side, free)
+
+    start = fixed + free * (second.rotation @ hint)
+    normal, value = ca.SX.sym("normal", 3), start
+    for _ in range(NEWTON_STEPS):
+        value = following(value)
+    iterated = IteratedNormal(normal, value, following(normal))
+    arms = [_arm(gram, normal) for gram in grams]
+    distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
+    used = on_b + on_a + two + free
+    place, seen = at - arms[0] - radii[0] * normal, other + arms[1] + radii[1] * normal
+    crossing = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
+    one = ca.cross(side, normal)
+    one /= ca.sqrt(ca.dot(one, one) + TINY)
+    point = on_second * seen + (1.0 - on_second) * crossing
+    return Touch(distance + (1.0 - used) * length, normal, point, (one, ca.cross(normal, one)), iterated)
+
+
+def _arm(gram: ca.SX, normal: ca.SX) -> ca.SX:
+    """From a corner to its farthest point along the normal."""
+    found = gram @ normal
+    return found / ca.sqrt(ca.dot(normal, found) + TINY)
+
+
+def _across_both(d_a: ca.SX, d_b: ca.SX, k_a: ca.SX, k_b: ca.SX, sign: ca.SX, unused: ca.SX) -> ca.SX:
+    """The unit vector n with n·d_B = k_B and n·d_A = -k_A, on the side `sign` of both."""
+    cosine, across = ca.dot(d_a, d_b), ca.cross(d_b, d_a)
+    square = ca.dot(across, across) + unused
+    alpha, beta = (k_b + k_a * cosine) / square, -(k_a + k_b * cosine) / square
+    rest = 1.0 - (alpha * alpha + beta * beta + 2.0 * alpha * beta * cosine)
+    return alpha * d_b + beta * d_a + sign * ca.sqrt((rest + unused) / square) * across
+
+
+def _newton_step(
+    given: ca.SX, direction: ca.SX, cosine: ca.SX, line: ca.SX, grams: list[ca.SX], side: ca.SX, used: ca.SX
+) -> ca.SX:
+    """A step of n = k d + √(1 - k²) m toward the normal at which the gap is largest; d is zero where none is given."""
+    bound, scale = ca.dot(direction, direction), ca.sqrt(1.0 - cosine * cosine)
+    m = _unit(given - direction * ca.dot(direction, given))
+    one = _unit(bound * ca.cross(direction, m) + (1.0 - bound) * ca.cross(side, m))
+    other = (1.0 - bound) * ca.cross(m, one)
+    normal = cosine * direction + scale * m
+    slope, bend = line, ca.SX(3, 3)
+    for gram in grams:
+        found = gram @ normal
+        size = ca.sqrt(ca.dot(normal, found) + TINY)
+        arm = found / size
+        slope, bend = slope - arm, bend - (gram - arm @ arm.T) / size
+    tangents = ca.horzcat(one, other)
+    gradient = used * scale * (tangents.T @ slope)
+    hessian = scale * scale * (tangents.T @ bend @ tangents) - scale * ca.dot(m, slope) * ca.SX.eye(2)
+    hessian = used * hessian - (1.0 - used) * ca.SX.eye(2)
+    determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] * hessian[1, 0]
+    first = (hessian[0, 1] * gradient[1] - hessian[1, 1] * gradient[0]) / determinant
+    second = (hessian[1, 0] * gradient[0] - hessian[0, 0] * gradient[1]) / determinant
+    return cosine * direction + scale * _unit(m + first * one + second * other)
+
+
+def _along(apart: ca.SX, d_a: ca.SX, d_b: ca.SX, normal: ca.SX, unused: ca.SX) -> ca.SX:
+    """From a point of the first side to where the lines of both sides cross, seen along the normal."""
+    one, other = (_unit(d - normal * ca.dot(d, normal)) for d in (d_a, d_b))
+    cosine = ca.dot(one, other)
+    along = (cosine * ca.dot(other, apart) - ca.dot(one, apart)) / (1.0 - cosine * cosine + unused)
+    return along * one
+
+
+def _unit(vector: ca.SX) -> ca.SX:
+    return vector / ca.sqrt(ca.dot(vector, vector) + TINY)

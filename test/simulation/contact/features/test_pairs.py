@@ -1,0 +1,219 @@
+"""Motions with changing features: the same bits in every way of stepping, in turned worlds, and without gain of energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mbd_sim import MechanismError, Simulation
+from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.cli.main import main
+from mbd_sim.files.load import parse_mechanism
+
+FALLING = """
+mechanism: falling_capsule
+parts:
+  table: {shape: {type: block, size: [0.4, 0.4, 0.2], mass: 1, at: [0, 0, -0.1]}}
+  bar: {shape: {type: capsule, radius: 0.03, length: 0.3, axis: [1, 0, 0], mass: 1}}
+joints:
+  table: {type: fixed, between: [ground, table]}
+  bar: {type: free, between: [ground, bar], position: [0.1, 0.02, 0.1], orientation: {rpy: [0.1, 0.2, 0.3]}, velocity: [0.5, 0.2, 0]}
+contacts: {c: {between: [bar, table], friction: 0.2, restitution: 0.4}}
+"""
+
+
+@pytest.fixture(scope="module")
+def mechanism():
+    return parse_mechanism(FALLING)
+
+
+def test_steps_one_by_one_snapshots_and_copies_give_the_same_bits(mechanism):
+    """Features are found again from the state, or are among the inputs: nothing else is kept."""
+    sim = Simulation(mechanism, step=2e-3)
+    sim.step(250)
+    one = Simulation(mechanism, step=2e-3)
+    for index in range(250):
+        if index == 137:
+            kept = one.snapshot()
+        one.step()
+    assert np.array_equal(one.y, sim.y)
+    later = Simulation(mechanism, step=2e-3)
+    later.step(3)
+    later.restore(kept)
+    copied = later.copy()
+    for each in (later, copied):
+        each.step(250 - 137)
+        assert np.array_equal(each.y, sim.y)
+    assert sim.contact_event_count > 5
+    assert np.any(kept.inputs[sim.model.input_layout.one_sided])
+
+
+def test_a_recording_verifies(tmp_path, capsys, mechanism):
+    sim = Simulation(mechanism, step=2e-3)
+    for name, end in (("first", 0.2), ("second", 0.5)):
+        with sim.recording(tmp_path / f"{name}.mcap"):
+            sim.run(until=end)
+        assert main(["verify", str(tmp_path / f"{name}.mcap")]) == 0
+        assert "verified, bit for bit" in capsys.readouterr().out
+
+
+FLIGHT = """
+mechanism: flight
+gravity: [0, 0, 0]
+parts:
+  bar: {shape: {type: capsule, radius: 0.03, length: 0.3, axis: [1, 0, 0], mass: 1}}
+  box: {shape: {type: block, size: [0.2, 0.3, 0.1], mass: 2}}
+joints:
+  bar: {type: free, between: [ground, bar], position: [0.5, 0, 0]}
+  box: {type: free, between: [ground, box], position: [-0.5, 0, 0]}
+contacts: {c: {between: [PAIR], friction: 0.3, restitution: 0.8}}
+"""
+
+
+def flown(pair, place, turn, shift, steps=300):
+    """The positions (2, 3) and the axes (2, 3, 3) at the end, in the axes of the world before it was turned."""
+    sim = Simulation(parse_mechanism(FLIGHT.replace("PAIR", pair)), step=2e-3)
+    q, u = np.zeros(14), np.zeros(12)
+    for index, (position, rotation, velocity, omega) in enumerate(place):
+        q[7 * index : 7 * index + 3] = turn @ position + shift
+        q[7 * index + 3 : 7 * index + 7] = rot.to_quaternion(turn @ rotation)
+        u[6 * index : 6 * index + 3] = turn @ velocity
+        u[6 * index + 3 : 6 * index + 6] = rotation.T @ omega  # in the axes of the part
+    sim.reset(q=q, u=u)
+    given = [sim.motion(name) for name in ("bar", "box")]
+    for motion, (_, _, velocity, omega) in zip(given, place, strict=True):
+        assert motion.velocity == pytest.approx(turn @ velocity)
+        assert motion.angular_velocity == pytest.approx(turn @ omega)
+    sim.step(steps)
+    poses = [sim.poses()[name] for name in ("bar", "box")]
+    positions = np.array([turn.T @ (pose.position - shift) for pose in poses])
+    return positions, np.array([turn.T @ pose.rotation for pose in poses]), sim
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turned_worlds_and_exchanged_parts_give_the_same_motion(seed):
+    """No direction of the world and no order is preferred; impulses keep both momenta."""
+    chance, place = np.random.default_rng(seed), []
+    for x in (0.5, -0.5):
+        quaternion = chance.normal(size=4)
+        rotation = rot.from_quaternion(quaternion / np.linalg.norm(quaternion))
+        position, velocity = chance.normal(size=3) * 0.03 + [x, 0, 0], chance.normal(size=3) * 0.1 - [3 * x, 0, 0]
+        place.append((position, rotation, velocity, chance.normal(size=3) * 3.0))
+    found = flown("bar, box", place, np.eye(3), np.zeros(3))
+    turn = rot.about(rot.unit(np.array([1.0, -2.0, 0.5])), 1.1)
+    for other in (
+        flown("bar, box", place, turn, np.array([0.3, -0.8, 0.1])),
+        flown("box, bar", place, np.eye(3), np.zeros(3)),
+    ):
+        assert other[0] == pytest.approx(found[0], abs=1e-9)
+        assert other[1] == pytest.approx(found[1], abs=1e-9)
+        assert len(other[2].contact_events) == len(found[2].contact_events) > 0
+    sim = found[2]
+    total = sum(m * sim.motion(name).velocity for name, m in (("bar", 1.0), ("box", 2.0)))
+    assert total == pytest.approx(sum(m * each[2] for m, each in zip((1.0, 2.0), place, strict=True)), abs=1e-12)
+    assert abs(sim.energies.residual) < 1e-11
+
+
+def test_a_fast_ball_does_not_fly_through_a_thin_wall():
+    """It passes the wall of 5 mm within one step of 1 ms: both ends of the step are free."""
+    text = """
+mechanism: bullet
+gravity: [0, 0, 0]
+parts:
+  wall: {shape: {type: block, size: [5 mm, 1, 1], mass: 1}}
+  ball: {shape: {type: sphere, radius: 5 mm, mass: 0.1}}
+joints:
+  wall: {type: fixed, between: [ground, wall]}
+  ball: {type: free, between: [ground, ball], position: [-0.53, 0.1, 0.1], velocity: [60, 0, 0]}
+contacts: {c: {between: [ball, wall], restitution: 1}}
+"""
+    sim = Simulation(parse_mechanism(text), step=1e-3)
+    sim.step(20)
+    (event,) = sim.contact_events
+    assert event.time == pytest.approx((0.53 - 0.0075) / 60, abs=1e-13)
+    assert sim.motion("ball").velocity == pytest.approx([-60, 0, 0], abs=1e-10)
+
+
+def test_a_start_inside_each_other_is_refused_with_the_depth():
+    text = FALLING.replace("position: [0.1, 0.02, 0.1]", "position: [0.05, 0.02, 0.01]")
+    with pytest.raises(MechanismError, match=r"contacts\.c: at the start 'bar' is 0\.0\d+ m inside 'table'"):
+        Simulation(parse_mechanism(text))
+
+
+def test_too_many_rows_are_refused_with_their_number():
+    names = [f"b{k}" for k in range(8)]
+    parts = "\n".join(f"  {name}: {{shape: {{type: block, size: [1, 1, 1], mass: 1}}}}" for name in names)
+    joints = "\n".join(
+        f"  {name}: {{type: free, between: [ground, {name}], position: [{2 * k}, 0, 0]}}"
+        for k, name in enumerate(names)
+    )
+    text = f"mechanism: heap\nparts:\n{parts}\njoints:\n{joints}\ncontacts: {{heap: {{among: [{', '.join(names)}], friction: 1}}}}"
+    with pytest.raises(MechanismError, match=r"have 672 rows, 672 of them here; up to 400 are possible"):
+        Simulation(parse_mechanism(text))
+
+
+BOX = """
+mechanism: box
+parts:
+  left: {shape: {type: block, size: [0.2, 1, 2], mass: 1, at: [-0.4, 0, 0]}}
+  right: {shape: {type: block, size: [0.2, 1, 2], mass: 1, at: [0.4, 0, 0]}}
+  floor: {shape: {type: block, size: [2, 1, 0.2], mass: 1, at: [0, 0, -0.4]}}
+  block: {shape: {type: block, size: [0.1, 0.1, 0.2], mass: 1}}
+  ball: {shape: {type: sphere, radius: 0.06, mass: 0.5}}
+joints:
+  left: {type: fixed, between: [ground, left]}
+  right: {type: fixed, between: [ground, right]}
+  floor: {type: fixed, between: [ground, floor]}
+  block: {type: planar, between: [ground, block], axis: [0, 1, 0], x_axis: [1, 0, 0], position: [-0.1, 0, 0.3], velocity: [2, -1, 9]}
+  ball: {type: planar, between: [ground, ball], axis: [0, 1, 0], x_axis: [1, 0, 0], position: [0.1, 0, 0], velocity: [-3, 2, 20]}
+contacts:
+  walls: {between: [block, left], restitution: 0.95, friction: 0.2}
+  others: {between: [block, right], restitution: 0.95, friction: 0.2}
+  floors: {between: [block, floor], restitution: 0.95, friction: 0.2}
+  both: {between: [block, ball], restitution: 0.95, friction: 0.2}
+  ball_left: {between: [ball, left], restitution: 0.95, friction: 0.2}
+  ball_right: {between: [ball, right], restitution: 0.95, friction: 0.2}
+  ball_floor: {between: [ball, floor], restitution: 0.95, friction: 0.2}
+"""
+
+
+def test_bodies_in_a_box_never_gain_energy_and_never_leave():
+    """Hundreds of impacts of corners, sides and a ball, until they rest; in a plane, with cross-sections."""
+    sim = Simulation(parse_mechanism(BOX), step=2e-3)
+    energies = [sim.energies.total]
+    for _ in range(100):
+        sim.step(20)
+        energies.append(sim.energies.total)
+        for pose in sim.poses().values():
+            assert np.abs(pose.position[[0, 2]]).max() < 1.0
+        assert min(state.gap for state in sim.contacts().values()) > -1e-12
+    assert np.diff(energies).max() < 1e-11
+    assert sim.contact_event_count > 200
+    assert abs(sim.energies.residual) < 1e-9
+
+
+SAMPLED = """
+mechanism: sampled
+parts:
+  table: {shape: {type: block, size: [1, 1, 0.2], mass: 1, at: [0, 0, -0.1]}}
+  ball: {shape: {type: sphere, radius: 0.05, mass: 1}}
+  arm: {shape: {type: rod, to: [0.3, 0, 0], mass: 1}}
+joints:
+  table: {type: fixed, between: [ground, table]}
+  ball: {type: free, between: [ground, ball], position: [0.1, 0, 0.3], velocity: [0.3, 0, 0]}
+  arm: {type: revolute, between: [ground, arm], axis: [0, 1, 0], position: 0.5}
+actuators:
+  drive: {type: effort, joint: arm, servo: {controls: position, kp: 30, ki: 20, kd: 1, sample_rate: 1 kHz}, delay: 4 ms}
+contacts: {c: CONTACT}
+"""
+
+
+def test_servos_keep_their_samples_in_steps_that_are_taken_again():
+    """A step with an impact is undone after the servo has sampled: beside a plane, whose steps end before that."""
+    found = []
+    for contact in ("{between: [ball, table], restitution: 0.6}", "{parts: [ball], plane: ground, restitution: 0.6}"):
+        sim = Simulation(parse_mechanism(SAMPLED.replace("CONTACT", contact)), step=1e-3)
+        sim.step(700)
+        assert sim.contact_event_count >= 3
+        found.append(sim.y)
+    assert found[0] == pytest.approx(found[1], rel=1e-9, abs=1e-10)
