@@ -218,10 +218,10 @@ def _functions(equations: Equations, functions: OneSidedFunctions) -> tuple[ca.F
     forces = ca.SX.sym("forces", functions.equations.layout.rows)
     s = ca.SX.sym("s", core.stop - nq - nv)
     y = ca.vertcat(q, u, s, ca.SX.zeros(equations.start_state.size - core.stop))
-    memory, matrix, right, *further = functions.rates.system.call([t, y, inputs])
+    memory, left, factor, right, *further = functions.rates.system.call([t, y, inputs])
     n = forces.shape[0]
     active = inputs[equations.inputs.one_sided][functions.equations.layout.active]
-    residual = ca.reshape(matrix, n, n) @ forces - right
+    residual = functions.rates.product(left, factor, forces) - right
     position = 0
     for load, element in zip(functions.loads, _loaded(functions), strict=True):
         factor, size = further[0][position], load.nnz_out(0)

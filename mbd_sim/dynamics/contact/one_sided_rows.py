@@ -18,6 +18,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
+from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar_solids import in_plane
@@ -30,7 +31,7 @@ from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.elements.contacts import Contact, PlanarBody, Solid
+from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
@@ -208,6 +209,9 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
     for slot in range(1, contact.slots + 1):
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
         match contact.first, contact.second:
+            case Cluster(), Face() as face:
+                numbers = ca.SX.sym("features", SLOT_SIZE)
+                touching = cluster_touch(numbers, *frames, face, length)
             case PlanarBody() as one, PlanarBody() as other:
                 numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = outline_touch(numbers, (one, other), *frames, length)

@@ -21,15 +21,16 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
-    Cone,
+    Cluster,
     Contact,
     ContactBody,
-    Ellipsoid,
+    Egg,
     Face,
     PlanarBody,
     Rim,
     RimPoint,
     Solid,
+    Taper,
 )
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -150,13 +151,13 @@ def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
 def _arms(body: ContactBody) -> list[tuple[float, Array]]:
     """Radii of a body that is not a ball, each with a direction: that about which it is round, or one across a cam."""
     match body:
-        case Ball() | Face() | Solid() | PlanarBody():
+        case Ball() | Face() | Solid() | PlanarBody() | Cluster():
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
-        case Ellipsoid(radii=radii, axes=axes):
+        case Egg(radii=radii, axes=axes):
             return list(zip(radii, axes.T, strict=True))
-        case Rim() | RimPoint() | Barrel() | Cone():
+        case Rim() | RimPoint() | Barrel() | Taper():
             return [(body.radius, body.axis)]
         case _:
             assert_never(body)
@@ -174,7 +175,9 @@ def _radius(body: ContactBody) -> float:
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
         case Face() | PlanarBody():
             return 0.0
-        case Ellipsoid():
+        case Egg():
             return min(body.radii)
+        case Cluster(bodies=bodies):
+            return max(each.radius for each in bodies)
         case _:
             return body.radius

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,7 @@ from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
-from mbd_sim.mechanism.elements.contacts import FIRST_RIM, Ball, Barrel, Cam, Contact, Ellipsoid, Face, Rim, RimPoint
+from mbd_sim.mechanism.elements.contacts import FIRST_RIM, Ball, Barrel, Cam, Contact, Egg, Face, Rim, RimPoint
 
 POINTS = 6  # of a rim that carry it; in a plane mechanism the two in its plane
 FLAT_TILT = 0.02  # sine of the tilt below which a disc lies flat
@@ -61,17 +62,22 @@ def _directions(rim: Rim, face: Face, still: int | None) -> Array:
     if still is not None and face.normal[still] == 0.0 and rim.axis[still] == 0.0:
         across = np.cross(rim.axis, np.eye(3)[still])
         return np.array([across, -across])
+    return rim_directions(rim.axis)
+
+
+def rim_directions(axis: Array) -> Array:
+    """The directions (n, 3) of the points of a rim around an axis (3,) in space."""
     angles = [2.0 * math.pi * number / POINTS for number in range(POINTS)]
-    return np.array([[math.cos(angle), math.sin(angle)] for angle in angles]) @ perpendiculars(rim.axis)
+    return np.array([[math.cos(angle), math.sin(angle)] for angle in angles]) @ perpendiculars(axis)
 
 
-def protrusion(radius: float, square: ca.SX) -> ca.SX:
+def protrusion(radius: Any, square: Any) -> Any:
     """How far in m the points of a rim protrude, from the square s² of its tilt; negative where it is not flat."""
     x = square / FLAT_TILT**2
     return BULGE * radius * square * (1.0 - x) / (1.0 + x) ** 2
 
 
-def withdrawn(radius: float, square: ca.SX) -> ca.SX:
+def withdrawn(radius: Any, square: Any) -> Any:
     """How far in m the lowest point is below the center at tilts up to `EXACT_TILT`, from s²; negative at s = 0.
 
     Its value r s at `EXACT_TILT` and its first two derivatives by s are continuous with those of the rim.
@@ -117,7 +123,7 @@ def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: in
             return _rim_on_face(rim, face, first, second, can_lie_flat(rim, face, still) and contact.rigid)
         case RimPoint() as rim, Face() as face:
             return _rim_point_on_face(rim, face, first, second)
-        case Ellipsoid() as body, Face() as face:
+        case Egg() as body, Face() as face:
             return _ellipsoid_on_face(body, face, first, second)
         case Ball() as ball, Ball() as other:
             line = first.position - second.position
@@ -203,7 +209,7 @@ def _rim_point_on_face(rim: RimPoint, face: Face, first: SymbolicPose, second: S
     return Touch(ca.dot(normal, point - second.position) - lift, normal, point, _along(second, face))
 
 
-def _ellipsoid_on_face(body: Ellipsoid, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
+def _ellipsoid_on_face(body: Egg, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
     """The lowest point is at -A D² Aᵀ n / h from the center, with the radii D along A and h = |D Aᵀ n|."""
     normal, axes = _turned(second, face.normal), ca.sparsify(first.rotation @ constant(body.axes))
     radii = ca.vertcat(*body.radii)

@@ -23,7 +23,7 @@ from mbd_sim.dynamics.constraints.rows import IteratedNormal
 from mbd_sim.dynamics.contact.shapes import Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, ContactBody, Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, ContactBody, Egg, Solid, Taper
 
 SMOOTH_SIZE = 29  # numbers of a slot, of which the last one is the key
 NEWTON_STEPS = 3
@@ -64,10 +64,10 @@ class SmoothFeatures:
 def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
     """K of the corner of a body, in ground's axes, from its number among the `rims`."""
     match body:
-        case Ellipsoid():
+        case Egg():
             axes = ca.sparsify(frame.rotation @ constant(body.axes)) @ ca.diag(ca.vertcat(*body.radii))
             return rim * (axes @ axes.T)
-        case Barrel() | Cone():
+        case Barrel() | Taper():
             axis = ca.sparsify(frame.rotation @ constant(body.axis))
             return rim * rim * (ca.SX.eye(3) - axis @ axis.T)
         case _:

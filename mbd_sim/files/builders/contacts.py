@@ -13,10 +13,11 @@ from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, quoted
+from mbd_sim.base.errors import InputError, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
@@ -33,16 +34,16 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
-    Cone,
     Contact,
     ContactBody,
     Curved,
     Cushion,
-    Ellipsoid,
+    Egg,
     Face,
     PlanarBody,
     Rim,
     Solid,
+    Taper,
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
@@ -50,7 +51,6 @@ from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
 
 SIDES = {-1: "-", 1: "+"}
-MOST_ON_PLANE = 16  # corners of a hull, each with rows of its own: with 20 of them, the first start takes 20 s
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -64,7 +64,7 @@ MOST_SLOTS = 8  # of a pair: two faces with four corners each
 ROUND_SLOTS = 4  # at most, of a pair with a cylinder, a disc, a ring or a cone
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Ellipsoid | PlanarBody]]:
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
     """What of a shape, or of a point, can touch a plane, each with a name: balls, rims, corners, tip and outline."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
@@ -73,7 +73,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
     def at(*offset: float) -> Attachment:
         return Attachment(part, pose.position + pose.rotation @ array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim | Ellipsoid | PlanarBody]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -107,7 +107,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
         case schema.CapsuleSpec(radius=r, length=length):
             return [(f"end {SIDES[side]}", Ball(at(0.0, 0.0, 0.5 * side * length), r)) for side in SIDES]
         case schema.EllipsoidSpec(radii=radii):
-            return [("", Ellipsoid(at(0.0, 0.0, 0.0), pose.rotation, radii))]
+            return [("", Egg(at(0.0, 0.0, 0.0), pose.rotation, radii))]
         case schema.HullSpec():
             found, _ = hull_of(shape)
             return [(f"corner {number}", Ball(at(*corner), 0.0)) for number, corner in enumerate(found, start=1)]
@@ -183,11 +183,11 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
         case schema.CylinderSpec(radius=r, length=length):
             return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
         case schema.ConeSpec(radius=r, length=length):
-            return Cone(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+            return Taper(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
         case schema.EllipsoidSpec(radii=radii):
-            return Ellipsoid(Attachment(part, pose.position), pose.rotation, radii)
+            return Egg(Attachment(part, pose.position), pose.rotation, radii)
         case schema.OutlineSpec():
-            return None
+            raise ValueError("an outline touches in its plane")
         case _:
             assert_never(shape)
 
@@ -242,7 +242,7 @@ class _ContactBuilder:
         elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
             pairs += self._on_cam(where, spec, cam)
         self._check_stiffness(where, spec)
-        if len(self._context.problems) > before:
+        if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
         slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
@@ -252,7 +252,10 @@ class _ContactBuilder:
             )
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
-        return [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
+        found = [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
+        if spec.parts is None or spec.plane is None or not isinstance(law, ContactLaw):
+            return found
+        return clustered(found, self._context.valid_joints.values(), welds=spec.parts == ALL)
 
     def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
         """Refuse a stiffness with a unit that does not fit the exponent."""
@@ -369,12 +372,7 @@ class _ContactBuilder:
             for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, face.at.part):
                     break
-                bodies = edges(solid.part, solid.shape)
-                if len(bodies) > MOST_ON_PLANE:
-                    message = f"{solid.name} has {len(bodies)} corners, too many for a contact with a plane"
-                    self._context.report(place, message, f"Give its hull at most {MOST_ON_PLANE} points.")
-                    break
-                for label, body in bodies:
+                for label, body in edges(solid.part, solid.shape):
                     if isinstance(body, PlanarBody):
                         yield from self._outline_on_face(place, solid, body, names, face)
                         continue
@@ -412,7 +410,16 @@ class _ContactBuilder:
         place: Location = (*where, "parts")
         if spec.parts != ALL:
             return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
-        solid = [name for name, part in self._parts.items() if any(not one.hole for one in touching_shapes(part))]
+        left_out = set(spec.without or ())
+        for index, part in enumerate(spec.without or ()):
+            if part not in self._parts:
+                message, remedy = f"there is no part {quoted(part)}", nearest(part, self._parts)
+                self._context.report((*where, "without", index), message, remedy)
+        solid = [
+            name
+            for name, part in self._parts.items()
+            if name not in left_out and any(not one.hole for one in touching_shapes(part))
+        ]
         names = free_parts(solid, self._context.valid_joints.values(), support)
         if not names:
             self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
@@ -474,7 +481,7 @@ def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: b
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0
-    if isinstance(first, Ellipsoid) or isinstance(second, Ellipsoid):
+    if isinstance(first, Egg) or isinstance(second, Egg):
         return 1
     if not isinstance(first, Solid) or not isinstance(second, Solid):
         return min(len(each.vertices) if isinstance(each, Solid) else ROUND_SLOTS for each in (first, second))

@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
+from mbd_sim.base.geometry.pose import Pose, identity_pose
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 
 
-def welded_groups(joints: Iterable[Joint]) -> dict[str, str]:
-    """The first part of each group that fixed joints connect, by the names of its parts; ground is always first.
+def welded(joints: Iterable[Joint]) -> dict[str, tuple[str, Pose]]:
+    """The first part of the group that fixed joints connect to a part, and the pose of the part there, by its name.
 
-    Parts without a fixed joint are left out.
+    Ground is always first. Parts without a fixed joint are left out.
     """
-    groups: dict[str, list[str]] = {}
+    beside: dict[str, dict[str, Pose]] = {}
     for joint in joints:
         if joint.type == "fixed":
-            first, second = (groups.get(part, [part]) for part in (joint.parent, joint.child))
-            if first is not second:
-                merged = first + second
-                groups |= dict.fromkeys(merged, merged)
-    return {part: GROUND if GROUND in group else group[0] for part, group in groups.items()}
+            pose = joint.parent_pose @ joint.child_pose.inverse()
+            beside.setdefault(joint.parent, {}).setdefault(joint.child, pose)
+            beside.setdefault(joint.child, {}).setdefault(joint.parent, pose.inverse())
+    found: dict[str, tuple[str, Pose]] = {}
+    for first in sorted(beside, key=lambda part: part != GROUND):
+        waiting = [] if first in found else [(first, identity_pose())]
+        while waiting:
+            part, pose = waiting.pop(0)
+            if part not in found:
+                found[part] = first, pose
+                waiting += [(other, pose @ step) for other, step in beside[part].items()]
+    return found
 
 
 def free_parts(parts: Iterable[str], joints: Iterable[Joint], support: str) -> list[str]:
     """Those of some parts that are welded neither to ground nor to a support."""
-    groups = welded_groups(joints)
-    held = {GROUND, groups.get(support, support)}
-    return [part for part in parts if groups.get(part, part) not in held]
+    groups = welded(joints)
+    held = {GROUND, first_of(groups, support)}
+    return [part for part in parts if first_of(groups, part) not in held]
+
+
+def first_of(groups: Mapping[str, tuple[str, Pose]], part: str) -> str:
+    """The first part of a part's group: itself, if it is welded to none."""
+    return groups[part][0] if part in groups else part

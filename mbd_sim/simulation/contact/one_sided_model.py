@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
+from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSystem
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
@@ -303,8 +303,12 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
     slips = [element.rows for element in functions.equations.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
-    def pair(solved: SolvedPair) -> tuple[ca.Function, ca.Function]:
-        return solved.system, solved.result
+    def pair(solved: SolvedPair) -> tuple[FactoredSystem, ca.Function]:
+        if solved.pattern is None:
+            return FactoredSystem(solved.system, None), solved.result
+        ends, places = solved.pattern.colind(), solved.pattern.row()
+        columns = [places[first:beyond] for first, beyond in pairwise(ends)]
+        return FactoredSystem(solved.system, columns), solved.result
 
     return OneSidedSystem(
         gaps=layout.gaps,

@@ -151,7 +151,8 @@ class EventSearch:
                 # only with the directions at the end: of a shorter part these are nearer to those at the start
                 return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
         if self._model.features is not None:
-            first = self._model.features.first_change(motion, inputs, first, length)
+            known = self._model.features.clearances()
+            first = self._model.features.first_change(motion, inputs, known, first, length)
         if first is None:
             return Stage(length, False, motion.state(length), creeps=self._creeps(after, sliding))
         return Stage(first, True, motion.state(first), stopped if first == length else frozenset())

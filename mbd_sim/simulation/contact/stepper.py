@@ -89,7 +89,11 @@ class OneSidedStepper:
         tolerance: float,
         driven: bool,
         moving_drives: Callable[[float, Array, Array], Sequence[str]] = lambda *_: (),
+        held: Sequence[int] = (),
     ) -> None:
+        """:param held: the components of y that change between steps only."""
+        self._held = list(held)
+        self._clearances = None if model.features is None else model.features.clearances()
         self._model, self._contacts, self._energy, self._moving_drives = model, contacts, energy, moving_drives
         self._speeds, self._losses = speeds, losses
         self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
@@ -155,12 +159,13 @@ class OneSidedStepper:
     ) -> tuple[int, int]:
         """Take a step in which features can change if it has no event: see `compiled.step.advance` for the result."""
         before, features = y.copy(), self._model.features
-        assert features is not None
+        assert features is not None and self._clearances is not None
         taken = self._model.kernel.advance_to_event(*map(address, (y, inputs)), first, h, 1, address(estimate))
         if taken < 0:
             return 0, NOT_FINITE
+        before[self._held] = y[self._held]
         motion = TrialMotion(self._model, before, inputs, first * h, {h: y})
-        if taken and features.first_change(motion, inputs, None, h) is not None:
+        if taken and features.first_change(motion, inputs, self._clearances, None, h) is not None:
             y[:], history[:], taken = before, 0.0, 0
         return taken, DONE if taken else HARD
 

@@ -181,4 +181,5 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         tolerance,
         driven,
         moving_drives,
+        sorted(model.between_steps.held) if model.between_steps is not None else (),
     )

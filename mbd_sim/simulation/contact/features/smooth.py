@@ -22,7 +22,7 @@ from mbd_sim.dynamics.contact.smooth_rows import (
     TWO_SIDES,
     SmoothFeatures,
 )
-from mbd_sim.mechanism.elements.contacts import Curved, Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Curved, Egg, Solid
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
 from mbd_sim.simulation.contact.features.polytopes import BORDER, SUPPORT, TURNED, cross, dots, turned
 from mbd_sim.simulation.contact.features.round_bodies import PlacedBody, RoundBody, round_body
@@ -56,7 +56,7 @@ class _Pairs:
 
 
 @dataclass(frozen=True, eq=False)
-class _Meeting:
+class _Encounter:
     """Two features that meet, or could: the unit `normal` (3,), their `gap` and `margin`, and their `point` (3,)."""
 
     normal: Array
@@ -119,7 +119,7 @@ class SmoothPair:
         a, b = self._placed(one, other)
         found = [*self._stationary(a, b)]
         lowest = min(self._separation(a, b, np.vstack([normals for _, normals in found])), 0.0) - SUPPORT * tolerance
-        meetings: list[tuple[tuple[int, int, int, int], _Meeting]] = []
+        meetings: list[tuple[tuple[int, int, int, int], _Encounter]] = []
         for keys, normals in found:
             supports = self._supports(a, b, normals) if len(normals) else ()
             for key, normal, support in zip(keys, normals, supports, strict=True):
@@ -145,11 +145,11 @@ class SmoothPair:
             case _:
                 yield key
 
-    def _is_known(self, meeting: _Meeting, known: list[_Meeting]) -> bool:
+    def _is_known(self, meeting: _Encounter, known: list[_Encounter]) -> bool:
         apart = [meeting.point - other.point for other in known]
         return any(float(np.sqrt(dots(line, line))) <= self._near for line in apart)
 
-    def _meeting(self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], normal: Array) -> _Meeting:
+    def _meeting(self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], normal: Array) -> _Encounter:
         """Two features with a normal: points of sides and of faces are those of the other feature's corner."""
         kind, i, j, _ = key
         on_first, on_second = kind in (CORNER_FACE, CORNER_SIDE, CORNER_CORNER), kind in (FACE_CORNER, SIDE_CORNER)
@@ -164,7 +164,7 @@ class SmoothPair:
             margin = a.inside(i, other)
         gap, point = float(dots(normal, at - other)) - self._radius, other if on_second else at
         if kind in (CORNER_FACE, FACE_CORNER):
-            return _Meeting(normal, gap, margin, point)
+            return _Encounter(normal, gap, margin, point)
         margin = np.inf
         if kind == SIDE_SIDE:
             point = _crossing(a, i, b, j, normal, at, other)
@@ -177,10 +177,10 @@ class SmoothPair:
                 margin = min(margin, _within(body, ends, sign * normal, point), body.lead(ends, sign * normal))
             else:
                 margin = min(margin, body.lead([feature], sign * normal))
-        return _Meeting(normal, gap, margin, point)
+        return _Encounter(normal, gap, margin, point)
 
     def _features(
-        self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], meeting: _Meeting
+        self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], meeting: _Encounter
     ) -> SmoothFeatures:
         kind, i, j, sign = key
         corners, rims, directions, cosines = [], [], [], []
@@ -246,7 +246,7 @@ class SmoothPair:
 
 def _rim(shape: RoundBody, corner: int, record: Curved | Solid) -> float:
     """The radius of a rim; 1 for an ellipsoid."""
-    return 1.0 if isinstance(record, Ellipsoid) else float(np.sqrt(shape.grams[corner].trace() / 2.0))
+    return 1.0 if isinstance(record, Egg) else float(np.sqrt(shape.grams[corner].trace() / 2.0))
 
 
 def _can_meet(one: RoundBody, i: int, other: RoundBody, j: int) -> bool:
