@@ -61,7 +61,7 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
 )
 ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
-ROUND_SLOTS = 4  # at most, of a pair with a cylinder, a disc, a ring or a cone
+ROUND_SLOTS = 6  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
 
 
 def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
@@ -515,7 +515,8 @@ def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: b
     if isinstance(first, Egg) or isinstance(second, Egg):
         return 1
     if not isinstance(first, Solid) or not isinstance(second, Solid):
-        return min(len(each.vertices) if isinstance(each, Solid) else ROUND_SLOTS for each in (first, second))
+        vertices = [len(each.vertices) for each in (first, second) if isinstance(each, Solid)]
+        return min([*vertices, ROUND_SLOTS + 2 * len(vertices)])
     fewest = min(len(first.vertices), len(second.vertices))
     corners = sum(max(map(len, each.faces), default=len(each.vertices)) for each in (first, second))
     return fewest if fewest <= 2 else min(corners, MOST_SLOTS)
