@@ -73,8 +73,8 @@ class OneSidedFunctions:
       rates in 1/s at which it can turn its slip.
     - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
       rates (gaps,), but not of slots.
-    - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
-      contact forces, and the sizes of sliding and of static friction (frictions, 2).
+    - `terms(t, y, inputs)`: A (rows, rows) without friction, column by column, the rates of change (rows,) of the rows'
+      rates without contact forces, the sizes of sliding friction (frictions,), and those of static friction.
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
@@ -224,6 +224,7 @@ class OneSidedDynamics:
             ca.horzcat(element.sliding(one_sided.equations.velocity[element.rows[0]]), element.static)
             for element in one_sided.frictions
         ]
+        terms = self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)
         gaps = one_sided.layout.gaps
         open_gaps, gap_rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
         for index, gap in enumerate(one_sided.gaps):
@@ -238,7 +239,7 @@ class OneSidedDynamics:
             open_start=merged_function(
                 "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),
-            terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
+            terms=_function("contact_terms", inputs, ca.vertcat(*(ca.vec(ca.densify(one)) for one in terms))),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),

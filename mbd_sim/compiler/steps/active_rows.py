@@ -5,7 +5,7 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -211,10 +211,10 @@ class OneSidedSystem:
 
     `rates` and `project` are pairs of a system and its result, see `emit_solved`, and `readings` a further result of
     the system of rates. `open_start(t, y, inputs)` gives what `rates` do while everything is open, then the gaps and
-    their rates. Inputs from `first_mode` on are the `modes`: which gaps are closed, which
-    rows are active, and the directions of sliding; those from `first_given` on are the given forces. `slips` are the
-    pairs of rows with friction along two directions, at rest up to a `slow` speed. `gap_units` are those of the
-    tolerance of open gaps.
+    their rates; `event_readers` are further readers, which events need. Inputs from `first_mode` on are the `modes`:
+    which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
+    given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
+    `gap_units` are those of the tolerance of open gaps.
     """
 
     gaps: int
@@ -224,6 +224,7 @@ class OneSidedSystem:
     project: tuple[FactoredSystem, ca.Function]
     readings: ca.Function
     open_start: ca.Function
+    event_readers: Mapping[str, ca.Function]
     first_mode: int
     modes: int
     first_given: int

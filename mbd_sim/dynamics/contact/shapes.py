@@ -26,7 +26,7 @@ from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
-from mbd_sim.mechanism.elements.contacts import FIRST_RIM, Ball, Barrel, Cam, Contact, Ellipsoid, Face, Rim, RimPoint
+from mbd_sim.mechanism.elements.contacts import FIRST_RIM, Ball, Barrel, Cam, Contact, Egg, Face, Rim, RimPoint
 
 POINTS = 6  # of a rim that carry it; in a plane mechanism the two in its plane
 FLAT_TILT = 0.02  # sine of the tilt below which a disc lies flat
@@ -99,7 +99,7 @@ class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
     The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip. All may
-    depend on an `iterated` normal.
+    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`.
     """
 
     distance: ca.SX
@@ -107,6 +107,7 @@ class Touch:
     point: ca.SX
     sides: tuple[ca.SX, ca.SX]
     iterated: IteratedNormal | None = None
+    lift: ca.SX | None = None
 
 
 def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:
@@ -123,7 +124,7 @@ def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: in
             return _rim_on_face(rim, face, first, second, can_lie_flat(rim, face, still) and contact.rigid)
         case RimPoint() as rim, Face() as face:
             return _rim_point_on_face(rim, face, first, second)
-        case Ellipsoid() as body, Face() as face:
+        case Egg() as body, Face() as face:
             return _ellipsoid_on_face(body, face, first, second)
         case Ball() as ball, Ball() as other:
             line = first.position - second.position
@@ -209,7 +210,7 @@ def _rim_point_on_face(rim: RimPoint, face: Face, first: SymbolicPose, second: S
     return Touch(ca.dot(normal, point - second.position) - lift, normal, point, _along(second, face))
 
 
-def _ellipsoid_on_face(body: Ellipsoid, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
+def _ellipsoid_on_face(body: Egg, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
     """The lowest point is at -A D² Aᵀ n / h from the center, with the radii D along A and h = |D Aᵀ n|."""
     normal, axes = _turned(second, face.normal), ca.sparsify(first.rotation @ constant(body.axes))
     radii = ca.vertcat(*body.radii)

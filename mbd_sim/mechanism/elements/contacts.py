@@ -55,7 +55,7 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipsoid:
+class Egg:
     """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
 
     at: Attachment
@@ -74,7 +74,7 @@ class Barrel:
 
 
 @dataclass(frozen=True, eq=False)
-class Cone:
+class Taper:
     """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
 
     at: Attachment
@@ -146,15 +146,16 @@ class PlanarBody:
 class Cluster:
     """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
 
-    Each touches a plane for itself; few touch it at a time.
+    Each touches a plane for itself; few touch it at a time. `names` are those of the shapes to which they belong.
     """
 
     at: Attachment
     bodies: tuple[Ball | Rim, ...]
+    names: tuple[str, ...] = ()
 
 
-Curved = Barrel | Cone | Ellipsoid  # those that touch with changing features
-ContactBody = Cluster | Ball | Rim | RimPoint | Ellipsoid | Barrel | Cone | Face | Cam | Solid | PlanarBody
+Curved = Barrel | Taper | Egg  # those that touch with changing features
+ContactBody = Cluster | Ball | Rim | RimPoint | Egg | Barrel | Taper | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSys
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
-from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.dynamics.math.evaluation import all_evaluated
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.simulation.contact.features.pairs import FeaturePairs
 from mbd_sim.simulation.contact.records import ContactState, with_friction
@@ -99,6 +99,7 @@ class OneSidedModel:
         assert kernel.one_sided is not None
         one_sided = functions.equations
         self._functions, self.kernel, self.span = functions, kernel.one_sided, inputs.one_sided
+        self._readers = kernel.readers
         self.layout: OneSidedLayout = one_sided.layout
         self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
             (element.rows, element.gap) for element in one_sided.frictions
@@ -144,6 +145,11 @@ class OneSidedModel:
             if size > SLIDING:
                 found.append(index)
         return found
+
+    def friction_name(self, element: int) -> str:
+        """The name of a friction element: that of its gap, if it has one."""
+        rows, gap = self.frictions[element]
+        return self.row_names[rows[0]] if gap is None else self.names[gap]
 
     def readings(self, time: float, y: Array, inputs: Array) -> OneSidedReadings:
         """Gaps, rates, forces and guards."""
@@ -211,13 +217,15 @@ class OneSidedModel:
 
     def terms(self, time: float, y: Array, inputs: Array) -> OneSidedTerms:
         """The terms of the equations for forces and impulses."""
-        matrix, free, sizes = all_evaluated(self._functions.terms, time, y, inputs)
+        n, frictions = self.layout.rows, len(self.frictions)
+        found = self._read("contact_terms", n * (n + 1) + 2 * frictions, np.array([time]), y, inputs)
+        matrix, free, sizes = np.split(found, [n * n, n * (n + 1)])
         loads = {
             index: (unloaded.ravel(), by_force)
             for index, function in zip(self.loaded, self._functions.loads, strict=True)
             for unloaded, by_force in [all_evaluated(function, time, y, inputs)]
         }
-        return OneSidedTerms(matrix, free.ravel(), sizes, loads)
+        return OneSidedTerms(matrix.reshape(n, n).T, free, sizes.reshape(2, frictions).T, loads)
 
     def set_signs(self, terms: OneSidedTerms, forces: Array, modes: Array) -> None:
         """Write the signs of loads with one component into the modes; those that are zero keep theirs."""
@@ -240,11 +248,17 @@ class OneSidedModel:
 
     def response(self, time: float, y: Array, inputs: Array, impulses: Array) -> Array:
         """The change of u (nv,) by impulses (rows,)."""
-        return evaluated(self._functions.response, time, y, inputs, impulses).ravel()
+        size = self._functions.response.nnz_out(0)
+        return self._read("contact_response", size, np.array([time]), y, inputs, impulses)
 
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
-        return evaluated(self._functions.restitution, inputs).ravel()
+        return self._read("restitution", self.layout.gaps, inputs)
+
+    def _read(self, name: str, size: int, *arguments: Array) -> Array:
+        out = np.empty(size)
+        self._readers[name](*(argument.ctypes.data for argument in arguments), out.ctypes.data)
+        return out
 
 
 def _compliance(one_sided: OneSidedEquations, size: float) -> Array:
@@ -304,6 +318,11 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         project=pair(functions.project),
         readings=functions.readings,
         open_start=functions.open_start,
+        event_readers={
+            "contact_terms": functions.terms,
+            "contact_response": functions.response,
+            "restitution": functions.restitution,
+        },
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,

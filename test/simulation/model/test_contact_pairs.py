@@ -44,10 +44,15 @@ def test_a_ball_far_beside_a_disc_passes_and_one_that_falls_on_it_rebounds():
     assert falling.contact_events[0].time == pytest.approx(1.0, abs=1e-12)
 
 
-def test_cylinders_that_are_or_become_crossed_are_refused():
-    for bar in (BAR, POST):
-        with pytest.raises(MechanismError, match="are or become crossed"):
-            flight(bar, POST, [0.4, 1, 0], [0, -1, 0])
+def test_a_bar_that_flies_across_a_post_is_struck_by_an_impulse_at_its_nearest_point():
+    """By hand: the impulse 2 v / (1/m + x²/I) at x from the center of the bar, with I = m (3 r² + l²) / 12."""
+    simulation = flight(BAR, POST, [0.4, 1, 0], [0, -1, 0])
+    simulation.run(until=1.0)
+    (event,) = simulation.contact_events
+    assert event.time == pytest.approx(0.7, abs=1e-12)
+    impulse, inertia = 2.0 / (1.0 + 0.16 / (1.03 / 12.0)), 1.03 / 12.0
+    assert event.impulse == pytest.approx(impulse, rel=1e-12)
+    assert simulation.u == pytest.approx([0, impulse - 1, 0, 0, 0, -0.4 * impulse / inertia], abs=1e-12)
 
 
 def test_cylinders_that_never_touch_along_their_axis_are_refused():

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.mechanism.elements.contacts import Barrel, Cone, Curved, Ellipsoid, Solid
+from mbd_sim.mechanism.elements.contacts import Barrel, Curved, Egg, Solid, Taper
 from mbd_sim.simulation.contact.features.polytopes import cross, dots, turned
 
 TINY = 1e-60
 
 
 @dataclass(frozen=True, eq=False)
-class Face:
+class PlaneFace:
     """A plane face: its unit `normal` (3,), and a `border` (n, 3) of corners, or a circle about its `center`."""
 
     normal: Array
@@ -44,7 +44,7 @@ class RoundBody:
     sides: NDArray[np.intp]
     directions: Array
     cosines: Array
-    faces: tuple[Face, ...]
+    faces: tuple[PlaneFace, ...]
     radius: float
     curved: NDArray[np.bool_]
     ruled: NDArray[np.bool_]
@@ -64,9 +64,9 @@ def round_body(body: Curved | Solid) -> RoundBody:
         case Barrel(radius=r, length=length):
             rims = ((-0.5 * length, r), (0.5 * length, r)) if length else ((0.0, r),)
             return _revolved(body.at.point, body.axis, rims)
-        case Cone(radius=r, length=length):
+        case Taper(radius=r, length=length):
             return _revolved(body.at.point, body.axis, ((-0.5 * length, r), (0.5 * length, 0.0)))
-        case Ellipsoid():
+        case Egg():
             gram = sum(
                 (radius**2 * np.outer(axis, axis) for radius, axis in zip(body.radii, body.axes.T, strict=True)),
                 np.zeros((3, 3)),
@@ -80,7 +80,7 @@ def _polytope(solid: Solid) -> RoundBody:
     for loop in solid.faces:
         border = corners[list(loop)]
         normal = cross(border - border[0], np.roll(border, -1, axis=0) - border[0]).sum(axis=0)
-        faces.append(Face(normal / np.sqrt(dots(normal, normal)), border[0], border, 0.0))
+        faces.append(PlaneFace(normal / np.sqrt(dots(normal, normal)), border[0], border, 0.0))
     for one, other in solid.edges:
         line = corners[other] - corners[one]
         sides.append((one, other, line / np.sqrt(dots(line, line)), 0.0))
@@ -97,7 +97,7 @@ def _revolved(center: Array, axis: Array, rims: tuple[tuple[float, float], ...])
         sides.append((k, k + 1, axis, (wide - narrow) / float(np.hypot(high - low, wide - narrow))))
     for sign, k in ((-1.0, 0), (1.0, len(rims) - 1)):
         if rims[k][1]:
-            faces.append(Face(sign * axis, corners[k], none, rims[k][1]))
+            faces.append(PlaneFace(sign * axis, corners[k], none, rims[k][1]))
     return _body(corners, grams, sides, faces, max(radius for _, radius in rims), 0.0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbd_sim import MechanismError, Simulation
+from mbd_sim import DivergedError, MechanismError, Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.cli.main import main
 from mbd_sim.files.load import parse_mechanism
@@ -140,6 +140,32 @@ def test_a_start_inside_each_other_is_refused_with_the_depth():
         Simulation(parse_mechanism(text))
 
 
+def test_prisms_beside_each_other_across_the_plane_of_motion_are_refused():
+    text = BOX.replace("size: [0.2, 1, 2], mass: 1, at: [-0.4, 0, 0]", "size: [0.2, 1, 2], mass: 1, at: [-0.4, 0.6, 0]")
+    with pytest.raises(MechanismError, match=r"contacts\.walls: 'block' and 'left' never touch"):
+        Simulation(parse_mechanism(text))
+
+
+def test_what_only_drives_move_is_refused_as_it_meets_something():
+    """No impulse can stop it; it must not pass through without a word either."""
+    text = """
+mechanism: driven
+parts:
+  wall: {shape: {type: block, size: [0.1, 1, 1], mass: 1, at: [0.3, 0, 0]}}
+  ball: {shape: {type: sphere, radius: 0.05, mass: 1, at: [0, 0.1, 0.2]}}
+  other: {shape: {type: sphere, radius: 0.05, mass: 1}}
+joints:
+  wall: {type: fixed, between: [ground, wall]}
+  ball: {type: prismatic, between: [ground, ball], axis: [1, 0, 0], drive: t}
+  other: {type: free, between: [ground, other], position: [3, 3, 3]}
+contacts: {c: {between: [ball, wall]}}
+"""
+    sim = Simulation(parse_mechanism(text), step=1e-3)
+    sim.step(199)
+    with pytest.raises(DivergedError, match=r"at 0\.2 s no impulses satisfy the laws of impact and friction \(c\)"):
+        sim.step(10)
+
+
 def test_too_many_rows_are_refused_with_their_number():
     names = [f"b{k}" for k in range(8)]
     parts = "\n".join(f"  {name}: {{shape: {{type: block, size: [1, 1, 1], mass: 1}}}}" for name in names)
@@ -190,3 +216,30 @@ def test_bodies_in_a_box_never_gain_energy_and_never_leave():
     assert np.diff(energies).max() < 1e-11
     assert sim.contact_event_count > 200
     assert abs(sim.energies.residual) < 1e-9
+
+
+SAMPLED = """
+mechanism: sampled
+parts:
+  table: {shape: {type: block, size: [1, 1, 0.2], mass: 1, at: [0, 0, -0.1]}}
+  ball: {shape: {type: sphere, radius: 0.05, mass: 1}}
+  arm: {shape: {type: rod, to: [0.3, 0, 0], mass: 1}}
+joints:
+  table: {type: fixed, between: [ground, table]}
+  ball: {type: free, between: [ground, ball], position: [0.1, 0, 0.3], velocity: [0.3, 0, 0]}
+  arm: {type: revolute, between: [ground, arm], axis: [0, 1, 0], position: 0.5}
+actuators:
+  drive: {type: effort, joint: arm, servo: {controls: position, kp: 30, ki: 20, kd: 1, sample_rate: 1 kHz}, delay: 4 ms}
+contacts: {c: CONTACT}
+"""
+
+
+def test_servos_keep_their_samples_in_steps_that_are_taken_again():
+    """A step with an impact is undone after the servo has sampled: beside a plane, whose steps end before that."""
+    found = []
+    for contact in ("{between: [ball, table], restitution: 0.6}", "{parts: [ball], plane: ground, restitution: 0.6}"):
+        sim = Simulation(parse_mechanism(SAMPLED.replace("CONTACT", contact)), step=1e-3)
+        sim.step(700)
+        assert sim.contact_event_count >= 3
+        found.append(sim.y)
+    assert found[0] == pytest.approx(found[1], rel=1e-9, abs=1e-10)
