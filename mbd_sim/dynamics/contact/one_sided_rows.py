@@ -16,6 +16,7 @@ from typing import assert_never
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
 from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
@@ -190,7 +191,10 @@ def one_sided_rows(
     for contact in without_repeated(rigid, still):
         moving = contact if still is None else in_plane(contact, still, places)
         if moving is None:
-            continue
+            message = "{} and {} never touch: they are beside each other along the axis along which nothing moves"
+            remedy = "Move their shapes into one plane, or remove the contact."
+            problem = message.format(*map(repr, contact.names))
+            raise MechanismError([mechanism.source.problem(("contacts", contact.name), problem, remedy)])
         if moving.slots:
             gaps += _slots(moving, bodies, length)
         else:
@@ -199,8 +203,7 @@ def one_sided_rows(
 
 
 def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
-    frames = _frames(contact, bodies)
-    return _gap_of(contact, touch(contact, *frames, still), *frames)
+    return _gap_of(contact, touch(contact, *_frames(contact, bodies), still), bodies)
 
 
 def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap]:
@@ -221,7 +224,7 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
             case one, other:
                 numbers = ca.SX.sym("features", SMOOTH_SIZE)
                 touching = smooth_touch((one, other), numbers, frames, length)
-        gap = _gap_of(dataclasses.replace(contact, quantity=quantity), touching, *frames)
+        gap = _gap_of(dataclasses.replace(contact, quantity=quantity), touching, bodies)
         yield dataclasses.replace(gap, contact=contact, numbers=numbers)
 
 
@@ -230,13 +233,16 @@ def _frames(contact: Contact, bodies: BodySymbols) -> tuple[BodyFrame, BodyFrame
     return first, second
 
 
-def _gap_of(contact: Contact, touching: Touch, first: BodyFrame, second: BodyFrame) -> Gap:
+def _gap_of(contact: Contact, touching: Touch, bodies: BodySymbols) -> Gap:
+    first, second = _frames(contact, bodies)
     law = contact.law
     assert isinstance(law, ContactLaw)
     owner = ("contacts", contact.name)
     iterated = touching.iterated
     slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
     rate = None if iterated is None else ca.dot(touching.normal, slip)
+    if rate is not None and touching.lift is not None:
+        rate -= bodies.rate(touching.lift)
     row = ConstraintRow(owner, contact.quantity, touching.distance, rate, normal=iterated)
     directions = (touching.normal, *touching.sides)
     point, normal, *sides = (

@@ -99,7 +99,7 @@ class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
     The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip. All may
-    depend on an `iterated` normal.
+    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`.
     """
 
     distance: ca.SX
@@ -107,6 +107,7 @@ class Touch:
     point: ca.SX
     sides: tuple[ca.SX, ca.SX]
     iterated: IteratedNormal | None = None
+    lift: ca.SX | None = None
 
 
 def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:

@@ -20,12 +20,12 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.rows import IteratedNormal
-from mbd_sim.dynamics.contact.shapes import Touch
+from mbd_sim.dynamics.contact.shapes import Touch, protrusion
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ContactBody, Egg, Solid, Taper
 
-SMOOTH_SIZE = 29  # numbers of a slot, of which the last one is the key
+SMOOTH_SIZE = 31  # numbers of a slot, of which the last one is the key
 NEWTON_STEPS = 3
 TINY = 1e-60
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
@@ -34,6 +34,8 @@ FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is f
 @dataclass(frozen=True, eq=False)
 class SmoothFeatures:
     """What touches at a slot, and its `key`, by which its narrow phase knows it; 0 is not a key.
+
+    Points of the rim of a body that lies flat protrude from it, with the radius in `flat` of this body; see `shapes`.
 
     `corners` (3,) are from the points at which the bodies are attached, in the axes of their parts, with the radii
     `rims` in m of circles, or 1 for an ellipsoid and 0 for a point. `directions` (3,) and `cosines` are those of sides,
@@ -52,13 +54,16 @@ class SmoothFeatures:
     sign: float
     on_second: bool
     side: Array
+    flat: tuple[float, float]
 
     @property
     def numbers(self) -> Array:
         """The numbers (SMOOTH_SIZE,) of the slot."""
         modes = [float(self.mode == mode) for mode in range(4)]
         scalars = (*self.rims, *self.cosines, *modes, self.sign, float(self.on_second))
-        return np.concatenate([*self.corners, *self.directions, scalars, self.hint, self.side, [float(self.key)]])
+        return np.concatenate(
+            [*self.corners, *self.directions, scalars, self.hint, self.side, self.flat, [float(self.key)]]
+        )
 
 
 def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
@@ -108,12 +113,27 @@ def smooth_touch(
     arms = [_arm(gram, normal) for gram in grams]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free
+    lifts = [
+        _lift(body, frame, fixed, numbers[28 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
+    ]
+    lift = lifts[0] + lifts[1]
     place, seen = at - arms[0] - radii[0] * normal, other + arms[1] + radii[1] * normal
     crossing = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
     one = ca.cross(side, normal)
     one /= ca.sqrt(ca.dot(one, one) + TINY)
     point = on_second * seen + (1.0 - on_second) * crossing
-    return Touch(distance + (1.0 - used) * length, normal, point, (one, ca.cross(normal, one)), iterated)
+    gap = distance - lift + (1.0 - used) * length
+    return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift)
+
+
+def _lift(body: ContactBody, frame: SymbolicPose, normal: ca.SX, radius: ca.SX) -> ca.SX:
+    """How far in m a point of a rim of a `radius` protrudes; 0 for other points."""
+    if not isinstance(body, Barrel | Taper):
+        return ca.SX(1, 1)
+    axis = ca.sparsify(frame.rotation @ constant(body.axis))
+    aside = normal - axis * ca.dot(axis, normal)
+    lift: ca.SX = protrusion(1.0, ca.dot(aside, aside)) * radius
+    return lift
 
 
 def _arm(gram: ca.SX, normal: ca.SX) -> ca.SX:

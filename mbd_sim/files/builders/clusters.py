@@ -44,13 +44,14 @@ def clustered(contacts: Sequence[Contact], joints: Iterable[Joint], *, welds: bo
             found += kept
             continue
         part, plane = (first if len(owners) > 1 else next(iter(owners))), kept[0].names[1]
+        names = dict.fromkeys(contact.names[0] for contact in kept if isinstance(contact.first, Ball | Rim))
         name = kept[0].names[0] if len({contact.names for contact in kept}) == 1 else part
         found.append(
             replace(
                 kept[0],
                 quantity=f"{name} on {plane}".replace(".", "_"),
                 names=(name, plane),
-                first=Cluster(Attachment(part, np.zeros(3)), tuple(bodies)),
+                first=Cluster(Attachment(part, np.zeros(3)), tuple(bodies), tuple(names)),
                 slots=slots,
             )
         )

@@ -13,7 +13,7 @@ from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, nearest, quoted
+from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
@@ -21,7 +21,7 @@ from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
-from mbd_sim.files.builders.welded import free_parts
+from mbd_sim.files.builders.welded import first_of, free_parts, neighbor_groups, welded
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec
@@ -61,7 +61,7 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
 )
 ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
-ROUND_SLOTS = 4  # at most, of a pair with a cylinder, a disc, a ring or a cone
+ROUND_SLOTS = 6  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
 
 
 def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
@@ -236,7 +236,8 @@ class _ContactBuilder:
         if spec.between is not None:
             pairs += self._pairs(where, "between", list(spec.between), spec.inside)
         elif spec.among is not None:
-            pairs += self._pairs(where, "among", spec.among, False)
+            among = self._pairs_of_all(where, spec) if spec.among == ALL else None
+            pairs += self._pairs(where, "among", list(spec.among), False) if among is None else among
         elif spec.plane is not None and (face := self._face(where, spec)) is not None:
             pairs += self._on_face(where, spec, face)
         elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
@@ -285,6 +286,33 @@ class _ContactBuilder:
             for first, second in product(firsts, seconds):
                 if (pair := self._round_pair(places[index], first, second, inside)) is not None:
                     yield _quantity(first, second), (first.name, second.name), *pair
+
+    def _pairs_of_all(
+        self, where: Location, spec: ContactSpec
+    ) -> list[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        """The pairs of all parts that are not neighbors; a remark says which shapes cannot touch each other."""
+        place: Location = (*where, "among")
+        joints = list(self._context.valid_joints.values())
+        neighbors = neighbor_groups(joints)
+        groups, found = welded(joints), list[tuple[str, tuple[str, str], ContactBody, ContactBody]]()
+        problems, unable = len(self._context.problems), dict[str, None]()
+        for one, other in combinations(self._touching_parts(where, spec), 2):
+            ends = first_of(groups, one), first_of(groups, other)
+            if ends[0] == ends[1] or frozenset(ends) in neighbors:
+                continue
+            for first, second in product(self._solids(place, reference(one)), self._solids(place, reference(other))):
+                if (pair := self._round_pair(place, first, second, False)) is not None:
+                    found.append((_quantity(first, second), (first.name, second.name), *pair))
+                else:
+                    del self._context.problems[problems:]
+                    unable[f"{first.name} and {second.name}"] = None
+        if not found:
+            self._context.report(place, "no two parts that are not neighbors have shapes", "Give a list of parts.")
+        text = f"contacts.{where[1]}: shapes that cannot touch each other: {listed(list(unable))}."
+        source = self._context.source
+        if unable and text not in source.remarks:
+            source.remarks = (*source.remarks, text)
+        return found
 
     def _round_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
@@ -410,20 +438,23 @@ class _ContactBuilder:
         place: Location = (*where, "parts")
         if spec.parts != ALL:
             return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
+        names = free_parts(self._touching_parts(where, spec), self._context.valid_joints.values(), support)
+        if not names:
+            self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
+        return [(place, reference(name)) for name in names]
+
+    def _touching_parts(self, where: Location, spec: ContactSpec) -> list[str]:
+        """The parts with shapes that can touch, but for those that are left out."""
         left_out = set(spec.without or ())
         for index, part in enumerate(spec.without or ()):
             if part not in self._parts:
                 message, remedy = f"there is no part {quoted(part)}", nearest(part, self._parts)
                 self._context.report((*where, "without", index), message, remedy)
-        solid = [
+        return [
             name
             for name, part in self._parts.items()
             if name not in left_out and any(not one.hole for one in touching_shapes(part))
         ]
-        names = free_parts(solid, self._context.valid_joints.values(), support)
-        if not names:
-            self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
-        return [(place, reference(name)) for name in names]
 
     def _differ(self, where: Location, one: str, other: str) -> bool:
         if one == other:
@@ -484,7 +515,8 @@ def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: b
     if isinstance(first, Egg) or isinstance(second, Egg):
         return 1
     if not isinstance(first, Solid) or not isinstance(second, Solid):
-        return min(len(each.vertices) if isinstance(each, Solid) else ROUND_SLOTS for each in (first, second))
+        vertices = [len(each.vertices) for each in (first, second) if isinstance(each, Solid)]
+        return min([*vertices, ROUND_SLOTS + 2 * len(vertices)])
     fewest = min(len(first.vertices), len(second.vertices))
     corners = sum(max(map(len, each.faces), default=len(each.vertices)) for each in (first, second))
     return fewest if fewest <= 2 else min(corners, MOST_SLOTS)

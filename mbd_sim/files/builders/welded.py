@@ -40,3 +40,15 @@ def free_parts(parts: Iterable[str], joints: Iterable[Joint], support: str) -> l
 def first_of(groups: Mapping[str, tuple[str, Pose]], part: str) -> str:
     """The first part of a part's group: itself, if it is welded to none."""
     return groups[part][0] if part in groups else part
+
+
+def neighbor_groups(joints: Iterable[Joint]) -> set[frozenset[str]]:
+    """The pairs of groups, by their first parts, that joints connect, but for free ones; ground has no neighbors."""
+    joints = list(joints)
+    groups = welded(joints)
+    pairs = (
+        frozenset((first_of(groups, joint.parent), first_of(groups, joint.child)))
+        for joint in joints
+        if joint.type not in ("fixed", "free")
+    )
+    return {pair for pair in pairs if len(pair) == 2 and GROUND not in pair}

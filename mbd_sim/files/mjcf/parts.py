@@ -81,6 +81,8 @@ def _color(model: CompiledModel, geom: int) -> dict[str, str]:
     return {"color": "#" + "".join(f"{round(255.0 * min(max(value, 0.0), 1.0)):02x}" for value in rgba[:3].tolist())}
 
 
+LAST_VISIBLE = 2  # group of geoms that MuJoCo draws by default
+
 UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
@@ -170,7 +172,9 @@ class ModelParts:
     def _shapes(self, body: int) -> dict[str, Any]:
         """What is drawn of a body, and what of it touches, if that is something else."""
         m, found = self.model.m, dict[str, list[dict[str, Any]]](meshes=[], shapes=[], collisions=[])
-        for geom in range(int(m.body_geomadr[body]), int(m.body_geomadr[body] + m.body_geomnum[body])):
+        geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body] + m.body_geomnum[body]))
+        has_visible = any(m.geom_group[geom] <= LAST_VISIBLE for geom in geoms)
+        for geom in geoms:
             if (entry := drawn(self.model, geom)) is None:
                 continue
             kind, record = entry
@@ -178,6 +182,8 @@ class ModelParts:
                 name, self.shapes[geom] = self.geom_names[geom], self.parts[body]
                 record |= {"name": name} if kind == "shapes" else {}
                 found["collisions"].append(record if kind == "shapes" else {**hull(record), "name": name})
+                if has_visible and m.geom_group[geom] > LAST_VISIBLE:
+                    continue
             found[kind].append(record)
         if found["collisions"] == found["shapes"]:
             found["collisions"] = []

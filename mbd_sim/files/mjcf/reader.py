@@ -17,6 +17,7 @@ from mbd_sim.files.mjcf.compiled_model import CompiledModel
 from mbd_sim.files.mjcf.contacts import add_contacts
 from mbd_sim.files.mjcf.couplings import add_equalities, add_tendon, tendon_of
 from mbd_sim.files.mjcf.forces import Actuators, add_armature, add_gravity_compensation, add_joint_forces
+from mbd_sim.files.mjcf.keyframes import add_start
 from mbd_sim.files.mjcf.parts import ModelParts
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import rows
@@ -26,7 +27,6 @@ from mbd_sim.mechanism.values.source import Source
 TIME_STEP = 0.002  # s, unless the model gives another one
 UNUSED = {
     "sensor": "sensors, which are not read",
-    "key": "keyframes: the start is the pose of the file",
     "flex": "flexes, which have masses but no stiffness here",
     "skin": "skins, which are only seen",
     "camera": "cameras",
@@ -84,6 +84,7 @@ def mjcf_source(text: str, file: str) -> Source:
     add_gravity_compensation(parts)
     for tendon in tendons:
         add_tendon(parts, tendon)
+    add_start(parts)
     loops = len(parts.sections["joints"])
     add_equalities(parts, tendons)
     if len(parts.sections["joints"]) > loops or "constraints" in parts.sections:

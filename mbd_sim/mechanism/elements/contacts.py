@@ -146,11 +146,12 @@ class PlanarBody:
 class Cluster:
     """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
 
-    Each touches a plane for itself; few touch it at a time.
+    Each touches a plane for itself; few touch it at a time. `names` are those of the shapes to which they belong.
     """
 
     at: Attachment
     bodies: tuple[Ball | Rim, ...]
+    names: tuple[str, ...] = ()
 
 
 Curved = Barrel | Taper | Egg  # those that touch with changing features

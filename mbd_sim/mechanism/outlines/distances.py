@@ -47,6 +47,11 @@ class PlaneMotion:
         """Points (n, 2), turned and moved."""
         return np.asarray(self.directions(points) + np.array([self.x, self.y]))
 
+    def back(self, x: float, y: float) -> tuple[float, float]:
+        """The point in the moved plane that is at a point of the other one."""
+        dx, dy = x - self.x, y - self.y
+        return self.cosine * dx + self.sine * dy, self.cosine * dy - self.sine * dx
+
 
 STILL = PlaneMotion(1.0, 0.0, 0.0, 0.0)
 
@@ -185,8 +190,8 @@ def distances(one: PieceTable, other: PieceTable, place: PlaneMotion, firsts: In
     others = other_centers + other_radii[:, None] * normals + other_growths[:, None] * turned
     scale = 0.25 * min(one.shortest, other.shortest)
     margins = np.minimum(
-        np.where(flat, np.inf, scale * _room(one, firsts, -normals, place)),
-        np.where(other_flat, np.inf, scale * _room(other, seconds, normals, STILL)),
+        np.where(flat, np.inf, np.maximum(np.abs(radii), scale) * _room(one, firsts, -normals, place)),
+        np.where(other_flat, np.inf, np.maximum(np.abs(other_radii), scale) * _room(other, seconds, normals, STILL)),
     )
     beside = np.abs(_dots(_turned(starts), others - centers))
     other_beside = np.abs(_dots(other.along[seconds], points - other_centers))

@@ -12,7 +12,7 @@ from mbd_sim.dynamics.contact.cluster_rows import BALL, RIM, RIM_POINT, PlacedBo
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, protrusion, rim_directions, withdrawn
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Face
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
-from mbd_sim.simulation.contact.features.polytopes import dots, turned
+from mbd_sim.simulation.contact.features.polytopes import dots, spread, turned
 
 DEEPER = 8.0  # times the tolerance, by which bodies that touch at once may be less deep than the deepest one
 
@@ -59,9 +59,7 @@ class ClusterOnPlane:
         gaps = self.gaps(one, other)
         found = np.flatnonzero(gaps <= max(tolerance, float(gaps.min()) + DEEPER * tolerance))
         if len(found) > self._slots:
-            found = found[
-                _spread(self._points[found] + self._radii[found, None] * self._directions[found], self._slots)
-            ]
+            found = found[spread(self._points[found] + self._radii[found, None] * self._directions[found], self._slots)]
         return [self.bodies[index] for index in found.tolist()]
 
     def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
@@ -86,14 +84,3 @@ def _placed_bodies(cluster: Cluster) -> list[PlacedBody]:
             key = len(found) + 1
             found.append(PlacedBody(RIM_POINT, body.at.point, body.radius, body.axis, body.length, direction, key))
     return found
-
-
-def _spread(points: Array, count: int) -> list[int]:
-    """The places of so many points, each the farthest from those before it; in order."""
-    chosen = [0]
-    nearest = np.full(len(points), np.inf)
-    while len(chosen) < count:
-        line = points - points[chosen[-1]]
-        nearest = np.minimum(nearest, dots(line, line))
-        chosen.append(int(np.argmax(nearest)))
-    return sorted(chosen)

@@ -59,6 +59,7 @@ class OutlinePair:
         self._tables = table_of(first.outline), table_of(second.outline)
         self._scale = min(table.size for table in self._tables)
         self._latest: tuple[PlaneMotion, tuple[_Found | None, float]] | None = None  # is asked for several times
+        self._samples = np.array([body.outline.pieces[0].start for body in self._bodies])  # a point of each
         self._circles = _circle(self._tables[0]), _circle(self._tables[1])
         self.bounds = _sphere(first, *self._circles[0]), _sphere(second, *self._circles[1])
 
@@ -66,13 +67,12 @@ class OutlinePair:
         """See `NarrowPhase`."""
         place = self._place(one, other)
         found, apart = self._near(place)
-        if found is None:
-            return apart
-        valid = found.at.margins >= -SURE * self._scale
-        gaps = found.at.gaps
-        apart = min(apart, float(np.min(gaps[valid & (gaps >= 0.0)], initial=np.inf)))
-        inside = self._penetrating(found, place, np.flatnonzero(valid & (gaps < 0.0)).tolist())
-        return min((float(gaps[row]) for row in inside), default=apart)
+        if found is not None:
+            valid, gaps = found.at.margins >= -SURE * self._scale, found.at.gaps
+            apart = min(apart, float(np.min(gaps[valid & (gaps >= 0.0)], initial=np.inf)))
+            if inside := self._penetrating(found, place, np.flatnonzero(valid & (gaps < 0.0)).tolist()):
+                return min(float(gaps[row]) for row in inside)
+        return -apart if self._is_within(place) else apart
 
     def touching(self, one: Pose, other: Pose, tolerance: float) -> list[PieceFeatures]:
         """See `NarrowPhase`.
@@ -154,8 +154,6 @@ class OutlinePair:
         """Those of some pairs that penetrate each other where they face each other, without deeper ones beside them."""
         at, kept = found.at, list[int]()
         for row in sorted(rows, key=lambda row: -at.gaps[row]):
-            if at.gaps[row] < -REACH * self._scale:
-                break
             if not any(self._is_beside(found, row, known) for known in kept) and self._is_inside(found, row, place):
                 kept.append(row)
         return kept
@@ -166,9 +164,17 @@ class OutlinePair:
         surface = -SURFACE * self._scale
         if not self._tables[1].corners[found.seconds[row]] and depth(self._tables[1], x, y) < surface:
             return False
-        dx, dy = other_x - place.x, other_y - place.y
-        back = place.cosine * dx + place.sine * dy, place.cosine * dy - place.sine * dx
+        back = place.back(other_x, other_y)
         return bool(self._tables[0].corners[found.firsts[row]]) or depth(self._tables[0], *back) >= surface
+
+    def _is_within(self, place: PlaneMotion) -> bool:
+        """Whether one of two outlines that do not cross each other is inside the other one."""
+        (x, y), (other_x, other_y) = place.points(self._samples[:1])[0].tolist(), self._samples[1].tolist()
+        (center, radius), (other_center, other_radius) = self._circles
+        if math.hypot(x - other_center[0], y - other_center[1]) < other_radius and depth(self._tables[1], x, y) > 0.0:
+            return True
+        x, y = place.back(other_x, other_y)
+        return math.hypot(x - center[0], y - center[1]) < radius and depth(self._tables[0], x, y) > 0.0
 
     def _is_beside(self, found: _Found, row: int, known: int) -> bool:
         """Whether a pair has a piece in common with a known one of less depth, at the same place."""

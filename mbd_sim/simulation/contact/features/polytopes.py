@@ -296,7 +296,10 @@ class PolytopePair:
             if self._support(a, b, meeting.normal) < lowest or _is_known(meeting, found, SUPPORT * tolerance):
                 continue
             found.append((1 + (key[0] * COUNT + key[1]) * COUNT + key[2], meeting))
-        return [self._features(a, b, *each) for each in found[: self._slots]]
+        if len(found) > self._slots:
+            points = np.array([meeting.point for _, meeting in found])
+            found = [found[index] for index in spread(points, self._slots)]
+        return [self._features(a, b, *each) for each in found]
 
     def _support(self, a: _Placed, b: _Placed, normal: Array) -> float:
         """How far the planes across a normal that support both bodies are apart."""
@@ -426,6 +429,17 @@ class PolytopePair:
             meeting.on_second,
             side,
         )
+
+
+def spread(points: Array, count: int) -> list[int]:
+    """The places of so many points (n, 3), each the farthest from those before it; in order."""
+    chosen = [0]
+    nearest = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        line = points - points[chosen[-1]]
+        nearest = np.minimum(nearest, dots(line, line))
+        chosen.append(int(np.argmax(nearest)))
+    return sorted(chosen)
 
 
 def _outside(body: _Placed, edge: int, line: Array) -> float:

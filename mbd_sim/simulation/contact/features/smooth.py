@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS, protrusion
 from mbd_sim.dynamics.contact.smooth_rows import (
     FIXED_FIRST,
     FIXED_SECOND,
@@ -25,9 +26,9 @@ from mbd_sim.dynamics.contact.smooth_rows import (
 from mbd_sim.mechanism.elements.contacts import Curved, Egg, Solid
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
 from mbd_sim.simulation.contact.features.polytopes import BORDER, SUPPORT, TURNED, cross, dots, turned
-from mbd_sim.simulation.contact.features.round_bodies import PlacedBody, RoundBody, round_body
+from mbd_sim.simulation.contact.features.round_bodies import PlacedBody, RoundBody, round_body, times
 
-KINDS = CORNER_FACE, FACE_CORNER, SIDE_SIDE, SIDE_CORNER, CORNER_SIDE, CORNER_CORNER = range(6)
+KINDS = CORNER_FACE, FACE_CORNER, SIDE_SIDE, SIDE_CORNER, CORNER_SIDE, CORNER_CORNER, POINT_FACE, FACE_POINT = range(8)
 COUNT = 1 << 15  # features of a kind
 PARALLEL = 1e-9  # sine of the angle below which directions count as parallel
 ITERATIONS, HALVINGS = 15, 6
@@ -35,11 +36,26 @@ CONVERGED = 1e-9  # change of a normal, after which it is exact to round-off
 LARGEST_STEP = 0.5  # rad
 HINT = 0.1  # rad by which a normal may turn from its hint
 NEAR = 1e-7  # of the size of both bodies, within which two points of contact are one
-FAR = 2e5  # times this, from which on the distance is only known to be not less
+ROUND_OFF = 1e-6  # of this: a distance that is not less is at least the one found first
 STARTS = np.array([v for v in product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
 STARTS /= np.sqrt((STARTS * STARTS).sum(axis=1))[:, None]
 ANGLES = np.arange(16) * (2.0 * np.pi / 16)
 NONE = -1
+FLAT = 1e-6  # sine of the angle below which an edge lies on a face
+CODES = POINTS + 2  # numbers of points of a rim, and of an edge
+CIRCLE = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(POINTS) * (2.0 * np.pi / POINTS)])
+CHORD = 0.98  # of the chord of an edge across a disc, the part that carries this
+
+Key = tuple[int, int, int, int]  # kind, both features, and the sign of one of two normals
+
+
+MODES = {
+    CORNER_FACE: FIXED_SECOND,
+    POINT_FACE: FIXED_SECOND,
+    FACE_CORNER: FIXED_FIRST,
+    FACE_POINT: FIXED_FIRST,
+    SIDE_SIDE: TWO_SIDES,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +65,7 @@ class _Pairs:
     The `directions` (k, 3) and `cosines` (k,) of n are those of a side.
     """
 
-    keys: list[tuple[int, int, int, int]]
+    keys: list[Key]
     corners: NDArray[np.intp]
     directions: Array
     cosines: Array
@@ -76,7 +92,8 @@ class SmoothPair:
         bodies = self._first, self._second
         self._radius = self._first.radius + self._second.radius
         self.bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
-        self._near = NEAR * (bodies[0].reach + bodies[1].reach)
+        self._reach = bodies[0].reach + bodies[1].reach
+        self._near = NEAR * self._reach
         rounded = self._radius > 0.0
         self._keys = [
             (CORNER_CORNER, i, j, 0)
@@ -94,10 +111,29 @@ class SmoothPair:
         a, b = self._placed(one, other)
         simple = np.vstack([_faces(a, b)[1], _across_sides(a, b)[1], turned(b.rotation, STARTS)])
         apart = self._separation(a, b, simple)
-        if apart > FAR * self._near or not self._keys:
-            return apart
-        pairs = _pairs(self._keys, a, b)
-        return max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
+        if apart <= -ROUND_OFF * self._near and self._keys:
+            pairs = _pairs(self._keys, a, b)
+            apart = max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
+        return min(apart, self._flat_distance(a, b, apart))
+
+    def _flat_distance(self, a: PlacedBody, b: PlacedBody, apart: float) -> float:
+        """The least gap of points of rims that lie nearly flat on a face; infinite if there are none.
+
+        :param apart: the distance in m of both bodies without these.
+        """
+        found = np.inf
+        for kind, body, other in ((POINT_FACE, a, b), (FACE_POINT, b, a)):
+            if not (body.body.faces and body.body.curved.any() and len(other.normals)):
+                continue
+            sign = 1.0 if kind == POINT_FACE else -1.0
+            fits = self._supports(a, b, sign * other.normals) >= apart - FLAT_TILT * body.body.reach
+            for face in np.flatnonzero(fits).tolist():
+                normal = other.normals[face]
+                for code, place in _lying(body, other, face, normal):
+                    key = (kind, code, face, 0) if kind == POINT_FACE else (kind, face, code, 0)
+                    if code % CODES < POINTS and other.inside(face, place) >= 0.0:
+                        found = min(found, self._meeting(a, b, key, sign * normal, place).gap)
+        return found
 
     def _separation(self, a: PlacedBody, b: PlacedBody, normals: Array) -> float:
         return float(self._supports(a, b, normals).max())
@@ -106,7 +142,7 @@ class SmoothPair:
         """s(n) of normals (k, 3)."""
         return np.asarray(-a.heights(-normals).max(axis=1) - b.heights(normals).max(axis=1) - self._radius)
 
-    def _stationary(self, a: PlacedBody, b: PlacedBody) -> Iterator[tuple[list[tuple[int, int, int, int]], Array]]:
+    def _stationary(self, a: PlacedBody, b: PlacedBody) -> Iterator[tuple[list[Key], Array]]:
         """The keys (kind, i, j, sign) of pairs of features, and their normals (k, 3)."""
         yield _faces(a, b)
         yield _across_sides(a, b)
@@ -118,50 +154,59 @@ class SmoothPair:
         """See `NarrowPhase`."""
         a, b = self._placed(one, other)
         found = [*self._stationary(a, b)]
-        lowest = min(self._separation(a, b, np.vstack([normals for _, normals in found])), 0.0) - SUPPORT * tolerance
-        meetings: list[tuple[tuple[int, int, int, int], _Encounter]] = []
+        apart = self._separation(a, b, np.vstack([normals for _, normals in found]))
+        lowest = min(apart, self._flat_distance(a, b, apart), 0.0) - SUPPORT * tolerance
+        meetings: list[tuple[Key, _Encounter]] = []
         for keys, normals in found:
             supports = self._supports(a, b, normals) if len(normals) else ()
             for key, normal, support in zip(keys, normals, supports, strict=True):
-                if support < lowest:
+                if support < lowest - (FLAT_TILT * self._reach if key[0] in (CORNER_FACE, FACE_CORNER) else 0.0):
                     continue
-                for each in self._members(a, b, key):
-                    meeting = self._meeting(a, b, each, normal)
+                for each, place in self._members(a, b, key, normal):
+                    meeting = self._meeting(a, b, each, normal, place)
                     fits = lowest <= meeting.gap <= tolerance and meeting.margin >= -BORDER * tolerance
                     if fits and not self._is_known(meeting, [known for _, known in meetings]):
                         meetings.append((each, meeting))
         return [self._features(a, b, *each) for each in meetings[: self._slots]]
 
-    def _members(
-        self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int]
-    ) -> Iterator[tuple[int, int, int, int]]:
-        """The pairs of features with one normal: all corners at a face."""
+    def _members(self, a: PlacedBody, b: PlacedBody, key: Key, normal: Array) -> Iterator[tuple[Key, Array | None]]:
+        """The pairs of features with one normal: all corners at a face, and points fixed in what lies on it."""
         kind, i, j, sign = key
         match kind:
             case 0:  # CORNER_FACE
-                yield from ((kind, corner, j, sign) for corner in range(len(a.corners)))
+                yield from (((kind, corner, j, sign), None) for corner in range(len(a.corners)))
+                yield from (((POINT_FACE, code, j, sign), place) for code, place in _lying(a, b, j, normal))
             case 1:  # FACE_CORNER
-                yield from ((kind, i, corner, sign) for corner in range(len(b.corners)))
+                yield from (((kind, i, corner, sign), None) for corner in range(len(b.corners)))
+                yield from (((FACE_POINT, i, code, sign), place) for code, place in _lying(b, a, i, normal))
             case _:
-                yield key
+                yield key, None
 
     def _is_known(self, meeting: _Encounter, known: list[_Encounter]) -> bool:
         apart = [meeting.point - other.point for other in known]
         return any(float(np.sqrt(dots(line, line))) <= self._near for line in apart)
 
-    def _meeting(self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], normal: Array) -> _Encounter:
-        """Two features with a normal: points of sides and of faces are those of the other feature's corner."""
+    def _meeting(self, a: PlacedBody, b: PlacedBody, key: Key, normal: Array, place: Array | None = None) -> _Encounter:
+        """Two features with a normal: points of sides and of faces are those of the other feature's corner.
+
+        :param place: (3,) of a point that is fixed in one of the bodies.
+        """
         kind, i, j, _ = key
+        if place is not None:
+            body, face, sign = (b, j, 1.0) if kind == POINT_FACE else (a, i, -1.0)
+            gap = sign * float(dots(normal, place - _middle(body, face))) - self._radius
+            gap -= _protrusion(*((a, i) if kind == POINT_FACE else (b, j)), normal)
+            return _Encounter(normal, gap, body.inside(face, place), place)
         on_first, on_second = kind in (CORNER_FACE, CORNER_SIDE, CORNER_CORNER), kind in (FACE_CORNER, SIDE_CORNER)
         corner_a = i if on_first else 0 if kind == FACE_CORNER else int(a.body.sides[i][0])
         corner_b = j if on_second or kind == CORNER_CORNER else 0 if kind == CORNER_FACE else int(b.body.sides[j][0])
         at, other = _farthest(a, corner_a, -normal), _farthest(b, corner_b, normal)
         if kind == CORNER_FACE:
-            other = b.corners[0] + turned(b.rotation, b.body.faces[j].center - b.body.corners[0])
-            margin = b.inside(j, at)
+            other = _middle(b, j)
+            margin = min(b.inside(j, at), _tilted(a, i, normal))
         elif kind == FACE_CORNER:
-            at = a.corners[0] + turned(a.rotation, a.body.faces[i].center - a.body.corners[0])
-            margin = a.inside(i, other)
+            at = _middle(a, i)
+            margin = min(a.inside(i, other), _tilted(b, j, normal))
         gap, point = float(dots(normal, at - other)) - self._radius, other if on_second else at
         if kind in (CORNER_FACE, FACE_CORNER):
             return _Encounter(normal, gap, margin, point)
@@ -179,22 +224,25 @@ class SmoothPair:
                 margin = min(margin, body.lead([feature], sign * normal))
         return _Encounter(normal, gap, margin, point)
 
-    def _features(
-        self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], meeting: _Encounter
-    ) -> SmoothFeatures:
+    def _features(self, a: PlacedBody, b: PlacedBody, key: Key, meeting: _Encounter) -> SmoothFeatures:
         kind, i, j, sign = key
-        corners, rims, directions, cosines = [], [], [], []
+        corners, rims, directions, cosines, flat = [], [], [], [], []
         sides = (kind in (SIDE_SIDE, SIDE_CORNER), kind in (SIDE_SIDE, CORNER_SIDE))
-        faces = (kind == FACE_CORNER, kind == CORNER_FACE)
+        faces = (kind in (FACE_CORNER, FACE_POINT), kind in (CORNER_FACE, POINT_FACE))
         for body, record, feature, is_side, is_face in zip((a, b), self._records, (i, j), sides, faces, strict=True):
-            shape = body.body
+            shape, is_point = body.body, kind in (POINT_FACE, FACE_POINT) and not is_face
             corner = int(shape.sides[feature][0]) if is_side else feature
-            place = shape.faces[feature].center if is_face else shape.corners[corner]
+            if is_point:
+                place = turned(body.rotation.T, meeting.point - body.position)
+            else:
+                place = shape.faces[feature].center if is_face else shape.corners[corner]
             corners.append(place - record.at.point)
-            rims.append(0.0 if is_face or not shape.curved[corner] else _rim(shape, corner, record))
+            rims.append(0.0 if is_face or is_point or not shape.curved[corner] else _rim(shape, corner, record))
+            on_rim = is_point and feature % CODES < POINTS
+            flat.append(float(np.sqrt(shape.grams[feature // CODES].trace() / 2.0)) if on_rim else 0.0)
             directions.append(shape.directions[feature] if is_side else np.zeros(3))
             cosines.append(float(shape.cosines[feature]) if is_side else 0.0)
-        mode = {CORNER_FACE: FIXED_SECOND, FACE_CORNER: FIXED_FIRST, SIDE_SIDE: TWO_SIDES}.get(kind, ITERATED)
+        mode = MODES.get(kind, ITERATED)
         own = turned((a if mode == FIXED_FIRST else b).rotation.T, meeting.normal)
         in_second = turned(b.rotation.T, meeting.normal)
         return SmoothFeatures(
@@ -206,8 +254,9 @@ class SmoothPair:
             mode,
             own,
             float(sign),
-            kind in (FACE_CORNER, SIDE_CORNER),
+            kind in (FACE_CORNER, FACE_POINT, SIDE_CORNER),
             np.eye(3)[int(np.argmin(np.round(np.abs(in_second), 9)))],
+            (flat[0], flat[1]),
         )
 
     def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
@@ -216,7 +265,12 @@ class SmoothPair:
         key = _decoded(int(numbers[-1]))
         normal = self._normal(a, b, key, numbers)
         side = cross(turned(b.rotation, numbers[25:28]), normal)
-        margin = min(self._meeting(a, b, key, normal).margin, float(np.sqrt(dots(side, side))) - TURNED)
+        place = None
+        if key[0] in (POINT_FACE, FACE_POINT):
+            own, body = (0, a) if key[0] == POINT_FACE else (1, b)
+            point = numbers[3 * own : 3 * own + 3] + self._records[own].at.point
+            place = turned(body.rotation, point) + body.position
+        margin = min(self._meeting(a, b, key, normal, place).margin, float(np.sqrt(dots(side, side))) - TURNED)
         if key[0] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER):
             turn = normal - turned(b.rotation, numbers[22:25])
             margin = min(margin, HINT - float(np.sqrt(dots(turn, turn))))
@@ -232,16 +286,78 @@ class SmoothPair:
         found[22:25] = turned(b.rotation.T, self._normal(a, b, key, numbers))
         return found
 
-    def _normal(self, a: PlacedBody, b: PlacedBody, key: tuple[int, int, int, int], numbers: Array) -> Array:
+    def _normal(self, a: PlacedBody, b: PlacedBody, key: Key, numbers: Array) -> Array:
         """The normal of a pair of features, from the hint among the numbers of its slot."""
         kind, i, j, sign = key
-        if kind == CORNER_FACE:
+        if kind in (CORNER_FACE, POINT_FACE):
             return np.asarray(b.normals[j])
-        if kind == FACE_CORNER:
+        if kind in (FACE_CORNER, FACE_POINT):
             return np.asarray(-a.normals[i])
         if kind == SIDE_SIDE:
             return np.asarray(_across_both(a, b, np.array([i]), np.array([j]), float(sign))[0])
         return np.asarray(_iterated(a, b, _pairs([key], a, b), turned(b.rotation, numbers[None, 22:25]))[0])
+
+
+def _middle(body: PlacedBody, face: int) -> Array:
+    """A point (3,) of a face."""
+    return np.asarray(turned(body.rotation, body.body.faces[face].center) + body.position)
+
+
+def _tilted(body: PlacedBody, corner: int, normal: Array) -> float:
+    """In m, negative where a rim lies so flat on a face with this normal that it rests on points; large for others."""
+    if not body.body.curved[corner]:
+        return np.inf
+    radius, tilt = _tilt(body, corner, normal)
+    return (tilt - EXACT_TILT) * radius
+
+
+def _protrusion(body: PlacedBody, code: int, normal: Array) -> float:
+    """How far in m the point with this number protrudes, if it is one of a rim."""
+    if code % CODES >= POINTS:
+        return 0.0
+    radius, tilt = _tilt(body, code // CODES, normal)
+    return float(protrusion(radius, tilt * tilt))
+
+
+def _tilt(body: PlacedBody, corner: int, normal: Array) -> tuple[float, float]:
+    """The radius in m of a rim, and the sine of its tilt against a face with a normal; 1 for an ellipsoid."""
+    gram, own = body.body.grams[corner], turned(body.rotation.T, normal)
+    radius = float(np.sqrt(gram.trace() / 2.0))
+    if not body.body.faces:
+        return radius, 1.0
+    return radius, float(np.sqrt(max(0.0, float(dots(own, times(gram, own)))))) / radius
+
+
+def _lying(one: PlacedBody, other: PlacedBody, face: int, normal: Array) -> Iterator[tuple[int, Array]]:
+    """Points (3,) of one body that are fixed in it and lie on a face of another: of rims, and of edges across a disc.
+
+    Each has a number of its own.
+    """
+    shape, disc = one.body, other.body.faces[face]
+    for corner in range(len(shape.corners)) if shape.curved.any() else ():
+        radius, tilt = _tilt(one, corner, normal) if shape.curved[corner] else (0.0, 1.0)
+        if tilt <= FLAT_TILT and one.lead([corner], -other.normals[face]) >= 0.0:
+            axis = shape.faces[0].normal
+            first = cross(axis, np.eye(3)[int(np.argmin(np.round(np.abs(axis), 9)))])
+            first = first / np.sqrt(dots(first, first))
+            second = cross(axis, first)
+            for number, (x, y) in enumerate(CIRCLE.tolist()):
+                arm = turned(one.rotation, radius * (x * first + y * second))
+                yield CODES * corner + number, one.corners[corner] + arm
+    for side in np.flatnonzero(~shape.ruled).tolist() if disc.radius else ():
+        direction = one.directions[side]
+        if abs(float(dots(direction, normal))) > FLAT:
+            continue
+        start, stop = one.corners[shape.sides[side]]
+        line = start - _middle(other, face)
+        along = float(dots(direction, line))
+        chord = disc.radius**2 - float(dots(line, line)) + along * along
+        if chord > 0.0:
+            half = CHORD * float(np.sqrt(chord))
+            length = float(np.sqrt(dots(stop - start, stop - start)))
+            for number, end in enumerate((-along - half, -along + half)):
+                if 0.0 < end < length:
+                    yield CODES * side + POINTS + number, start + end * direction
 
 
 def _rim(shape: RoundBody, corner: int, record: Curved | Solid) -> float:
@@ -267,7 +383,7 @@ def _side_corners(one: RoundBody, other: RoundBody, rounded: bool) -> list[tuple
     ]
 
 
-def _pairs(keys: list[tuple[int, int, int, int]], a: PlacedBody, b: PlacedBody) -> _Pairs:
+def _pairs(keys: list[Key], a: PlacedBody, b: PlacedBody) -> _Pairs:
     """Pairs of two corners, or of a side and a corner."""
     corners = np.array([key[1:3] for key in keys], dtype=np.intp)
     directions, cosines = np.zeros((len(keys), 3)), np.zeros(len(keys))
@@ -281,18 +397,18 @@ def _pairs(keys: list[tuple[int, int, int, int]], a: PlacedBody, b: PlacedBody) 
     return _Pairs(keys, corners, directions, cosines)
 
 
-def _faces(a: PlacedBody, b: PlacedBody) -> tuple[list[tuple[int, int, int, int]], Array]:
+def _faces(a: PlacedBody, b: PlacedBody) -> tuple[list[Key], Array]:
     """The normals of the faces of both."""
     keys = [(CORNER_FACE, NONE, j, 0) for j in range(len(b.normals))]
     keys += [(FACE_CORNER, i, NONE, 0) for i in range(len(a.normals))]
     return keys, np.vstack([b.normals, -a.normals])
 
 
-def _across_sides(a: PlacedBody, b: PlacedBody) -> tuple[list[tuple[int, int, int, int]], Array]:
+def _across_sides(a: PlacedBody, b: PlacedBody) -> tuple[list[Key], Array]:
     """Both normals of each pair of sides that are not parallel."""
     firsts, seconds = len(a.directions), len(b.directions)
     i, j = np.repeat(np.arange(firsts), seconds), np.tile(np.arange(seconds), firsts)
-    keys: list[tuple[int, int, int, int]] = []
+    keys: list[Key] = []
     found = []
     for sign in (-1, 1):
         normals = _across_both(a, b, i, j, float(sign))
@@ -436,12 +552,12 @@ def _crossing(a: PlacedBody, i: int, b: PlacedBody, j: int, normal: Array, at: A
     return np.asarray(at + along * one)
 
 
-def _key(key: tuple[int, int, int, int]) -> int:
+def _key(key: Key) -> int:
     kind, i, j, sign = key
     return 1 + ((kind * COUNT + i) * COUNT + j) * 2 + (sign > 0)
 
 
-def _decoded(key: int) -> tuple[int, int, int, int]:
+def _decoded(key: int) -> Key:
     rest, sign = divmod(key - 1, 2)
     rest, j = divmod(rest, COUNT)
     kind, i = divmod(rest, COUNT)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbd_sim import MechanismError, Simulation
+from mbd_sim import DivergedError, MechanismError, Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.cli.main import main
 from mbd_sim.files.load import parse_mechanism
@@ -138,6 +138,32 @@ def test_a_start_inside_each_other_is_refused_with_the_depth():
     text = FALLING.replace("position: [0.1, 0.02, 0.1]", "position: [0.05, 0.02, 0.01]")
     with pytest.raises(MechanismError, match=r"contacts\.c: at the start 'bar' is 0\.0\d+ m inside 'table'"):
         Simulation(parse_mechanism(text))
+
+
+def test_prisms_beside_each_other_across_the_plane_of_motion_are_refused():
+    text = BOX.replace("size: [0.2, 1, 2], mass: 1, at: [-0.4, 0, 0]", "size: [0.2, 1, 2], mass: 1, at: [-0.4, 0.6, 0]")
+    with pytest.raises(MechanismError, match=r"contacts\.walls: 'block' and 'left' never touch"):
+        Simulation(parse_mechanism(text))
+
+
+def test_what_only_drives_move_is_refused_as_it_meets_something():
+    """No impulse can stop it; it must not pass through without a word either."""
+    text = """
+mechanism: driven
+parts:
+  wall: {shape: {type: block, size: [0.1, 1, 1], mass: 1, at: [0.3, 0, 0]}}
+  ball: {shape: {type: sphere, radius: 0.05, mass: 1, at: [0, 0.1, 0.2]}}
+  other: {shape: {type: sphere, radius: 0.05, mass: 1}}
+joints:
+  wall: {type: fixed, between: [ground, wall]}
+  ball: {type: prismatic, between: [ground, ball], axis: [1, 0, 0], drive: t}
+  other: {type: free, between: [ground, other], position: [3, 3, 3]}
+contacts: {c: {between: [ball, wall]}}
+"""
+    sim = Simulation(parse_mechanism(text), step=1e-3)
+    sim.step(199)
+    with pytest.raises(DivergedError, match=r"at 0\.2 s no impulses satisfy the laws of impact and friction \(c\)"):
+        sim.step(10)
 
 
 def test_too_many_rows_are_refused_with_their_number():

@@ -15,7 +15,7 @@ from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
-from test.simulation.contact.features.solids import ball, block, placed, plate, random_pose, rod
+from test.simulation.contact.features.solids import ball, block, placed, plate, random_pose, rod, solid
 
 HERE = Pose(np.zeros(3), np.eye(3))
 SHARP = {
@@ -120,6 +120,19 @@ def test_blocks_touch_in_the_corners_of_the_area_between_them(turn, shift):
         assert pair_of((one, other)).margin(*poses, each.numbers) >= -1e-14
     points = np.array(points)[np.lexsort(np.round(np.array(points), 9).T[::-1])]
     assert points == pytest.approx(expected[np.lexsort(np.round(expected, 9).T[::-1])], abs=1e-13)
+
+
+def test_of_more_corners_than_slots_those_are_chosen_that_are_far_from_each_other():
+    """A prism of sixteen sides stays supported on all sides by eight of its corners."""
+    angles = 2.0 * np.pi * np.arange(16) / 16
+    ring = 0.1 * np.column_stack([np.cos(angles), np.sin(angles)])
+    low, high = (np.column_stack([ring, np.full(16, z)]) for z in (0.0, 0.1))
+    sides = [(k, (k + 1) % 16, 16 + (k + 1) % 16, 16 + k) for k in range(16)]
+    prism = solid([*low, *high], (tuple(range(15, -1, -1)), tuple(range(16, 32)), *sides))
+    found = pair_of((prism, block(0.4, 0.4, 0.2))).touching(Pose(np.array([0, 0, 0.1]), np.eye(3)), HERE, 1e-13)
+    points = np.array([numeric(each.numbers, Pose(np.array([0, 0, 0.1]), np.eye(3)), HERE)[2] for each in found])
+    turns = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    assert np.diff([*turns, turns[0] + 2 * np.pi]).max() < 0.8
 
 
 def test_a_tilted_block_touches_with_its_lower_edge_and_leaves_the_face_over_its_border():
