@@ -14,8 +14,8 @@ from collections.abc import Mapping
 import yaml
 
 from benchmarks.contact_models import SYSTEMS, System, text
-from mbd_sim import Simulation
-from mbd_sim.files.load import load_mechanism
+from mbd_sim import Ensemble, Simulation
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 
 STEPS, MANY = 3000, 100
 METHODS = ("tsitouras8", "rk4")  # the default of mechanisms with contacts, and a short one
@@ -44,6 +44,26 @@ joints:
 constraints:
   floor_{i}: {for: {i: 1..20}, type: rolling, wheel: "ball_{i}", radius: 0.1, friction: 0.3}
 """
+HOPPER = """
+mechanism: hopper
+parameters: {h: 0.5}
+parts:
+  body: {shape: {type: sphere, mass: 1, radius: 0.05}}
+  foot: {shape: {type: sphere, mass: 0.1, radius: 0.02}}
+joints:
+  flight: {type: prismatic, between: [ground, body], axis: [0, 0, 1], position: h}
+  leg:
+    type: prismatic
+    between: [body, foot]
+    axis: [0, 0, -1]
+    position: 0.3
+    rest: 0.3
+    stiffness: 2000
+    damping: 2
+constraints:
+  floor: {type: on_plane, point: foot, bound: at_least, restitution: 0, friction: 0.5}
+"""
+MEMBERS, TIME = 1000, 2.0  # of an ensemble, and s
 
 
 def each(sim: Simulation, steps: int, n: int) -> float:
@@ -145,6 +165,31 @@ def events() -> None:
         print(f"| {name} | {each_event} | {whole} | {own} | {' | '.join(others)} |", flush=True)
 
 
+def ensembles() -> dict[str, Ensemble]:
+    """Ensembles of members with their own starts, on one thread."""
+    shares = [index / MEMBERS for index in range(MEMBERS)]
+    return {
+        "bounce": Ensemble.from_file("bounce", [{"h": 0.5 + share} for share in shares], threads=1),
+        "rocking": Ensemble.from_file("rocking", [{"th0": 0.1 + 0.14 * share} for share in shares], threads=1),
+        "hopper": Ensemble(parse_mechanism(HOPPER), [{"h": 0.4 + 0.4 * share} for share in shares], threads=1),
+    }
+
+
+def members() -> None:
+    """The cost of a step of a member of ensembles with contacts."""
+    print(f"\n| {MEMBERS} members, µs per step of a member | a run of {TIME:g} s | `step(10)` | `step(1)` |")
+    print("| --- | --: | --: | --: |")
+    for name, ensemble in ensembles().items():
+        cells = []
+        for n in (round(TIME / ensemble.step_size), 10, 1):
+            ensemble.reset()
+            calls, began = max(1, 300 // n), time.thread_time()
+            for _ in range(calls):
+                ensemble.step(n)
+            cells.append(f"{1e6 * (time.thread_time() - began) / (calls * n * MEMBERS):.2g}")
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
 def mujoco_run(system: System, chosen: bool) -> tuple[str, str]:
     """µs per simulated ms, and the errors."""
     try:
@@ -174,6 +219,7 @@ def main() -> None:
     opened(rounds)
     closed(rounds)
     events()
+    members()
     print(f"\nLoad of the machine over the last minute: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores.")
 
 

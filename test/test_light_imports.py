@@ -30,3 +30,14 @@ def test_a_first_step_from_the_cache_traces_and_compiles_nothing(file, live, tmp
         "dynamics.layouts.vectors",
     }  # fmt: skip
     assert not {"casadi", "pydantic", "yaml", "logging"} & set(warm)
+
+
+def test_check_of_a_known_mechanism_reads_neither_recordings_nor_compilers(tmp_path, monkeypatch):
+    """Whose modules took as long as all the rest; most subcommands need none of them."""
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "cache"))
+    text = "import sys; from mbd_sim.cli.main import main; main(['check', 'spherical_top']); print(*sys.modules)"
+    program = [sys.executable, "-c", text]
+    cold, warm = (subprocess.run(program, check=True, capture_output=True, text=True).stdout for _ in range(2))
+    assert "mbd_sim.dynamics.equations" in cold
+    for heavy in ("casadi", "llvmlite", "mbd_sim.recordings"):
+        assert heavy not in warm.splitlines()[-1].split()

@@ -93,10 +93,12 @@ def compile_kernel(
     else:
         advance = _emit_guarded(module, system, method, program, needs, one_sided, like_branches)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
-    for name, function in readers.items():
-        export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
+    at_events = {} if one_sided is None else one_sided.event_readers
+    for name, function in (*readers.items(), *at_events.items()):
+        lowered = lower(module, function, inline=True, as_interpreted=name in at_events)
+        export(module, f"read_{name}", lowered, NOT_OPTIMIZED)
     signature = KernelSignature(
-        readers={name: function.n_in() for name, function in readers.items()},
+        readers={name: function.n_in() for name, function in (*readers.items(), *at_events.items())},
         instructions=instruction_count(program),
         one_sided=one_sided is not None,
     )

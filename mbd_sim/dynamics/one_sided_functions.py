@@ -3,6 +3,8 @@
 The rows that are active are solved for together: A λ = r with A = G P M⁻¹ (G + friction)ᵀ, where P M⁻¹ is the response
 of the mechanism with its loops and other two-sided constraints. A is not symmetric while something slides. Functions
 come in pairs: the first gives a memory and the system, the second takes the memory and the solution.
+
+With many rows the system has factors of A, of which the compiled code computes what the active rows need.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import accumulate
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -33,19 +36,29 @@ from mbd_sim.dynamics.recursion.articulated_body import Accelerations, Factorize
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
 
+FACTORED = 13  # rows from which on A is not written out
+Factors: TypeAlias = tuple[ca.SX, ca.SX | None]  # L and R, see `SolvedPair`
+
 GAP_ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedPair:
-    """`system(t, y, inputs)` gives a memory (m,), a matrix (n, n), right sides (n, k), and perhaps a margin.
+    """`system(t, y, inputs)` gives a memory (m,), L and R of a matrix L R (n, n), right sides (n, k), perhaps a margin.
 
-    `result(memory, solution)` takes the solution (n, k) of the active rows, with zeros for all others. Where friction
-    depends on the loads of joints, the system also gives these loads: see `mbd_sim.compiler.steps.active_rows.Load`.
+    Of R it gives only the entries of a `pattern`. Without one R is the unit matrix. `result(memory, solution)` takes
+    the solution (n, k) of the active rows, with zeros for all others. Where friction depends on the loads of joints,
+    the system also gives these loads: see `mbd_sim.compiler.steps.active_rows.Load`.
     """
 
     system: ca.Function
     result: ca.Function
+    pattern: ca.Sparsity | None
+
+    def product(self, left: ca.SX, right: ca.SX, vector: ca.SX) -> ca.SX:
+        """The product of the matrix and a vector (n,), from what the system gives of its factors."""
+        by_right = vector if self.pattern is None else ca.SX(self.pattern, right) @ vector
+        return ca.reshape(left, vector.shape[0], by_right.shape[0]) @ by_right
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +73,10 @@ class OneSidedFunctions:
       rates in 1/s at which it can turn its slip.
     - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
       rates (gaps,), but not of slots.
-    - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
-      contact forces, and the sizes of sliding and of static friction (frictions, 2).
-    - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
+    - `terms(t, y, inputs)`: A (rows, rows) without friction, column by column, the rates of change (rows,) of the rows'
+      rates without contact forces, the sizes of sliding friction (frictions,), and those of static friction.
+    - `loads(t, y, inputs)`: one after the other, the force (k,) of each load without contact forces, and by these
+      (k, rows) column by column; k are the `load_components`.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
@@ -75,7 +89,8 @@ class OneSidedFunctions:
     readings: ca.Function
     open_start: ca.Function
     terms: ca.Function
-    loads: list[ca.Function]
+    loads: ca.Function
+    load_components: tuple[int, ...]
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
@@ -113,12 +128,18 @@ class OneSidedDynamics:
         self._constraints, self._forces, self.one_sided = constraints, forces, one_sided
         rows = one_sided.equations
         self._net_forces = mass_matrix.net_joint_forces(rows.gradient.T)
-        self._matrix = mass_matrix.product(self._net_forces, self._net_forces)
-        self._reaction = ca.SX(0, rows.gradient.shape[0])
+        # G P M⁻¹ Gᵀ is the product of the transpose of `_left` and `_right`.
+        self._left, self._right = mass_matrix.factors(self._net_forces)
+        self._reaction = self._coupling = ca.SX(0, rows.gradient.shape[0])
         if solver is not None:
-            coupling = solver.coupling(self._net_forces)
-            self._reaction = solver.reaction(coupling)
-            self._matrix = ca.sparsify(self._matrix + coupling.T @ self._reaction)
+            self._coupling = solver.coupling(self._net_forces)
+            self._reaction = solver.reaction(self._coupling)
+            self._left, self._right = ca.vertcat(self._left, self._coupling), ca.vertcat(self._right, self._reaction)
+
+    @cached_property
+    def _matrix(self) -> ca.SX:
+        own = self._mass_matrix.product(self._net_forces, self._net_forces)
+        return ca.sparsify(own + self._coupling.T @ self._reaction)
 
     @cached_property
     def _unloaded(self) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
@@ -205,6 +226,8 @@ class OneSidedDynamics:
             ca.horzcat(element.sliding(one_sided.equations.velocity[element.rows[0]]), element.static)
             for element in one_sided.frictions
         ]
+        numbers = [each for load in self.loads for each in (load.unloaded, ca.vec(ca.densify(load.by_force)))]
+        terms = self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)
         gaps = one_sided.layout.gaps
         open_gaps, gap_rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
         for index, gap in enumerate(one_sided.gaps):
@@ -219,8 +242,9 @@ class OneSidedDynamics:
             open_start=merged_function(
                 "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),
-            terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
-            loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
+            terms=_function("contact_terms", inputs, ca.vertcat(*(ca.vec(ca.densify(one)) for one in terms))),
+            loads=_function("joint_loads", inputs, ca.vertcat(ca.SX(0, 1), *numbers)),
+            load_components=tuple(load.unloaded.shape[0] for load in self.loads),
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, one_sided.places),
@@ -236,8 +260,7 @@ class OneSidedDynamics:
         n = one_sided.layout.rows
         at_zero = one_sided.forces(ca.SX(n, 1))
         with_friction = ca.jacobian(one_sided.forces(solution), solution)  # λ is affine in the solution
-        matrix = self._matrix @ with_friction
-        right = -(self._free + self._matrix @ at_zero)
+        right = -(self._free + self._left.T @ (self._right @ at_zero))
         forces = one_sided.forces(solution)
         motion = self.motion(forces)
         audit = audit_rates(self._all_rows, self._forces, motion)
@@ -255,8 +278,12 @@ class OneSidedDynamics:
             for load in self.loads
         ]
         extra = [ca.vertcat(*loads)] if loads else []
-        readings = one_sided_readings(one_sided, self.loads, self._matrix, self._weight, solution)
-        pair, further = self._pair("contact", [y_rates, readings], solution, matrix, right, [*extra, *self._margin])
+        mobility = ca.sum1(self._left * self._right).T if n >= FACTORED else ca.diag(self._matrix)
+        readings = one_sided_readings(one_sided, self.loads, mobility, self._weight, solution)
+        factors: Factors = self._matrix @ with_friction, None
+        if n >= FACTORED:
+            factors = self._left.T, ca.sparsify(self._right @ with_friction)
+        pair, further = self._pair("contact", [y_rates, readings], solution, factors, right, [*extra, *self._margin])
         return pair, further[0]
 
     def _project(self, solution: ca.SX) -> SolvedPair:
@@ -268,35 +295,53 @@ class OneSidedDynamics:
         depths = depths * (ca.fabs(depths) > least)  # so that what rests does not move at all
         position = ca.vertcat(-depths, ca.SX(n - gaps, 1))
         right = ca.horzcat(position, -one_sided.equations.velocity)
-        matrix = self._matrix
-        for load in self.loads:  # rows that are active while they slide
-            slides = load.factor != 0.0
-            keep = ca.SX.ones(n, 1)
-            keep[load.row] = 1.0 - slides
-            matrix = matrix * (keep @ keep.T)
-            matrix[load.row, load.row] += slides
-            right = right * ca.horzcat(keep, keep)
+        keep, slides = ca.SX.ones(n, 1), ca.SX(n, 1)
+        for load in self.loads:  # rows that are active while they slide: their equations become λ = 0
+            slides[load.row] = load.factor != 0.0
+            keep[load.row] = 1.0 - slides[load.row]
+        right = right * ca.horzcat(keep, keep)
+        if n >= FACTORED:
+            added = ca.diag(slides)[[load.row for load in self.loads], :]
+            kept = (each * ca.repmat(keep.T, each.shape[0], 1) for each in (self._left, self._right))
+            left, factor = (ca.vertcat(each, added) for each in kept)
+            factors: Factors = left.T, factor
+        else:
+            factors = self._matrix * (keep @ keep.T) + ca.diag(slides), None
         speeds = ca.SX.sym("speeds", n)
         q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
         q = normalized_quaternions(traced.links, q)
         projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
-        return self._pair("contact_project", [projected], ca.vertcat(solution, speeds), matrix, right, [])[0]
+        return self._pair(
+            "contact_project",
+            [projected],
+            ca.vertcat(solution, speeds),
+            factors,
+            right,
+            [],
+        )[0]
 
     def _pair(
-        self, name: str, results: list[ca.SX], solution: ca.SX, matrix: ca.SX, right: ca.SX, further: list[ca.SX]
+        self,
+        name: str,
+        results: list[ca.SX],
+        solution: ca.SX,
+        factors: Factors,
+        right: ca.SX,
+        further: list[ca.SX],
     ) -> tuple[SolvedPair, list[ca.Function]]:
         """The pair of the first result, and functions of the same memory and solution for the others."""
         given = [self._traced.state.t, self._traced.y, self._traced.inputs]
         memory, values, reduced = separated(ca.densify(ca.vertcat(*results)), ca.vertcat(*given), solution)
-        system = _function(
-            f"{name}_system", given, values, ca.vec(ca.densify(matrix)), ca.vec(ca.densify(right)), *further
-        )
+        left, factor = factors
+        entries = ca.SX(0, 1) if factor is None else ca.vec(factor.nz[:])
+        vectors = [ca.vec(ca.densify(left)), entries, ca.vec(ca.densify(right))]
+        system = _function(f"{name}_system", given, values, *vectors, *further)
         sizes = accumulate([0, *(result.shape[0] for result in results)])
         functions = [
             _function(f"{name}_result_{index}", [memory, solution], part)
             for index, part in enumerate(ca.vertsplit(reduced, list(sizes)))
         ]
-        return SolvedPair(system, functions[0]), functions[1:]
+        return SolvedPair(system, functions[0], None if factor is None else factor.sparsity()), functions[1:]
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 
 
 def load_mechanism(
-    mechanism: str | Path, base: Base | None = None, *, floor: bool = False, limits: Literal["stops"] | None = None
+    mechanism: str | Path,
+    base: Base | None = None,
+    *,
+    floor: bool = False,
+    limits: Literal["stops"] | None = None,
+    hulls: bool = False,
 ) -> Mechanism:
     """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
 
@@ -30,10 +35,11 @@ def load_mechanism(
         SDF that are not attached to the world, and are free by default.
     :param floor: whether it stands on a floor, see `on_floor`.
     :param limits: `stops` makes the limits of joints rigid stops.
+    :param hulls: whether meshes of `<collision>` and of geoms touch as their hulls also where the file has no contacts.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
     path = find(mechanism)
-    found = parse_mechanism(read_text(path), str(path), base)
+    found = parse_mechanism(read_text(path), str(path), base, hulls=hulls or floor)
     return set_up(found, {"limits": limits} if limits else {}, floor=floor)
 
 
@@ -53,35 +59,36 @@ def set_up(mechanism: Mechanism, changes: Mapping[str, Any], *, floor: bool) -> 
     return with_values(mechanism, changes)
 
 
-def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
+def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None, *, hulls: bool = False) -> Mechanism:
     """The mechanism that the text of a mechanism file, a URDF, an MJCF or an SDF describes.
 
     :param file: its name in errors; the file that `urdf` names is searched for in the same folder.
-    :param base: see `load_mechanism`.
+    :param base: see `load_mechanism`; the same for `hulls`.
     :raises MechanismError: see `load_mechanism`.
     """
-    return cached_mechanism(text, file, base, lambda: _parsed(text, file, base))
+    way = f"{base or ''} with hulls" if hulls else base
+    return cached_mechanism(text, file, way, lambda: _parsed(text, file, base, hulls))
 
 
-def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
+def _parsed(text: str, file: str, base: Base | None, hulls: bool) -> Mechanism:
     with few_suggestions():
         # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
         from mbd_sim.files.builders.mechanism import build
         from mbd_sim.files.checks.validation import validate
 
-        source = _source(text, file, base)
+        source = _source(text, file, base, hulls)
         source.base = base
         records, parameters = validate(source)
         return build(records, parameters, source)
 
 
-def _source(text: str, file: str, base: Base | None) -> Source:
+def _source(text: str, file: str, base: Base | None, hulls: bool) -> Source:
     """The data of a file in either format, merged with those of the URDF that it names."""
     if "<" in text:  # the readers of URDF are imported only for files that may need them
         from mbd_sim.files.text.xml import is_xml
 
         if is_xml(text):
-            return _with_hulls(_xml_source(text, file, base))
+            return _with_hulls(_xml_source(text, file, base), hulls)
     from mbd_sim.files.checks.repetition import expanded
     from mbd_sim.files.text.yaml_text import parse_source
 
@@ -92,15 +99,15 @@ def _source(text: str, file: str, base: Base | None) -> Source:
         source = with_urdf(source, base)
     if not any(word in text for word in ("meshes", "hull")) and source.text is not None:
         return source
-    from mbd_sim.files.text.mesh_files import with_mesh_hulls, with_mesh_solids
+    from mbd_sim.files.text.mesh_files import with_mesh_solids
 
-    return with_mesh_solids(with_mesh_hulls(source))
+    return with_mesh_solids(_with_hulls(source, hulls))
 
 
-def _with_hulls(source: Source) -> Source:
+def _with_hulls(source: Source, hulls: bool) -> Source:
     from mbd_sim.files.text.mesh_files import with_mesh_hulls
 
-    return with_mesh_hulls(source)
+    return with_mesh_hulls(source, hulls or bool(isinstance(source.data, dict) and source.data.get("contacts")))
 
 
 def _xml_source(text: str, file: str, base: Base | None) -> Source:

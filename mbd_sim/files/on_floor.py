@@ -14,70 +14,80 @@ import numpy as np
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.files.builders.welded import welded_groups
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.mechanism.elements.contacts import Ball, Contact, Face, Rim
+from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, Egg, Face, Rim
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.mechanism.values.names import in_quotes, reference, unique_name
+from mbd_sim.mechanism.values.names import in_quotes, unique_name
+from mbd_sim.mechanism.welded import first_of, welded
 
 FLOOR, FRICTION = "floor", 1.0
-MOST = 48  # corners, rims and balls of a robot against the floor, beyond which only the ends of its tree touch it
+MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def on_floor(mechanism: Mechanism, changes: Mapping[str, Any] | None = None) -> Mechanism:
-    """The mechanism on a floor, unless its file has one, and with each free base where its lowest point touches.
+    """The mechanism on the floor of its file, or else on a new one, and with each free base where it touches that.
 
-    With many shapes only the parts at the ends of the tree touch a new floor, which a remark says. Bases are lifted out
-    of a floor of the file, but not lowered to it.
+    Bases are lifted so that nothing is in the floor; to a new one they are also lowered. Where many shapes would touch,
+    only parts at the ends of the tree do, which a remark says.
 
     :param changes: values of the file to replace before the bases are lifted, see `with_values`.
     :raises MechanismError: nothing can touch a floor, the loops cannot be closed, or a value is not valid.
     """
-    given = any(_is_floor(contact) for contact in mechanism.contacts)
-    if not given:
-        mechanism = _with_floor(mechanism)
+    contacts: Mapping[str, Any] = mechanism.source.data.get("contacts") or {}
+    floors = [name for name, record in contacts.items() if _is_plane_of_ground(record)]
+    if not floors:
+        name = unique_name(FLOOR, contacts)
+        contacts = {**contacts, name: {"parts": "all", "plane": GROUND, "friction": FRICTION}}
+        mechanism = with_values(mechanism, {"contacts": contacts})
+    elif waiting := [name for name in floors if contacts[name].get("active") is False]:
+        mechanism = with_values(mechanism, {f"contacts.{in_quotes(name)}.active": True for name in waiting})
+    mechanism = _with_few_gaps(mechanism, floors or [name])
     if changes:
         mechanism = with_values(mechanism, changes)
-    return _lifted(mechanism, lowers=not given)
+    return _lifted(mechanism, lowers=not floors)
+
+
+def _is_plane_of_ground(record: Any) -> bool:
+    return isinstance(record, dict) and str(record.get("plane") or "").split(".")[0] == GROUND and "parts" in record
 
 
 def _is_floor(contact: Contact) -> bool:
     return isinstance(contact.second, Face) and contact.second.at.part == GROUND
 
 
-def _with_floor(mechanism: Mechanism) -> Mechanism:
-    contacts: Mapping[str, Any] = mechanism.source.data.get("contacts") or {}
-    name = unique_name(FLOOR, contacts)
-
-    def touching(parts: str | list[str]) -> Mechanism:
-        record = {"parts": parts, "plane": GROUND, "friction": FRICTION}
-        return with_values(mechanism, {"contacts": {**contacts, name: record}})
-
-    whole = touching("all")
-    found = dict.fromkeys(contact.first.at.part for contact in whole.contacts if contact.name == name)
-    if len(whole.contacts) - len(mechanism.contacts) <= MOST:
-        return whole
-    ends = _ends(mechanism.joints.values())
-    chosen, other = [part for part in found if part in ends], [part for part in found if part not in ends]
-    if not chosen or not other:
-        return whole
-    floored = touching([reference(part) for part in chosen])
-    text = (
-        f"only {listed(chosen)}, at the ends of the tree, touch the {name}; {listed(other)} do not, because each of "
-        f"their corners makes every step slower. To change that, give contacts.{name}.parts."
-    )
-    return replace(floored, source=replace(floored.source, remarks=(*floored.source.remarks, text)))
+def _with_few_gaps(mechanism: Mechanism, floors: list[str]) -> Mechanism:
+    """The mechanism of which only the ends of the tree touch floors, if all parts do and these have many gaps."""
+    contacts: Mapping[str, Any] = mechanism.source.data["contacts"]
+    changed: dict[str, Any] = {}
+    remarks: list[str] = []
+    for name in floors:
+        record = contacts[name]
+        own = [contact for contact in mechanism.contacts if contact.name == name]
+        if record.get("parts") != "all" or "without" in record or sum(each.slots or 1 for each in own) <= MOST:
+            continue
+        solid = [part.name for part in mechanism.parts.values() if part.touching]
+        ends = _ends(mechanism.joints.values())
+        chosen, other = [part for part in solid if part in ends], [part for part in solid if part not in ends]
+        if chosen and other:
+            changed[name] = {**record, "without": other}
+            remarks.append(
+                f"only {listed(chosen)}, at the ends of the tree, touch the {name}: with all parts, each step would "
+                f"take many times as long. Change that in contacts.{name}, 'without' {listed(other)}."
+            )
+    if not changed:
+        return mechanism
+    mechanism = with_values(mechanism, {"contacts": {**contacts, **changed}})
+    return replace(mechanism, source=replace(mechanism.source, remarks=(*mechanism.source.remarks, *remarks)))
 
 
 def _ends(joints: Iterable[Joint]) -> set[str]:
     """The parts beyond which no joint moves anything."""
     joints = list(joints)
-    groups = welded_groups(joints)
-    inner = {groups.get(joint.inboard, joint.inboard) for joint in joints if joint.type != "fixed"}
-    outer = [joint.outboard_part for joint in joints]
-    return {part for part in outer if groups.get(part, part) not in inner}
+    groups = welded(joints)
+    inner = {first_of(groups, joint.inboard) for joint in joints if joint.type != "fixed"}
+    return {part for joint in joints if first_of(groups, part := joint.outboard_part) not in inner}
 
 
 def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
@@ -90,12 +100,12 @@ def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
     poses, carried = kinematics.poses(), _carriers(mechanism)
     heights: dict[str, float] = {}
     for contact in filter(_is_floor, mechanism.contacts):
-        base = carried.get(contact.first.at.part, "")
-        assert isinstance(contact.second, Face)
-        rise = float(contact.second.normal @ UP)
-        if rise > 0.0:
-            lift = -_gap(contact, contact.second, poses[contact.first.at.part]) / rise
-            heights[base] = max(lift, heights.get(base, -np.inf))
+        face = contact.second
+        assert isinstance(face, Face)
+        if (rise := float(face.normal @ UP)) > 0.0:
+            for body in contact.first.bodies if isinstance(contact.first, Cluster) else (contact.first,):
+                base, lift = carried.get(body.at.part, ""), -_gap(body, face, poses[body.at.part]) / rise
+                heights[base] = max(lift, heights.get(base, -np.inf))
     changes: dict[str, Any] = {}
     for joint in bases:
         lift = heights.get(joint.name, 0.0)
@@ -114,9 +124,9 @@ def _carriers(mechanism: Mechanism) -> dict[str, str]:
     return found
 
 
-def _gap(contact: Contact, face: Face, pose: Pose) -> float:
-    """How far in m a ball or a rim is above a plane of ground."""
-    body, normal = contact.first, face.normal
+def _gap(body: ContactBody, face: Face, pose: Pose) -> float:
+    """How far in m a body is above a plane of ground."""
+    normal = face.normal
     center: Array = pose.position + pose.rotation @ body.at.point
     height = float(normal @ (center - face.at.point))
     match body:
@@ -124,4 +134,6 @@ def _gap(contact: Contact, face: Face, pose: Pose) -> float:
             return height - radius
         case Rim(radius=radius, axis=axis):
             return height - radius * float(np.linalg.norm(np.cross(normal, pose.rotation @ axis)))
+        case Egg(radii=radii, axes=axes):
+            return height - float(np.linalg.norm(np.array(radii) * ((pose.rotation @ axes).T @ normal)))
     return height

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.contact_models import SYSTEMS, text
-from benchmarks.contacts import CLOSED, OPEN, TWENTY, timed_run, without
+from benchmarks.contacts import CLOSED, HOPPER, OPEN, TWENTY, timed_run, without
 from mbd_sim import Simulation
 
 
@@ -46,3 +46,11 @@ def test_mujoco_has_the_same_system(name):
     assert model.nv == len(system.start)
     assert max(system.kept) < model.nv
     assert sum(model.body_mass) == pytest.approx(Simulation.from_file(name).mechanism.mass)
+
+
+def test_the_hopper_hops():
+    sim = Simulation.from_text(HOPPER)
+    sim.run(2.0)
+    changes = [str(event.change) for event in sim.contact_events]
+    assert min(changes.count(change) for change in ("impact", "closed", "opened")) >= 2
+    assert abs(sim.energies.residual) < 1e-9

@@ -12,7 +12,7 @@ from mbd_sim.base.errors import CommandError
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
-from mbd_sim.cli.shared.setup_options import add_robot, set_up_by
+from mbd_sim.cli.shared.setup_options import add_robot, read_mechanism, set_up_by
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.mjcf.written_bodies import Written
@@ -45,7 +45,7 @@ def _convert(options: argparse.Namespace) -> int:
     """
     if options.expand and options.to != "yaml":
         raise CommandError(f"--expand has no effect with --to {options.to}", "Leave out one of them.")
-    mechanism = with_meshes_seen_from(set_up_by(options, load_mechanism(options.mechanism, options.base), {}), None)
+    mechanism = with_meshes_seen_from(set_up_by(options, read_mechanism(options), {}), None)
     if options.to != "yaml":
         return _write_as(mechanism, options.to)
     source = mechanism.source

@@ -6,13 +6,16 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError, listed
 from mbd_sim.files.text.units import parse_value, split_unit
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.meshes import undrawn_meshes
-from mbd_sim.recordings.views.panels import PlotStyle
+
+if TYPE_CHECKING:  # few subcommands read recordings, whose modules take half of the time of `check`
+    from mbd_sim.recordings.views.panels import PlotStyle
 
 ROUND_OFF = 1e-13  # of a number that was computed over many steps, relative to the numbers that cancel in it
 DURATION = 10.0  # s that are simulated where no time is given

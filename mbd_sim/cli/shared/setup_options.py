@@ -14,7 +14,6 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, split_assignment
 
 if TYPE_CHECKING:
-    from mbd_sim.files.text.xml import Base
     from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
@@ -68,7 +67,7 @@ def changed_mechanism(options: argparse.Namespace) -> Mechanism:
     :raises MechanismError: with all problems of the file, or of the values.
     """
     Waiting.stage("read the mechanism")
-    return set_up_by(options, load_mechanism(options.mechanism, _base(options)), changes_of(options.changes))
+    return set_up_by(options, read_mechanism(options), changes_of(options.changes))
 
 
 def set_up_by(options: argparse.Namespace, mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
@@ -77,8 +76,10 @@ def set_up_by(options: argparse.Namespace, mechanism: Mechanism, changes: Mappin
     return set_up(mechanism, {"limits": limits, **changes} if limits else changes, floor=bool(floor))
 
 
-def _base(options: argparse.Namespace) -> Base | None:
-    return getattr(options, "base", None)
+def read_mechanism(options: argparse.Namespace) -> Mechanism:
+    """The mechanism of the file, with `--base`; meshes touch as their hulls if there is a floor."""
+    base, floor = (getattr(options, name, None) for name in ("base", "floor"))
+    return load_mechanism(options.mechanism, base, hulls=bool(floor))
 
 
 def changes_of(assignments: Iterable[str]) -> dict[str, Any]:
@@ -99,7 +100,7 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
     from mbd_sim.simulation.run.simulation import BaseSimulation  # not for `check`, whose reports are kept
 
     Waiting.stage("read the mechanism")
-    mechanism = load_mechanism(options.mechanism, _base(options))
+    mechanism = read_mechanism(options)
     changes = changes_of(options.changes) if with_changes else {}
     changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
     mechanism = set_up_by(options, mechanism, changes)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Callable, Sequence
 from importlib import import_module
 
 import llvmlite
@@ -94,10 +95,15 @@ def compiler_identity() -> tuple[str, ...]:
 
 def compile_text(text: str) -> MachineCode:
     """Optimize and compile IR, or load the object code if the same code was compiled before."""
-    key = disk_cache.key(text, *compiler_identity())
+    return compile_once([text], lambda: text)
+
+
+def compile_once(contents: Sequence[str], emit: Callable[[], str]) -> MachineCode:
+    """Compile the IR that `emit` makes from these contents, or load the object code, without the IR."""
+    key = disk_cache.key(*contents, *compiler_identity())
     code = disk_cache.load(key)
     if code is None:
-        code = _compiled(text, *_host(), LEVEL)
+        code = _compiled(emit(), *_host(), LEVEL)
         disk_cache.store(key, code)
     return linked(key, code)
 

@@ -212,6 +212,15 @@ class IRBuilder:
         call += "" if inline else " noinline"
         return self._called(result, call)
 
+    def call_address(self, address: Value, result: Type, arguments: Sequence[Value]) -> Value:
+        """Call machine code at an address."""
+        given = ", ".join([f"{a.type} {a.text}" for a in arguments])
+        return self._called(result, f"call {result} {address.text}({given})")
+
+    def unreachable(self) -> None:
+        """Nothing leads to this block."""
+        self._terminate("unreachable")
+
     def _called(self, result: Type, call: str) -> Value:
         if result != VOID:
             return self.value(result, call)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import Index, load, loop, store
+from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
 
 
 @dataclass(frozen=True)
@@ -60,21 +60,16 @@ def _factorize(module: Module, size: int, counted: bool, lanes: int) -> Function
             _exchange(b, size, order, k, matrix, rows, largest, pivot_row)
         inverse = b.fdiv(number(1.0), load(b, matrix, _offset(b, size, k, k)))
 
-        def scale(i: Value) -> None:
-            offset = _offset(b, size, i, k)
-            store(b, b.fmul(load(b, matrix, offset), inverse), matrix, offset)
+        pivots = element(b, matrix, b.mul(k, integer(size)))
 
-        loop(b, following, order, scale)
+        def scale(w: IRBuilder, i: Index) -> None:
+            store(w, w.fmul(load(w, pivots, i), inverse), pivots, i)
+
+        for_span(b, size, following, order, scale)
 
         def update_column(j: Value) -> None:
-            factor = load(b, matrix, _offset(b, size, k, j))
-
-            def update(i: Value) -> None:
-                subtracted = b.fmul(factor, load(b, matrix, _offset(b, size, i, k)))
-                offset = _offset(b, size, i, j)
-                store(b, b.fsub(load(b, matrix, offset), subtracted), matrix, offset)
-
-            loop(b, following, order, update)
+            target = element(b, matrix, b.mul(j, integer(size)))
+            subtract_product(b, size, following, order, target, load(b, target, k), pivots)
 
         loop(b, following, order, update_column)
         store(b, inverse, matrix, _offset(b, size, k, k))
@@ -149,12 +144,7 @@ def _solve(module: Module, size: int, counted: bool, lanes: int) -> Function:
     loop(b, 0, order, gather)
 
     def subtract_column(k: Value, first: Index, beyond: Index) -> None:
-        factor = load(b, x, k)
-
-        def subtract(i: Value) -> None:
-            store(b, b.fsub(load(b, x, i), b.fmul(factor, load(b, matrix, _offset(b, size, i, k)))), x, i)
-
-        loop(b, first, beyond, subtract)
+        subtract_product(b, size, first, beyond, x, load(b, x, k), element(b, matrix, b.mul(k, integer(size))))
 
     def substitute_back(step: Value) -> None:
         k = b.sub(last, step)
@@ -165,6 +155,17 @@ def _solve(module: Module, size: int, counted: bool, lanes: int) -> Function:
     loop(b, 0, order, substitute_back)
     b.ret_void()
     return function
+
+
+def subtract_product(
+    b: IRBuilder, most: int, first: Index, beyond: Index, target: Value, factor: Value, vector: Value
+) -> None:
+    """Emit target - factor vector for the components from `first` to before `beyond`, in place: see `for_span`."""
+
+    def subtract(w: IRBuilder, i: Index) -> None:
+        store(w, w.fsub(load(w, target, i), w.fmul(factor, load(w, vector, i))), target, i)
+
+    for_span(b, most, first, beyond, subtract)
 
 
 def _swap(b: IRBuilder, array: Value, one: Value, other: Value, where: Value | None = None) -> None:

@@ -78,6 +78,21 @@ def for_components(b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], o
         body(b, done)
 
 
+def for_span(b: IRBuilder, most: int, first: Index, beyond: Index, body: Callable[[IRBuilder, Index], object]) -> None:
+    """Emit `body(builder, index)` for every index from `first` to before `beyond`, several at once if that pays.
+
+    `body` is as in `for_components`. The bounds may become known only when the code runs; there are at most so many.
+    """
+    start, end = (integer(bound) if isinstance(bound, int) else bound for bound in (first, beyond))
+    if most <= 2 * LANES or isinstance(b, LaneBuilder) or not b.module.fast:
+        loop(b, start, end, lambda i: body(b, i))
+        return
+    blocks = b.lshr(b.sub(end, start), integer(LANES.bit_length() - 1))
+    rest = b.add(start, b.mul(blocks, integer(LANES)))
+    loop(b, 0, blocks, lambda count: body(ComponentBuilder(b, LANES), b.add(start, b.mul(count, integer(LANES)))))
+    loop(b, rest, end, lambda i: body(b, i))
+
+
 def each_component(
     b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], object], still: frozenset[int] = NONE
 ) -> None:

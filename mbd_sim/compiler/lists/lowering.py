@@ -135,28 +135,37 @@ LIBRARY: dict[int, str] = {
 }
 
 
-def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) -> Function:
+def lower(
+    module: Module, function: Instructions, inline: bool, lanes: int = 1, *, as_interpreted: bool = False
+) -> Function:
     """Emit `function` as `void name(double* in0, …, double* out0, …)`, whose arguments must not overlap.
 
     With several `lanes` each double is a vector, see `LaneBuilder`.
+
+    :param as_interpreted: results have the bits that CasADi's interpreter computes.
 
     :raises NotImplementedError: the function has an operation that kernels do not support.
     """
     inputs, outputs = function.n_in(), function.n_out()
     emitted, builder = define(module, function.name(), inputs + outputs, inline, lanes)
     instructions = instructions_of(function)
-    split, by_reciprocal = pieces(len(instructions)), shared_divisions(instructions)
+    split = pieces(len(instructions))
+    by_reciprocal = frozenset[int]() if as_interpreted else shared_divisions(instructions)
     inline_sines = len(instructions) <= INLINE_SINES
     if len(split) == 1:
         arguments = emitted.args[:inputs], emitted.args[inputs:]
-        Lowering(module, builder, inline_sines).run(instructions, by_reciprocal, split[0], *arguments, {})
+        Lowering(module, builder, inline_sines, as_interpreted).run(
+            instructions, by_reciprocal, split[0], *arguments, {}
+        )
     else:
         memory = local_array(builder, function.sz_w())
         for piece_number, (piece, saved) in enumerate(zip(split, live_out(instructions, split), strict=True)):
             part, inside = define(module, f"{function.name()}.{piece_number}", inputs + outputs + 1, False, lanes)
             piece_work = PieceWork(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
-            Lowering(module, inside, inline_sines).run(instructions, by_reciprocal, piece, *arguments, piece_work)
+            Lowering(module, inside, inline_sines, as_interpreted).run(
+                instructions, by_reciprocal, piece, *arguments, piece_work
+            )
             piece_work.save(saved)
             inside.ret_void()
             builder.call(part, [*emitted.args, memory])
@@ -185,8 +194,8 @@ def define(module: Module, name: str, arguments: int, inline: bool, lanes: int) 
 class Lowering:
     """The emission of a list of instructions, with the values that are computed once and used again."""
 
-    def __init__(self, module: Module, builder: IRBuilder, inline: bool) -> None:
-        self.module, self._inline = module, inline
+    def __init__(self, module: Module, builder: IRBuilder, inline: bool, as_interpreted: bool = False) -> None:
+        self.module, self._inline, self._as_interpreted = module, inline, as_interpreted
         self.builder: IRBuilder = builder
         self._sines_cosines: dict[Value | Component, tuple[Value, Value]] = {}  # by angle
         self._components: dict[Value, Component] = {}  # of inputs that are angles
@@ -203,7 +212,7 @@ class Lowering:
         work: dict[int, Value],
     ) -> None:
         """Emit a range of the instructions; `work` is the work vector."""
-        if self.module.fast and not isinstance(self.builder, LaneBuilder):
+        if self.module.fast and not isinstance(self.builder, LaneBuilder) and not self._as_interpreted:
             self._groups = angle_groups(instructions, piece)
         for index in piece:
             operation, source, target, value = instructions[index]
@@ -276,7 +285,9 @@ class Lowering:
 
     def sine_cosine(self, angle: Value) -> tuple[Value, Value]:
         """Sine and cosine of an angle, computed once."""
-        if angle not in self._sines_cosines:
+        if angle not in self._sines_cosines and self._as_interpreted:
+            self._sines_cosines[angle] = self.library("sin", angle), self.library("cos", angle)
+        elif angle not in self._sines_cosines:
             self._sines_cosines[angle] = sine_cosine(self.module, self.builder, angle, self._inline)
         return self._sines_cosines[angle]
 

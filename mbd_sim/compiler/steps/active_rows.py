@@ -5,16 +5,16 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder, local_array, number
+from mbd_sim.compiler.ir.builder import FALSE, IRBuilder, element, local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import load, loop, store
+from mbd_sim.compiler.ir.vectors import Index, for_components, load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.lists.like_operations import Branch
 from mbd_sim.compiler.lists.lowering import instruction_count, lower
@@ -40,10 +40,22 @@ class Load:
     components: int
 
 
+@dataclass(frozen=True, eq=False)
+class FactoredSystem:
+    """`function(t, y, inputs)` gives a memory, L (n, k) of a matrix L R, some entries of R (k, n), and right sides.
+
+    These are those of each column, with the indices of their rows in `places`; all others are zero. Without `places`, R
+    is the unit matrix. The right sides (n, ·) follow one another. Loads and a margin may follow.
+    """
+
+    function: ca.Function
+    places: Sequence[Sequence[int]] | None
+
+
 def emit_solved(
     module: Module,
     name: str,
-    system: ca.Function,
+    system: FactoredSystem,
     results: Sequence[ca.Function],
     active: ActiveRows,
     *,
@@ -55,41 +67,79 @@ def emit_solved(
 ) -> Function:
     """Emit `void name(t, y, inputs, out…[, margin])` of double pointers, and what it calls, if that is not there yet.
 
-    `system(t, y, inputs)` gives a memory, a matrix (n, n), right sides (n, k) one after the other, and perhaps a
-    margin; each of the `results(memory, solution)` takes the solution, zero for all other rows, and has an `out`. The
-    margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
+    Each of the `results(memory, solution)` takes the solution of the system, zero for all other rows, and has an `out`.
+    The margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
 
     :param loads: whose numbers the system has as one more output.
     """
     has_loads = bool(loads)
-    has_margin = system.n_out() > 3 + has_loads
-    columns = system.nnz_out(2) // max(active.rows, 1)
+    function_of_state, n = system.function, active.rows
+    has_margin = function_of_state.n_out() > 4 + has_loads
+    columns = function_of_state.nnz_out(3) // max(n, 1)
 
     def emitted(called: ca.Function) -> Function:
         known = module.functions.get(called.name())
         return lower(module, arranged(called, fused=fused), inline=False) if known is None else known
 
-    emitted_system, *emitted_results = map(emitted, (system, *results))
+    emitted_system, *emitted_results = map(emitted, (function_of_state, *results))
     solve = emit_active_solver(module, f"{name}.solve", active, columns, adds_given=adds_given, watches=watches)
     function = Function(module, FunctionType(VOID, [POINTER] * (3 + len(results) + reports_margin)), name)
     function.linkage = "internal"
     b = IRBuilder(function.append_basic_block("entry"))
     t, y, inputs, *rest = function.args
     out, margin = rest[: len(results)], rest[len(results) :]
-    memory = local_array(b, system.nnz_out(0))
-    matrix, right = local_array(b, active.rows**2), local_array(b, active.rows * columns)
-    solution = local_array(b, active.rows * columns)
-    numbers = [local_array(b, system.nnz_out(3))] if has_loads else []
+    memory, left, factor = (local_array(b, function_of_state.nnz_out(index)) for index in range(3))
+    matrix = left if system.places is None else local_array(b, n * n)
+    right, solution = (local_array(b, n * columns) for _ in range(2))
+    numbers = [local_array(b, function_of_state.nnz_out(4))] if has_loads else []
     if has_margin and not margin:
         margin = [local_array(b, 1)]
-    b.call(emitted_system, [t, y, inputs, memory, matrix, right, *numbers, *margin])
+    b.call(emitted_system, [t, y, inputs, memory, left, factor, right, *numbers, *margin])
+    if system.places is not None:
+        product = emit_product(module, f"{function_of_state.name()}.product", active, system.places)
+        b.call(product, [inputs, left, factor, matrix])
     arguments = [inputs, matrix, right, solution]
     if has_loads:
-        _emit_loaded(b, active.rows, loads, solve, arguments, numbers[0])
+        _emit_loaded(b, n, loads, solve, arguments, numbers[0])
     else:
         b.call(solve, arguments)
     for result, into in zip(emitted_results, out, strict=True):
         b.call(result, [memory, solution, into])
+    b.ret_void()
+    return function
+
+
+def emit_product(module: Module, name: str, active: ActiveRows, places: Sequence[Sequence[int]]) -> Function:
+    """Emit `void name(inputs, left, right, matrix)`, if it is not there yet: the columns of L R of active rows.
+
+    While rows share their forces, these are all columns. For the factors see `FactoredSystem`.
+    """
+    if (known := module.functions.get(name)) is not None:
+        return known
+    n, position = active.rows, 0
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
+    function.linkage, function.attributes, function.noalias = "internal", ["noinline"], True
+    inputs, left, right, matrix = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    share = FALSE
+    for row in range(n):
+        share = b.or_(share, b.fcmp_ordered("<", load(b, inputs, active.first + row), number(0.0)))
+    for column, own in enumerate(places):
+        is_active = b.fcmp_unordered("!=", load(b, inputs, active.first + column), number(0.0))
+        with b.if_then(b.or_(share, is_active)):
+            factors = [load(b, right, position + index) for index in range(len(own))]
+            vectors = [element(b, left, place * n) for place in own]
+            target = element(b, matrix, column * n)
+
+            def component(w: IRBuilder, i: Index, target: Value, terms: Sequence[tuple[Value, Value]]) -> None:
+                total = number(0.0)
+                for factor, vector in terms:
+                    total = w.fma(factor, load(w, vector, i), total)
+                store(w, total, target, i)
+
+            terms = list(zip(factors, vectors, strict=True))
+            for_components(b, n, partial(component, target=target, terms=terms), short=True)
+        position += len(own)
     b.ret_void()
     return function
 
@@ -161,19 +211,20 @@ class OneSidedSystem:
 
     `rates` and `project` are pairs of a system and its result, see `emit_solved`, and `readings` a further result of
     the system of rates. `open_start(t, y, inputs)` gives what `rates` do while everything is open, then the gaps and
-    their rates. Inputs from `first_mode` on are the `modes`: which gaps are closed, which
-    rows are active, and the directions of sliding; those from `first_given` on are the given forces. `slips` are the
-    pairs of rows with friction along two directions, at rest up to a `slow` speed. `gap_units` are those of the
-    tolerance of open gaps.
+    their rates; `event_readers` are further readers, which events need. Inputs from `first_mode` on are the `modes`:
+    which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
+    given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
+    `gap_units` are those of the tolerance of open gaps.
     """
 
     gaps: int
     rows: int
     guards: int
-    rates: tuple[ca.Function, ca.Function]
-    project: tuple[ca.Function, ca.Function]
+    rates: tuple[FactoredSystem, ca.Function]
+    project: tuple[FactoredSystem, ca.Function]
     readings: ca.Function
     open_start: ca.Function
+    event_readers: Mapping[str, ca.Function]
     first_mode: int
     modes: int
     first_given: int
@@ -199,7 +250,8 @@ def emit_one_sided(
     """
     rows = one_sided.rows
     solver = emit_dense_solver(module, rows, counted=True)
-    active = ActiveRows(rows, one_sided.first_mode + one_sided.gaps, one_sided.first_given, solver)
+    first, gaps = one_sided.first_mode + one_sided.gaps, one_sided.gaps
+    active = ActiveRows(rows, first, one_sided.first_given, solver, gaps)
     contact, rates, readings = *one_sided.rates, one_sided.readings
     solved = partial(emit_solved, active=active, loads=one_sided.loads, adds_given=True)
     reports = system.reports_conditioning

@@ -11,15 +11,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from mbd_sim.compiler.ir.builder import INT, IRBuilder, element, integer, local_array, number
-from mbd_sim.compiler.ir.dense_solver import DenseSolver
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, local_array, number
+from mbd_sim.compiler.ir.dense_solver import DenseSolver, subtract_product
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import load, loop, store
+from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
 
 
 @dataclass(frozen=True)
 class ActiveRows:
     """Row i of `rows` is active if input `first` + i is not zero; `solver` is counted, of the order `rows`.
+
+    The first `gaps` rows are those of gaps, which are closed where the inputs before `first` are not zero.
 
     Where active rows depend on each other, the inputs are weights w, of which those of rows that depend on the other
     ones are negative. Of all solutions that with the least Σ w (x - ρ)² is taken, with the inputs ρ (rows,) from
@@ -30,6 +32,7 @@ class ActiveRows:
     first: int
     given: int
     solver: DenseSolver
+    gaps: int = 0
 
 
 def emit_active_solver(
@@ -38,8 +41,9 @@ def emit_active_solver(
     """Emit `void name(inputs, matrix, right, solution)` of double pointers, with right sides one after the other.
 
     :param adds_given: False: ρ counts as zero.
-    :param watches: while rows share their forces, the solution of each other row is w times what its force is less
-        than zero: where that is negative, it would bear a force. That is -A_Biᵀ A_BB⁻ᵀ W_B (x - ρ)_B with the basis B.
+    :param watches: while rows share their forces, the solution of each closed gap that is not active is w times what
+        its force is less than zero: where that is negative, it would bear a force. That is -A_Biᵀ A_BB⁻ᵀ W_B (x - ρ)_B
+        with the basis B.
     """
     n = active.rows
     shared = None
@@ -89,42 +93,52 @@ def _emit_shared(
     b = IRBuilder(function.append_basic_block("entry"))
     share = emit_shared_solver(module, n, active.solver)
     small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
-    mask = element(b, inputs, active.first)
+    total, mask = local_array(b, 1), element(b, inputs, active.first)
     given = element(b, inputs, active.given)
     chosen_row, (basis, size) = _choose(b, n, mask, [">", "<"])
     _gather(b, n, matrix, small, chosen_row, basis, size)
     b.call(active.solver.factorize, [small, order, basis])
     loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
 
-    def subtract_given(i: Value) -> None:
-        def subtract(j: Value) -> None:
-            slope = load(b, matrix, b.add(chosen_row(i), b.mul(j, integer(n))))
-            store(b, b.fma(b.fneg(slope), load(b, given, j), load(b, small_right, i)), small_right, i)
+    def subtract_given(j: Value) -> None:
+        force = load(b, given, j)
 
-        loop(b, 0, n, subtract)
+        def subtract(i: Value) -> None:
+            slope = load(b, matrix, b.add(chosen_row(i), b.mul(j, integer(n))))
+            store(b, b.fma(b.fneg(slope), force, load(b, small_right, i)), small_right, i)
+
+        with b.if_then(b.fcmp_unordered("!=", force, number(0.0))):
+            loop(b, 0, basis, subtract)
 
     def watch(i: Value, offset: Value) -> None:
         source = b.mul(i, integer(n))
         loop(b, 0, basis, lambda j: store(b, load(b, matrix, b.add(chosen_row(j), source)), small_right, j))
         b.call(active.solver.solve, [small, order, small_right, gains, basis])
+        b.store(number(0.0), total)
 
         def subtract(j: Value) -> None:
             bears = b.fmul(load(b, weights, j), load(b, x, j))
-            place = b.add(i, offset)
-            store(b, b.fma(b.fneg(load(b, gains, j)), bears, load(b, solution, place)), solution, place)
+            b.store(b.fma(b.fneg(load(b, gains, j)), bears, b.load(total, typ=DOUBLE)), total)
 
-        with b.if_then(b.fcmp_ordered("==", load(b, mask, i), number(0.0))):
-            loop(b, 0, basis, subtract)
+        loop(b, 0, basis, subtract)
+        store(b, b.load(total, typ=DOUBLE), solution, b.add(i, offset))
+
+    closed = element(b, inputs, active.first - active.gaps)
+
+    def watch_unloaded(gap: Value, offset: Value) -> None:
+        is_closed = b.fcmp_unordered("!=", load(b, closed, gap), number(0.0))
+        with b.if_then(b.and_(is_closed, b.fcmp_ordered("==", load(b, mask, gap), number(0.0)))):
+            watch(gap, offset)
 
     def solve_column(offset: Value) -> None:
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
         loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         if adds_given:
-            loop(b, 0, basis, subtract_given)
+            loop(b, 0, n, subtract_given)
         b.call(active.solver.solve, [small, order, small_right, x, basis])
         b.call(share, [small, order, weights, x, basis, size])
         if watches:
-            loop(b, 0, n, lambda i: watch(i, offset))
+            loop(b, 0, active.gaps, lambda gap: watch_unloaded(gap, offset))
         if adds_given:
             loop(b, 0, size, lambda i: store(b, b.fadd(load(b, x, i), load(b, given, chosen_row(i))), x, i))
         loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
@@ -178,40 +192,43 @@ def emit_shared_solver(module: Module, n: int, solver: DenseSolver) -> Function:
     function.linkage = "internal"
     matrix, order, weights, x, basis, size = function.args
     b = IRBuilder(function.append_basic_block("entry"))
-    slopes, normal, right, found, small_order = (local_array(b, count) for count in (n * n, n * n, n, n, n))
+    slopes, across, normal, right, found, small_order = (local_array(b, n) for n in (n * n, n * n, n * n, n, n, n))
     count = b.sub(size, basis)
 
-    def at(row: Value, column: Value) -> Value:
-        return b.add(row, b.mul(column, integer(n)))
-
-    def add_to(array: Value, index: Value, factor: Value, value: Value) -> None:
-        store(b, b.fma(factor, value, load(b, array, index)), array, index)
+    def at(array: Value, column: Index) -> Value:
+        return element(b, array, b.mul(column, integer(n)) if isinstance(column, Value) else integer(column * n))
 
     def solve_column(j: Value) -> None:
-        column = b.mul(b.add(basis, j), integer(n))
-        target = element(b, slopes, b.mul(j, integer(n)))
-        b.call(solver.solve, [matrix, order, element(b, matrix, column), target, basis])
+        own = at(slopes, j)
+        b.call(solver.solve, [matrix, order, at(matrix, b.add(basis, j)), own, basis])
+        loop(b, 0, basis, lambda k: store(b, load(b, own, k), at(across, k), j))
 
-    def normal_column(j: Value) -> None:
-        def entry(i: Value) -> None:
-            store(b, number(0.0), normal, at(i, j))
-            loop(b, 0, basis, lambda k: add_to(normal, at(i, j), weighted(k, i), load(b, slopes, at(k, j))))
+    def add_row(k: Value) -> None:
+        """Add what the row k of the basis contributes to the normal equations."""
+        row, weight = at(across, k), load(b, weights, k)
+        solved = b.fmul(weight, load(b, x, k))
+        add_product(right, solved, row)
+        loop(b, 0, count, lambda j: add_product(at(normal, j), b.fmul(weight, load(b, row, j)), row))
 
-        loop(b, 0, count, entry)
-        add_to(normal, at(j, j), number(1.0), load(b, weights, b.add(basis, j)))
+    def add_product(target: Value, factor: Value, vector: Value) -> None:
+        def add(w: IRBuilder, i: Index) -> None:
+            store(w, w.fma(factor, load(w, vector, i), load(w, target, i)), target, i)
+
+        for_span(b, n, 0, count, add)
+
+    def begin(j: Value) -> None:
+        for_span(b, n, 0, count, lambda w, i: store(w, number(0.0), at(normal, j), i))
+        store(b, load(b, weights, b.add(basis, j)), at(normal, j), j)
         store(b, number(0.0), right, j)
-        loop(b, 0, basis, lambda k: add_to(right, j, weighted(k, j), load(b, x, k)))
-
-    def weighted(row: Value, column: Value) -> Value:
-        return b.fmul(load(b, slopes, at(row, column)), load(b, weights, row))
 
     def finish(j: Value) -> None:
         value = load(b, found, j)
         store(b, value, x, b.add(basis, j))
-        loop(b, 0, basis, lambda k: add_to(x, k, b.fneg(load(b, slopes, at(k, j))), value))
+        subtract_product(b, n, 0, basis, x, value, at(slopes, j))
 
     loop(b, 0, count, solve_column)
-    loop(b, 0, count, normal_column)
+    loop(b, 0, count, begin)
+    loop(b, 0, basis, add_row)
     b.call(solver.factorize, [normal, small_order, count])
     b.call(solver.solve, [normal, small_order, right, found, count])
     loop(b, 0, count, finish)

@@ -273,12 +273,14 @@ def _unable_to_act(
     Rows of slip come after those of the `gaps`, slots without any coordinate are among them. The second result are gaps
     that only drives or time change: no force opens them once they close.
     """
-    slots = {row for row, gap in enumerate(gaps) if gap.numbers is not None}
-    rows = [*sorted(slots), *range(len(gaps), len(equations.rows))]
-    found = {row for row in rows if not equations.gradient[row, :].nnz()}
+    slots = [row for row, gap in enumerate(gaps) if gap.numbers is not None]
+    fixed = [row for row in slots if not equations.gradient[row, :].nnz()]
+    driven = [row for row in fixed if equations.velocity[row, :].nnz()]
+    slips = [row for row in range(len(gaps), len(equations.rows)) if not equations.gradient[row, :].nnz()]
     others = [row for row in range(len(gaps)) if row not in slots]
     unable, prescribed = _unchanged(traced, equations.select(others)) if others else (set[int](), list[int]())
-    return found | {others[row] for row in unable}, [others[row] for row in prescribed]
+    found = {*fixed, *slips, *(others[row] for row in unable)} - {*driven}
+    return found, [*driven, *(others[row] for row in prescribed)]
 
 
 def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple[set[int], list[int]]:

@@ -28,11 +28,11 @@ def gap_values(one_sided: OneSidedEquations, positions: ca.SX | None = None) -> 
 
 
 def one_sided_readings(
-    one_sided: OneSidedEquations, loads: Sequence[JointLoad], matrix: ca.SX, weight: float, solution: ca.SX
+    one_sided: OneSidedEquations, loads: Sequence[JointLoad], mobility: ca.SX, weight: float, solution: ca.SX
 ) -> ca.SX:
     """The gaps, the rates and forces of all rows, the guards, and the rates at which friction can turn slips.
 
-    :param matrix: A (rows, rows) without friction.
+    :param mobility: the diagonal (rows,) of A without friction.
     :param weight: in N, by which guards of forces are divided; those of moments by this times the natural length.
     :param solution: (rows,) of the active rows; of others what `mbd_sim.compiler.steps.active_rows.emit_solved`
         watches.
@@ -54,19 +54,18 @@ def one_sided_readings(
         if load.components == 1
     ]
     spatial = [element for element in one_sided.frictions if len(element.rows) == 2]
-    turning = [_turning(one_sided, element, forces, matrix) for element in spatial]
+    turning = [_turning(one_sided, element, forces, mobility) for element in spatial]
     return ca.vertcat(gaps, one_sided.equations.velocity, forces, *guards, *turning)
 
 
-def _turning(one_sided: OneSidedEquations, element: FrictionElement, forces: ca.SX, matrix: ca.SX) -> ca.SX:
+def _turning(one_sided: OneSidedEquations, element: FrictionElement, forces: ca.SX, mobility: ca.SX) -> ca.SX:
     """The rate in 1/s at which friction along two directions can turn its slip velocity."""
     assert element.gap is not None
     slip = one_sided.equations.velocity[list(element.rows), :]
     speed = ca.sqrt(ca.dot(slip, slip))
-    mobility = sum((matrix[row, row] for row in element.rows), ca.SX(0))
     stored = one_sided.stored_direction(element)
     slides = (ca.dot(stored, stored) > 0.0) * (speed > one_sided.slow)
-    size = element.sliding(slip) * ca.fabs(forces[element.gap]) * mobility
+    size = element.sliding(slip) * ca.fabs(forces[element.gap]) * ca.sum1(mobility[list(element.rows)])
     return ca.if_else(slides, size / ca.fmax(speed, one_sided.slow), 0.0)
 
 

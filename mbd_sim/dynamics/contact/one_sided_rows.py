@@ -16,9 +16,12 @@ from typing import assert_never
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
+from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
+from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar_solids import in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
@@ -29,7 +32,7 @@ from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.elements.contacts import Contact, Solid
+from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
@@ -188,7 +191,10 @@ def one_sided_rows(
     for contact in without_repeated(rigid, still):
         moving = contact if still is None else in_plane(contact, still, places)
         if moving is None:
-            continue
+            message = "{} and {} never touch: they are beside each other along the axis along which nothing moves"
+            remedy = "Move their shapes into one plane, or remove the contact."
+            problem = message.format(*map(repr, contact.names))
+            raise MechanismError([mechanism.source.problem(("contacts", contact.name), problem, remedy)])
         if moving.slots:
             gaps += _slots(moving, bodies, length)
         else:
@@ -206,9 +212,17 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
     for slot in range(1, contact.slots + 1):
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
         match contact.first, contact.second:
-            case Solid(), Solid():
+            case Cluster(), Face() as face:
                 numbers = ca.SX.sym("features", SLOT_SIZE)
-                touching = slot_touch(numbers, *frames, length, contact.still)
+                touching = cluster_touch(numbers, *frames, face, length)
+            case PlanarBody() as one, PlanarBody() as other:
+                numbers = ca.SX.sym("features", SLOT_SIZE)
+                touching = outline_touch(numbers, (one, other), *frames, length)
+            case Solid() as one, Solid() as other:
+                numbers = ca.SX.sym("features", SLOT_SIZE)
+                crossing = contact.still is None and min(len(one.vertices), len(other.vertices)) > 1
+                apart = one.radius + other.radius > 0.0
+                touching = slot_touch(numbers, *frames, length, contact.still, crossing=crossing, apart=apart)
             case one, other:
                 numbers = ca.SX.sym("features", SMOOTH_SIZE)
                 touching = smooth_touch((one, other), numbers, frames, length)

@@ -21,10 +21,12 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    Cluster,
     Contact,
     ContactBody,
     Egg,
     Face,
+    PlanarBody,
     Rim,
     RimPoint,
     Solid,
@@ -149,7 +151,7 @@ def _in_axes(one: BodyFrame, other: BodyFrame) -> ca.SX:
 def _arms(body: ContactBody) -> list[tuple[float, Array]]:
     """Radii of a body that is not a ball, each with a direction: that about which it is round, or one across a cam."""
     match body:
-        case Ball() | Face() | Solid():
+        case Ball() | Face() | Solid() | PlanarBody() | Cluster():
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
@@ -171,9 +173,11 @@ def _radius(body: ContactBody) -> float:
     match body:
         case Cam():
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
-        case Face():
+        case Face() | PlanarBody():
             return 0.0
         case Egg():
             return min(body.radii)
+        case Cluster(bodies=bodies):
+            return max(each.radius for each in bodies)
         case _:
             return body.radius

@@ -62,17 +62,22 @@ def _directions(rim: Rim, face: Face, still: int | None) -> Array:
     if still is not None and face.normal[still] == 0.0 and rim.axis[still] == 0.0:
         across = np.cross(rim.axis, np.eye(3)[still])
         return np.array([across, -across])
+    return rim_directions(rim.axis)
+
+
+def rim_directions(axis: Array) -> Array:
+    """The directions (n, 3) of the points of a rim around an axis (3,) in space."""
     angles = [2.0 * math.pi * number / POINTS for number in range(POINTS)]
-    return np.array([[math.cos(angle), math.sin(angle)] for angle in angles]) @ perpendiculars(rim.axis)
+    return np.array([[math.cos(angle), math.sin(angle)] for angle in angles]) @ perpendiculars(axis)
 
 
-def protrusion(radius: float, square: Any) -> Any:
+def protrusion(radius: Any, square: Any) -> Any:
     """How far in m the points of a rim protrude, from the square s² of its tilt; negative where it is not flat."""
     x = square / FLAT_TILT**2
     return BULGE * radius * square * (1.0 - x) / (1.0 + x) ** 2
 
 
-def withdrawn(radius: float, square: ca.SX) -> ca.SX:
+def withdrawn(radius: Any, square: Any) -> Any:
     """How far in m the lowest point is below the center at tilts up to `EXACT_TILT`, from s²; negative at s = 0.
 
     Its value r s at `EXACT_TILT` and its first two derivatives by s are continuous with those of the rim.

@@ -204,6 +204,12 @@ class FactorizedMassMatrix:
                 total += sparse(force.T @ self._joints[index].factors.solve(other))
         return sparse(total)
 
+    def factors(self, net_forces: Sequence[ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """F and D⁻¹ F (nv, k) of net joint forces F: the product of the transpose and the latter is `product`."""
+        pairs = [(force, self._joints[index].factors.solve(force)) for index, force in enumerate(net_forces)]
+        forces, solved = zip(*pairs, strict=True)
+        return ca.sparsify(ca.vertcat(*forces)), ca.sparsify(ca.vertcat(*solved))
+
     def solve(self, net_forces: Sequence[ca.SX]) -> Accelerations:
         """M⁻¹ forces (nv,) from their net joint forces (., 1), and the accelerations of the links that follow."""
         return self._outward(net_forces, None, np.zeros(3))

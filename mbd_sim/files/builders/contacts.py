@@ -13,13 +13,14 @@ from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, quoted
+from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
+from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
-from mbd_sim.files.builders.welded import free_parts
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec
@@ -38,6 +39,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Cushion,
     Egg,
     Face,
+    PlanarBody,
     Rim,
     Solid,
     Taper,
@@ -46,9 +48,9 @@ from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
+from mbd_sim.mechanism.welded import first_of, free_parts, neighbor_groups, welded
 
 SIDES = {-1: "-", 1: "+"}
-MOST_ON_PLANE = 16  # corners of a hull, each with rows of its own: with 20 of them, the first start takes 20 s
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -57,12 +59,13 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 2, 6, 4),
     (1, 5, 7, 3),
 )
+ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
 ROUND_SLOTS = 6  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg]]:
-    """What of a shape, or of a point, can touch a plane, each with a name: its balls, rims, corners and tip."""
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
+    """What of a shape, or of a point, can touch a plane, each with a name: balls, rims, corners, tip and outline."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
     pose = pose_of(shape)
@@ -70,7 +73,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
     def at(*offset: float) -> Attachment:
         return Attachment(part, pose.position + pose.rotation @ array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim | Egg]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -112,6 +115,8 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
             return corners(x, y, 0.0)
         case schema.BlockSpec(size=(x, y, z)):
             return corners(x, y, z)
+        case schema.OutlineSpec():
+            return [("", planar_body(part, shape, pose, hollow=False))]
         case _:
             assert_never(shape)
 
@@ -139,6 +144,7 @@ def round_body(part: str, shape: schema.AnyShapeSpec | Pose) -> Ball | Barrel | 
             | schema.CapsuleSpec()
             | schema.EllipsoidSpec()
             | schema.HullSpec()
+            | schema.OutlineSpec()
         ):
             return None
         case _:
@@ -180,6 +186,8 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
             return Taper(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
         case schema.EllipsoidSpec(radii=radii):
             return Egg(Attachment(part, pose.position), pose.rotation, radii)
+        case schema.OutlineSpec():
+            raise ValueError("an outline touches in its plane")
         case _:
             assert_never(shape)
 
@@ -228,13 +236,14 @@ class _ContactBuilder:
         if spec.between is not None:
             pairs += self._pairs(where, "between", list(spec.between), spec.inside)
         elif spec.among is not None:
-            pairs += self._pairs(where, "among", spec.among, False)
+            among = self._pairs_of_all(where, spec) if spec.among == ALL else None
+            pairs += self._pairs(where, "among", list(spec.among), False) if among is None else among
         elif spec.plane is not None and (face := self._face(where, spec)) is not None:
             pairs += self._on_face(where, spec, face)
         elif spec.cam is not None and (cam := self._cam(where, spec)) is not None:
             pairs += self._on_cam(where, spec, cam)
         self._check_stiffness(where, spec)
-        if len(self._context.problems) > before:
+        if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
         slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
@@ -244,7 +253,10 @@ class _ContactBuilder:
             )
             self._context.report((*where, "stiffness"), message, "Remove 'stiffness', or use spheres or a plane.")
             return []
-        return [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
+        found = [Contact(name, *pair, law, spec.inside, own) for pair, own in zip(pairs, slots, strict=True)]
+        if spec.parts is None or spec.plane is None or not isinstance(law, ContactLaw):
+            return found
+        return clustered(found, self._context.valid_joints.values(), welds=spec.parts == ALL)
 
     def _check_stiffness(self, where: Location, spec: ContactSpec) -> None:
         """Refuse a stiffness with a unit that does not fit the exponent."""
@@ -275,10 +287,39 @@ class _ContactBuilder:
                 if (pair := self._round_pair(places[index], first, second, inside)) is not None:
                     yield _quantity(first, second), (first.name, second.name), *pair
 
+    def _pairs_of_all(
+        self, where: Location, spec: ContactSpec
+    ) -> list[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        """The pairs of all parts that are not neighbors; a remark says which shapes cannot touch each other."""
+        place: Location = (*where, "among")
+        joints = list(self._context.valid_joints.values())
+        neighbors = neighbor_groups(joints)
+        groups, found = welded(joints), list[tuple[str, tuple[str, str], ContactBody, ContactBody]]()
+        problems, unable = len(self._context.problems), dict[str, None]()
+        for one, other in combinations(self._touching_parts(where, spec), 2):
+            ends = first_of(groups, one), first_of(groups, other)
+            if ends[0] == ends[1] or frozenset(ends) in neighbors:
+                continue
+            for first, second in product(self._solids(place, reference(one)), self._solids(place, reference(other))):
+                if (pair := self._round_pair(place, first, second, False)) is not None:
+                    found.append((_quantity(first, second), (first.name, second.name), *pair))
+                else:
+                    del self._context.problems[problems:]
+                    unable[f"{first.name} and {second.name}"] = None
+        if not found:
+            self._context.report(place, "no two parts that are not neighbors have shapes", "Give a list of parts.")
+        text = f"contacts.{where[1]}: shapes that cannot touch each other: {listed(list(unable))}."
+        source = self._context.source
+        if unable and text not in source.remarks:
+            source.remarks = (*source.remarks, text)
+        return found
+
     def _round_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """Two round bodies as the records of a gap; None, with a problem, if they have none."""
+        if any(isinstance(each.shape, schema.OutlineSpec) for each in (first, second)):
+            return self._outline_pair(where, first, second, inside)
         bodies = [round_body(each.part, each.shape) for each in (first, second)]
         if bodies[0] is None or bodies[1] is None:
             return self._solid_pair(where, first, second, inside)
@@ -302,6 +343,21 @@ class _ContactBuilder:
             self._context.report(where, "two points cannot touch", "Give one of them a shape with a radius.")
             return None
         return one, other
+
+    def _outline_pair(
+        self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
+    ) -> tuple[ContactBody, ContactBody] | None:
+        """An outline and another one, or a roller; None, with a problem, for other shapes."""
+        found = [_planar(each, inside and each is second) for each in (first, second)]
+        if found[0] is None or found[1] is None:
+            other = second if found[1] is None else first
+            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
+            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
+            if inside and not isinstance(second.shape, schema.OutlineSpec):
+                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
+            self._context.report(where, message, remedy)
+            return None
+        return found[0], found[1]
 
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
@@ -344,14 +400,22 @@ class _ContactBuilder:
             for solid in self._solids(place, written):
                 if not self._differ(place, solid.part, face.at.part):
                     break
-                bodies = edges(solid.part, solid.shape)
-                if len(bodies) > MOST_ON_PLANE:
-                    message = f"{solid.name} has {len(bodies)} corners, too many for a contact with a plane"
-                    self._context.report(place, message, f"Give its hull at most {MOST_ON_PLANE} points.")
-                    break
-                for label, body in bodies:
+                for label, body in edges(solid.part, solid.shape):
+                    if isinstance(body, PlanarBody):
+                        yield from self._outline_on_face(place, solid, body, names, face)
+                        continue
                     quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
                     yield quantity, (solid.name, names), body, face
+
+    def _outline_on_face(
+        self, where: Location, shape: _TouchingShape, body: PlanarBody, names: str, face: Face
+    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
+        across = body.axes[:, 2]
+        if abs(float(across @ face.normal)) > ACROSS:
+            message = f"the plane does not cut that of the outline {shape.name!r} at a right angle"
+            self._context.report(where, message, "Choose another 'normal', or the 'plane' of the outline.")
+            return
+        yield f"{_word(shape.name)} on {_word(names)}", (shape.name, names), body, planar_face(face, across)
 
     def _on_cam(
         self, where: Location, spec: ContactSpec, cam: Cam
@@ -374,11 +438,23 @@ class _ContactBuilder:
         place: Location = (*where, "parts")
         if spec.parts != ALL:
             return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
-        solid = [name for name, part in self._parts.items() if any(not one.hole for one in touching_shapes(part))]
-        names = free_parts(solid, self._context.valid_joints.values(), support)
+        names = free_parts(self._touching_parts(where, spec), self._context.valid_joints.values(), support)
         if not names:
             self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
         return [(place, reference(name)) for name in names]
+
+    def _touching_parts(self, where: Location, spec: ContactSpec) -> list[str]:
+        """The parts with shapes that can touch, but for those that are left out."""
+        left_out = set(spec.without or ())
+        for index, part in enumerate(spec.without or ()):
+            if part not in self._parts:
+                message, remedy = f"there is no part {quoted(part)}", nearest(part, self._parts)
+                self._context.report((*where, "without", index), message, remedy)
+        return [
+            name
+            for name, part in self._parts.items()
+            if name not in left_out and any(not one.hole for one in touching_shapes(part))
+        ]
 
     def _differ(self, where: Location, one: str, other: str) -> bool:
         if one == other:
@@ -416,6 +492,14 @@ class _ContactBuilder:
         ]
 
 
+def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
+    """A shape, or a point, as the outline of a planar body; None for those that have none."""
+    if isinstance(shape.shape, schema.OutlineSpec):
+        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
+    body = None if encloses else round_body(shape.part, shape.shape)
+    return None if body is None else round_planar_body(body)
+
+
 def _is_thin(body: Solid | Curved) -> bool:
     """Whether a body has no volume."""
     return body.thin if isinstance(body, Solid) else isinstance(body, Barrel) and body.length == 0.0
@@ -423,6 +507,8 @@ def _is_thin(body: Solid | Curved) -> bool:
 
 def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
+    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
+        return outline_slots(first, second)
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0

@@ -18,6 +18,7 @@ from mbd_sim.base.geometry.batch import array, distance, fsum, per_variant
 from mbd_sim.base.geometry.convex_hull import fans
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.context import rotation_matrix
+from mbd_sim.files.builders.outlines import check_outlines, outline_axes, outline_of
 from mbd_sim.files.schema import file
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.fields import PointSpec
@@ -26,6 +27,7 @@ from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.files.text.mesh_files import solid as solid_within
 from mbd_sim.mechanism.elements.parts import Mesh, Part, Polyhedron, Shape
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
+from mbd_sim.mechanism.outlines.area import area_of
 from mbd_sim.mechanism.values.source import Location, Source
 
 
@@ -33,6 +35,8 @@ def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Pr
     """A part; its problems are added to `problems`."""
     location: Location = ("parts", name)
     shapes = shapes_of(spec)
+    if not check_outlines(shapes, location, spec.shape is not None, source, problems):
+        return Part(name, spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)), point_poses(spec.points))
     meshes = tuple(
         Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
         for mesh in spec.meshes
@@ -283,8 +287,21 @@ def _inertia_of(shape: schema.AnyShapeSpec) -> _ShapeInertia:
             return _hull(shape)
         case schema.ParticleSpec():
             return _ShapeInertia(0, 1.0, _principal(0.0, 0.0, 0.0))
+        case schema.OutlineSpec():
+            return _extruded(shape)
         case _:
             assert_never(shape)
+
+
+def _extruded(shape: schema.OutlineSpec) -> _ShapeInertia:
+    """A plate, or with a thickness a prism; one that is not closed has no mass."""
+    if not shape.closed:
+        return _ShapeInertia(0, 1.0, _principal(0.0, 0.0, 0.0))
+    area, deep = area_of(outline_of(shape)), shape.thickness or 0.0
+    xx, yy, xy, across = area.xx / area.area, area.yy / area.area, area.xy / area.area, deep * deep / 12.0
+    dimension, measure = (3, area.area * deep) if deep else (2, area.area)
+    inertia = np.array([[yy + across, -xy, 0.0], [-xy, xx + across, 0.0], [0.0, 0.0, xx + yy]])
+    return _ShapeInertia(dimension, measure, inertia, (*area.center, 0.0))
 
 
 def pose_of(shape: schema.AnyShapeSpec) -> Pose:
@@ -295,6 +312,8 @@ def pose_of(shape: schema.AnyShapeSpec) -> Pose:
     rotation = rotation_matrix(shape.rotate)
     if isinstance(shape, schema.AxialShapeSpec):
         rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
+    if isinstance(shape, schema.OutlineSpec):
+        rotation = rotation @ outline_axes(shape)
     if isinstance(shape, schema.ConeSpec):
         return Pose(array(shape.at) + rotation[:, 2] * (0.5 * shape.length), rotation)
     if isinstance(shape, schema.HullSpec):
@@ -305,7 +324,7 @@ def pose_of(shape: schema.AnyShapeSpec) -> Pose:
 def build_shape(shape: schema.AnyShapeSpec) -> Shape:
     """The shape to draw."""
     size: tuple[float, ...]
-    hull = None
+    pose, hull, outline = pose_of(shape), None, None
     match shape:
         case schema.RodSpec(start=a, end=b, radius=r):
             length = distance(a, b)
@@ -327,9 +346,13 @@ def build_shape(shape: schema.AnyShapeSpec) -> Shape:
         case schema.HullSpec():
             size, (corners, faces) = (), hull_of(shape)
             hull = Polyhedron(tuple((x, y, z) for x, y, z in map(_numbers, corners)), faces)
+        case schema.OutlineSpec(thickness=thickness):
+            outline, size = outline_of(shape), (thickness or 0.0,)
+            x, y = outline.middle
+            pose, outline = pose @ Pose(np.array([x, y, 0.0]), np.eye(3)), outline.moved(-x, -y)
         case _:
             assert_never(shape)
-    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole, hull, shape.name)
+    return Shape(shape.type, size, pose, shape.color, shape.hole, hull, shape.name, outline)
 
 
 def _numbers(point: Any) -> Any:

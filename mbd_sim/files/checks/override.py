@@ -136,7 +136,7 @@ def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
     from mbd_sim.files.text.mesh_files import with_mesh_hulls, with_mesh_solids
 
     again = expanded(Source(data, source.template_lines, source.file, source.text))
-    again = with_mesh_solids(with_mesh_hulls(again))
+    again = with_mesh_solids(with_mesh_hulls(again, True))
     again.changes = every
     return again
 

@@ -15,7 +15,9 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
+from mbd_sim.files.mjcf.collisions import touching_geoms
 from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
+from mbd_sim.files.text.shape_entries import capsule, hull
 from mbd_sim.files.text.xml import rows
 from mbd_sim.mechanism.elements.parts import GROUND, PartFrame, is_frame_name
 from mbd_sim.mechanism.mass_properties import inertia_defect
@@ -40,13 +42,7 @@ def drawn(model: CompiledModel, geom: int) -> tuple[str, dict[str, Any]] | None:
         case "ELLIPSOID":
             record = {"type": "ellipsoid", "radii": size, **pose_keys}
         case "CAPSULE":
-            arm = place.rotation @ np.array([0.0, 0.0, size[1]])
-            record = {
-                "type": "rod",
-                "from": rows(place.position - arm),
-                "to": rows(place.position + arm),
-                "radius": size[0],
-            }
+            record = capsule(place, size[0], 2.0 * size[1])
         case "CYLINDER":
             record = {"type": "cylinder", "radius": size[0], "length": 2.0 * size[1], **pose_keys}
         case "BOX":
@@ -85,6 +81,8 @@ def _color(model: CompiledModel, geom: int) -> dict[str, str]:
     return {"color": "#" + "".join(f"{round(255.0 * min(max(value, 0.0), 1.0)):02x}" for value in rgba[:3].tolist())}
 
 
+LAST_VISIBLE = 2  # group of geoms that MuJoCo draws by default
+
 UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
@@ -102,6 +100,9 @@ class ModelParts:
         m = model.m
         bodies = self._names("body", m.nbody, lambda index: f"body_{index}")
         self.parts = {**accepted_names_of(bodies, "body", is_frame_name), 0: GROUND}
+        self.geom_names = accepted_names_of(self._names("geom", m.ngeom, lambda index: f"geom_{index}"), "geom")
+        self.touching = set(touching_geoms(model))
+        self.shapes: dict[int, str] = {}  # the parts of geoms that touch
         owners = {index: self.parts[int(m.jnt_bodyid[index])] for index in range(m.njnt)}
         self.joints = accepted_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
         self._used_parts = set(self.parts.values())
@@ -162,13 +163,32 @@ class ModelParts:
             part["inertia"] = tensor_entry(moments)
             if inertia_defect(moments) or not part["mass"]:
                 part["inertia_check"] = False
-        for geom in range(int(m.body_geomadr[index]), int(m.body_geomadr[index] + m.body_geomnum[index])):
-            if (entry := drawn(self.model, geom)) is not None:
-                part.setdefault(entry[0], []).append(entry[1])
+        part |= self._shapes(index)
         if "shapes" in part:
             part.setdefault("inertia", [0.0, 0.0, 0.0])  # given, so that shapes are only drawn
         self.sections["parts"][name] = part
         self.origins["parts", name] = self.model.origin("body", index)
+
+    def _shapes(self, body: int) -> dict[str, Any]:
+        """What is drawn of a body, and what of it touches, if that is something else."""
+        m, found = self.model.m, dict[str, list[dict[str, Any]]](meshes=[], shapes=[], collisions=[])
+        geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body] + m.body_geomnum[body]))
+        has_visible = any(m.geom_group[geom] <= LAST_VISIBLE for geom in geoms)
+        for geom in geoms:
+            if (entry := drawn(self.model, geom)) is None:
+                continue
+            kind, record = entry
+            if geom in self.touching:
+                name, self.shapes[geom] = self.geom_names[geom], self.parts[body]
+                record |= {"name": name} if kind == "shapes" else {}
+                found["collisions"].append(record if kind == "shapes" else {**hull(record), "name": name})
+                if has_visible and m.geom_group[geom] > LAST_VISIBLE:
+                    continue
+            found[kind].append(record)
+        if found["collisions"] == found["shapes"]:
+            found["collisions"] = []
+            return {kind: entries for kind, entries in found.items() if entries}
+        return {kind: entries for kind, entries in found.items() if entries or kind == "collisions"}
 
     def _add_joints(self, index: int) -> None:
         """Connect a body to its parent; between several joints there are parts without mass."""

@@ -28,9 +28,10 @@ from mbd_sim.files.mjcf.written_bodies import (
     written,
     written_bodies,
 )
+from mbd_sim.files.mjcf.written_contacts import add_contacts
 from mbd_sim.files.mjcf.written_elements import add_actuators, add_constraints, add_elements, add_loops, attached_parts
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
-from mbd_sim.mechanism.elements.parts import GROUND, Shape
+from mbd_sim.mechanism.elements.parts import GROUND, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import unique_name
 
@@ -113,17 +114,20 @@ def to_mjcf(mechanism: Mechanism) -> Written:
     document = MjcfDocument(mechanism, root, bodies, {GROUND: add_element(root, "worldbody", {})})
     for name in merged:
         document.leave_out("parts without mass, merged with the next part", name)
-    _add_bodies(document)
+    geoms = _add_bodies(document)
     add_loops(document)
     add_constraints(document)
     add_elements(document)
     add_actuators(document)
+    add_contacts(document, geoms)
     _note_rest(document)
     add_start(document)
     return written(root, document.left_out)
 
 
-def _add_bodies(document: MjcfDocument) -> None:
+def _add_bodies(document: MjcfDocument) -> dict[tuple[str, int], str]:
+    """Write the bodies; the names of the geoms that can touch, by the places of their shapes."""
+    geoms: dict[tuple[str, int], str] = {}
     for point, pose in document.mechanism.ground_points.items():
         document.site(GROUND, pose, f"{GROUND}.{point}")
     for name, body in document.bodies.items():
@@ -135,13 +139,30 @@ def _add_bodies(document: MjcfDocument) -> None:
         for joint in body.joints:
             _add_joint(document, frame, joint)
         _add_inertial(document, frame, body)
-        for count, shape in enumerate(body.part.shapes, start=1):
-            if not shape.hole:
-                _add_geom(document, frame, shape, f"{name}_{shape.kind}_{count}")
+        geoms |= _add_geoms(document, frame, body.part)
         for point, pose in body.part.points.items():
             document.site(name, pose, f"{name}.{point}")
         for mesh in body.part.meshes:
             document.leave_out("meshes", f"{name}: {mesh.file}")
+    return geoms
+
+
+def _add_geoms(document: MjcfDocument, frame: Element, part: Part) -> dict[tuple[str, int], str]:
+    """Write the shapes that are drawn and those that touch, which are not drawn if they are others."""
+    found: dict[tuple[str, int], str] = {}
+    for place, shape in enumerate((*part.shapes, *(part.collisions or ()))):
+        if shape.kind == "outline":
+            document.leave_out("outlines", part.name)
+        elif not shape.hole:
+            is_drawn = place < len(part.shapes)
+            touches = not is_drawn or part.collisions is None
+            wanted = shape.name or f"{part.name}_{shape.kind}_{place + 1}"
+            name = unique_name(wanted, document.geoms)
+            document.geoms.append(name)
+            _add_geom(document, frame, shape, name, hidden=not is_drawn)
+            if touches:
+                found[part.name, place - (0 if is_drawn else len(part.shapes))] = name
+    return found
 
 
 def _add_joint(document: MjcfDocument, frame: Element, written: MjcfJoint) -> None:
@@ -213,8 +234,8 @@ def _add_inertial(document: MjcfDocument, frame: Element, body: WrittenBody) -> 
     add_element(frame, "inertial", {"pos": text(part.center), "mass": number(mass), **moments})
 
 
-def _add_geom(document: MjcfDocument, frame: Element, shape: Shape, name: str) -> None:
-    """A shape to draw: without mass, and without contacts, which it does not have here either.
+def _add_geom(document: MjcfDocument, frame: Element, shape: Shape, name: str, *, hidden: bool) -> None:
+    """A shape without mass, which touches only in explicit pairs. A `hidden` one is in a group that is not drawn.
 
     A cone or a hull is a mesh of its corners, of this name.
     """
@@ -226,7 +247,7 @@ def _add_geom(document: MjcfDocument, frame: Element, shape: Shape, name: str) -
         assets = add_element(document.root, "asset", {}) if assets is None else assets
         add_element(assets, "mesh", {"name": name, "vertex": text(form.ravel())})
         attributes = {"type": "mesh", "mesh": name}
-    attributes |= {"mass": "0", "contype": "0", "conaffinity": "0"}
+    attributes |= {"name": name, "mass": "0", "contype": "0", "conaffinity": "0"} | ({"group": "3"} if hidden else {})
     if shape.color:
         color = [int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)]
         attributes["rgba"] = text(np.array([*color, 1.0]))
@@ -259,6 +280,8 @@ def _geom(shape: Shape) -> tuple[str, list[float]] | Array:
         case "hull":
             assert shape.hull is not None
             return np.array(shape.hull.corners)
+        case "outline":
+            raise ValueError("MJCF has no outlines")
         case _:
             assert_never(shape.kind)
 
@@ -266,7 +289,6 @@ def _geom(shape: Shape) -> tuple[str, list[float]] | Array:
 def _note_rest(document: MjcfDocument) -> None:
     mechanism = document.mechanism
     for kind, names in (
-        ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
         ("bases on wheels", [base.name for base in mechanism.bases]),
         ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),

@@ -199,7 +199,7 @@ def written(root: Element, left_out: Mapping[str, Sequence[str]], *, declaration
 class MjcfDocument:
     """An MJCF as it is written: the root element, the bodies, and what is left out, by kind.
 
-    `frames` are the elements of bodies by the names of their parts, `taken` the names of sites.
+    `frames` are the elements of bodies by the names of their parts, `sites` and `geoms` the names that these have.
     """
 
     mechanism: Mechanism
@@ -208,6 +208,7 @@ class MjcfDocument:
     frames: dict[str, Element]
     left_out: dict[str, list[str]] = field(default_factory=dict)
     sites: dict[tuple[str, str], str] = field(default_factory=dict)
+    geoms: list[str] = field(default_factory=list)
 
     def leave_out(self, kind: str, name: str) -> None:
         """Note what is not written."""

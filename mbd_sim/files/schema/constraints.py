@@ -299,16 +299,19 @@ PartsOrAll = Annotated[
 class ContactSpec(Spec):
     """Shapes that cannot penetrate each other: `between` two parts, `among` several, or of `parts` on a plane or cam.
 
-    A part stands for its shapes; `part.name` is one of them by its name, or a point. `parts: all` are all parts with
-    shapes but those that are welded to ground or to the plane. The plane through `plane` has the
+    A part stands for its shapes; `among: all` are the pairs of all parts that are not neighbors, welded together or
+    connected by a joint. `part.name` is one of them by its name, or a point. `parts: all` are all parts with
+    shapes but those `without`, and those that are welded to ground or to the plane. The plane through `plane` has the
     `normal` of that point's part, away from the material; the second of two parts encloses the first if it is `inside`.
     A cam turns with the part of `cam`; its `profile` is the radius in the x-y plane of this point, an expression of
     `angle`. A contact is rigid, with Newton's `restitution`, or with a `stiffness` k compliant: k δⁿ (1 + c δ').
     """
 
     between: tuple[str, str] | None = None
-    among: list[str] | None = Field(None, min_length=2)
+    among: PartsOrAll | None = Field(None, description="parts, each with every other; or all, but for neighbors")
     parts: PartsOrAll | None = Field(None, description="parts, shapes and points, or all")
+    without: list[str] | None = Field(None, description="parts that 'all' leaves out")
+    active: bool = Field(True, description="false: it is only listed, until --floor or an overlay sets it to true")
     plane: str | None = None
     normal: Direction = (0.0, 0.0, 1.0)
     cam: str | None = None
@@ -331,6 +334,12 @@ class ContactSpec(Spec):
             raise InputError("cam and profile belong together", "Give both or neither.")
         if "normal" in self.model_fields_set and self.plane is None:
             raise InputError("normal has no effect without a plane", "Add 'plane', or remove 'normal'.")
+        if isinstance(self.among, list) and len(self.among) < 2:
+            raise InputError("among needs several parts", "Name two of them, or more.")
+        if self.without is not None and ALL not in (self.parts, self.among):
+            raise InputError(
+                "without has no effect on a list", "Write 'parts: all' or 'among: all', or shorten the list."
+            )
         if self.inside and self.between is None:
             raise InputError("inside needs two parts", "Give 'between', with the enclosing part last.")
         return self

@@ -6,22 +6,26 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.batch import Batch, array
 from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.files.schema.fields import (
+    Angle,
     Color,
     Direction,
+    Length,
     Mass,
     Name,
     Number,
     PositiveDensity,
     PositiveLength,
+    QuantityField,
     RotationSpec,
     Spec,
     Vector,
+    written_as,
 )
 from mbd_sim.mechanism.elements.parts import MOST_CORNERS
 
@@ -187,6 +191,71 @@ class HullSpec(PlacedShapeSpec):
         return points[list(hull.corners)], hull.faces
 
 
+PlanePoint = tuple[Length, Length]
+WholeNumber = Annotated[float, QuantityField("", at_least=1)]
+_CURVES = ("through", "center", "radius", "involute")
+
+
+class StrokeSpec(Spec):
+    """A piece of an outline to a point: a line, an arc, or the involute of a circle.
+
+    The point is given by `to`, or in `polar` coordinates. An arc leads `through` a third point, around a `center`, or
+    has a `radius`, positive where it turns to the left; the latter two turn by less than half a turn. The `involute` of
+    a circle with this radius around `center` leads through both ends. `round` is the radius of the arc that replaces
+    the corner at the point.
+    """
+
+    to: PlanePoint | None = None
+    polar: tuple[Length, Angle] | None = Field(None, description="in place of 'to': radius and angle about the origin")
+    through: PlanePoint | None = None
+    center: PlanePoint | None = None
+    radius: Length | None = None
+    involute: PositiveLength | None = None
+    round: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> StrokeSpec:
+        if (self.to is None) == (self.polar is None):
+            raise InputError("needs one of to, polar", "Give the point to which the piece leads.")
+        given = [key for key in _CURVES if getattr(self, key) is not None]
+        if len(given) > 1 and given != ["center", "involute"]:
+            raise InputError(f"has {' and '.join(given)}", "Give one of them.")
+        return self
+
+
+PlanePointOrStroke = Annotated[
+    Annotated[PlanePoint, Tag("list")] | Annotated[StrokeSpec, Tag("mapping")], Discriminator(written_as)
+]
+
+
+class OutlineSpec(PlacedShapeSpec):
+    """A uniform body with the outline of a chain of lines and curves, in a plane through `at`.
+
+    Without a `thickness` it is a thin plate, and if it is not `closed` a wall
+    without mass, whose material is on the left. The chain can be repeated around the origin of its plane.
+    """
+
+    type: Literal["outline"]
+    plane: Literal["xy", "xz", "yz"] = "xy"
+    points: list[PlanePointOrStroke] = Field(min_length=2)
+    closed: bool = True
+    repeat: WholeNumber = Field(1.0, description="how often the chain is passed, each time turned further by 1/repeat")
+    thickness: PositiveLength | None = None
+    density: PositiveDensity | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> OutlineSpec:
+        if not float(self.repeat).is_integer():
+            raise InputError("repeat must be a whole number", "Write for example 12.", self.repeat)
+        if not self.closed and self.mass != 0.0:
+            raise InputError("an outline that is not closed has no mass", "Add 'mass: 0'.")
+        if not self.closed and self.repeat > 1.0:
+            raise InputError("an outline that is not closed cannot be repeated", "Remove one of the two.")
+        if self.density is not None and self.thickness is None:
+            raise InputError("a density needs a thickness", "Add 'thickness', or give 'mass'.")
+        return self
+
+
 AnyShapeSpec = Annotated[
     RodSpec
     | ParticleSpec
@@ -199,6 +268,7 @@ AnyShapeSpec = Annotated[
     | CapsuleSpec
     | SphereSpec
     | EllipsoidSpec
-    | HullSpec,
+    | HullSpec
+    | OutlineSpec,
     Field(discriminator="type"),
 ]

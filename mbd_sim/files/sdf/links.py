@@ -10,8 +10,10 @@ import numpy as np
 from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import from_quaternion, from_rpy, to_quaternion, unit
+from mbd_sim.files.text.shape_entries import capsule, hull, with_collisions
 from mbd_sim.files.text.xml import NUMBER, Element, Reading, rows
 from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
+from mbd_sim.mechanism.values.names import is_name
 
 PRODUCTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 READ = ("pose", "inertial", "visual", "collision")  # elements of a link
@@ -25,10 +27,7 @@ def part_of(values: Values, link: Element, key: str) -> dict[str, Any]:
         part: dict[str, Any] = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
     else:
         part = _inertial(values, inertial, f"{key}.inertial")
-    for kind, entry in _drawn(values, link, key):
-        part.setdefault(kind, []).append(entry)
-    for element in link.all("collision"):
-        values.reading.leave_out_at("contacts of <collision>, through which other links pass", element, key)
+    part |= _shapes(values, link, key)
     for element in link.children:
         neutral = element.tag in ("self_collide", "must_be_base_link")
         switched_on = element.tag == "gravity" and values.flag(link, "gravity", key)
@@ -59,17 +58,31 @@ def _inertial(values: Values, inertial: Element, key: str) -> dict[str, Any]:
     return part
 
 
-def _drawn(values: Values, link: Element, key: str) -> list[tuple[str, dict[str, Any]]]:
-    """The meshes and shapes of the visual elements, or else the shapes of the collision elements."""
-    found: list[tuple[str, dict[str, Any]]] = []
-    for tag in ("visual", "collision"):
-        for element in link.all(tag):
-            entry = _shape(values, element, f"{key}.{tag}")
-            if entry is not None and not (tag == "collision" and entry[0] == "meshes"):
-                found.append(entry)
-        if any(kind == "shapes" for kind, _ in found):
-            break
-    return found
+def _shapes(values: Values, link: Element, key: str) -> dict[str, list[dict[str, Any]]]:
+    """The meshes and shapes of the visual elements, and the shapes of the collision elements."""
+    found: dict[str, list[dict[str, Any]]] = {"meshes": [], "shapes": [], "collisions": []}
+    for element in link.all("visual"):
+        if (entry := _shape(values, element, f"{key}.visual")) is not None:
+            found[entry[0]].append(entry[1])
+    for number, element in enumerate(link.all("collision"), start=1):
+        if element.first("geometry") is None:
+            values.reading.leave_out_at("<collision> without a shape", element, key)
+        elif plane_of(element) is None and (entry := _shape(values, element, f"{key}.collision")) is not None:
+            shape = hull(entry[1]) if entry[0] == "meshes" else entry[1]
+            found["collisions"].append(shape | {"name": collision_name(element, number)})
+    return with_collisions(found, lambda shape: str(shape.get("type")))
+
+
+def collision_name(collision: Element, number: int) -> str:
+    """The name of the shape of a collision element, which is the one of this number in its link."""
+    name = collision.attributes.get("name", "")
+    return name if is_name(name) else f"collision_{number}"
+
+
+def plane_of(collision: Element) -> Element | None:
+    """The plane of a collision element, if it has one."""
+    geometry = collision.first("geometry")
+    return None if geometry is None else geometry.first("plane")
 
 
 def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, Any]] | None:
@@ -83,7 +96,6 @@ def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, A
         case "mesh":
             scale = values.numbers(form, "scale", where, 3)
             record = {"file": values.text(form, "uri")} | ({"scale": scale} if scale else {})
-            values.reading.leave_out_at("meshes, which are only drawn", element, key)
             return ("meshes", record | _placed(pose)) if record["file"] else None
         case "box":
             record = {"type": "block", "size": values.numbers(form, "size", where, 3) or [1.0, 1.0, 1.0]}
@@ -98,12 +110,10 @@ def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, A
                 "length": values.number(form, "length", where, 1.0),
             }
         case "capsule":
-            arm = pose.rotation @ np.array([0.0, 0.0, 0.5 * values.number(form, "length", where, 1.0)])
-            ends = {"from": rows(pose.position - arm), "to": rows(pose.position + arm)}
-            record = {"type": "rod", **ends, "radius": values.number(form, "radius", where, 0.5)}
+            record = capsule(pose, values.number(form, "radius", where, 0.5), values.number(form, "length", where, 1.0))
             return ("shapes", record | _color(values, element, key)) if record["radius"] > 0.0 else None
         case _:
-            values.reading.leave_out_at(f"{form.tag} shapes, which are not drawn", element, key)
+            values.reading.leave_out_at(f"{form.tag} shapes, which are not taken", element, key)
             return None
     sizes = [
         *record.get("size", ()),
@@ -111,7 +121,7 @@ def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, A
         *(record[name] for name in ("radius", "length") if name in record),
     ]
     if min(sizes) <= 0.0:
-        values.reading.leave_out_at("shapes without size, which are not drawn", element, key)
+        values.reading.leave_out_at("shapes without size, which are not taken", element, key)
         return None
     return "shapes", record | _placed(pose) | _color(values, element, key)
 

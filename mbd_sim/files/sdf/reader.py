@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.files.sdf.contacts import contacts_of
 from mbd_sim.files.sdf.joints import GEARBOX, gearbox_of, joint_of, mimics_of
 from mbd_sim.files.sdf.links import PRODUCTS, Values, part_of, rotated
 from mbd_sim.files.sdf.scopes import FRAMES, Scope, ScopedFrame, ScopeReader, key_of, link_of, world_pose
@@ -36,8 +37,13 @@ READ = {
     "inertial": read("auto", "pose mass inertia"),
     "inertia": read("", " ".join(PRODUCTS)),
     "visual": read("name", "pose geometry material"),
-    "collision": read("name", "pose geometry"),
-    "geometry": read("", "box sphere ellipsoid cylinder capsule mesh", checked=True),
+    "collision": read("name", "pose geometry surface"),
+    "surface": read("", "friction bounce"),
+    "surface/friction": read("", "ode"),
+    "ode": read("", "mu mu2"),
+    "bounce": read("", "restitution_coefficient"),
+    "plane": read("", "normal size"),
+    "geometry": read("", "box sphere plane ellipsoid cylinder capsule mesh", checked=True),
     "box": read("", "size"),
     "sphere": read("", "radius"),
     "ellipsoid": read("", "radii"),
@@ -112,7 +118,13 @@ class _SdfReader:
         self.part_names = self._names(self.links, "link")
         self.joint_names = self._names(self.joints, "joint")
         self.origins: dict[Location, Origin] = {}
-        self.data: dict[str, dict[str, Any]] = {"ground": {}, "parts": {}, "joints": {}, "constraints": {}}
+        self.data: dict[str, dict[str, Any]] = {
+            "ground": {},
+            "parts": {},
+            "joints": {},
+            "constraints": {},
+            "contacts": {},
+        }
 
     def source(self) -> Source:
         """The data, and the origins of its values."""
@@ -128,6 +140,11 @@ class _SdfReader:
             self._add_joint(joint)
         self._add_bases()
         self._add_couplings()
+        links = [(link, self.part_names[id(link)], id(link) in self.static) for link in self.links]
+        for name, record in contacts_of(
+            self.values, links, lambda pose, wanted: self._point(None, pose, wanted)
+        ).items():
+            self.data["contacts"][unique_name(name, self.data["contacts"])] = record
         for frame in self.frames:
             self._point(link_of(frame), world_pose(frame), frame.name, always=True)
         self._note_rest()

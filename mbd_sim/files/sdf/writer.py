@@ -23,9 +23,12 @@ from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.urdf.elements import Mimic, mimics_of, motions_of
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
+from mbd_sim.mechanism.elements.constraints import ContactLaw
+from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.touching import shape_at, touching_pairs
 from mbd_sim.mechanism.values.names import unique_name
 
 NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal"}
@@ -219,6 +222,7 @@ def to_sdf(mechanism: Mechanism) -> Written:
         _add_link(document, part)
     _add_joints(document)
     _add_frames(document)
+    _add_contacts(document)
     _note_rest(document)
     _rename(document, root)
     return written(root, document.left_out, declaration=True)
@@ -279,7 +283,11 @@ def _add_link(document: SdfDocument, part: Part) -> None:
         if (form := _form(shape)) is None:
             document.leave_out("shapes that SDF does not have", [f"{part.name}: {shape.kind}"])
         else:
-            _add_visual(link, f"{part.name}_shape_{count}", shape, *form)
+            visual = _add_form(link, "visual", f"{part.name}_shape_{count}", shape.pose, *form)
+            if shape.color:
+                color = np.array([*(int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)), 1.0])
+                material = ElementTree.SubElement(visual, "material")
+                _add(material, "diffuse", text(color))
     document.leave_out("meshes", [f"{part.name}: {mesh.file}" for mesh in part.meshes])
 
 
@@ -301,22 +309,62 @@ def _form(shape: Shape) -> tuple[str, dict[str, str]] | None:
             return "sphere", {"radius": number(size[0])}
         case "ellipsoid":
             return "ellipsoid", {"radii": text(np.array(size))}
-        case "cone" | "hull":
+        case "cone" | "hull" | "outline":
             return None
         case _:
             assert_never(shape.kind)
 
 
-def _add_visual(link: Element, name: str, shape: Shape, form: str, sizes: Mapping[str, str]) -> None:
-    visual = ElementTree.SubElement(link, "visual", name=name)
-    _add_pose(visual, shape.pose)
-    drawn = ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), form)
-    for tag, size in sizes.items():
-        _add(drawn, tag, size)
-    if shape.color:
-        color = np.array([*(int(shape.color[start : start + 2], 16) / 255.0 for start in (1, 3, 5)), 1.0])
-        material = ElementTree.SubElement(visual, "material")
-        _add(material, "diffuse", text(color))
+def _add_form(link: Element, tag: str, name: str, pose: Pose, form: str, sizes: Mapping[str, str]) -> Element:
+    """Add a visual or a collision element."""
+    element = ElementTree.SubElement(link, tag, name=name)
+    _add_pose(element, pose)
+    drawn = ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), form)
+    for key, size in sizes.items():
+        _add(drawn, key, size)
+    return element
+
+
+def _add_contacts(document: SdfDocument) -> None:
+    """Write shapes that touch planes of ground as collision elements, and each plane as a static model."""
+    pairs, others = touching_pairs(document.mechanism)
+    document.leave_out("contacts of points, cams and enclosing parts", others)
+    links = {element.attrib["name"]: element for element in document.model.findall("link")}
+    surfaces: dict[tuple[str, int], ContactLaw] = {}
+    planes: dict[Face, tuple[str, ContactLaw]] = {}
+    for pair in pairs:
+        contact, plane, law = pair.contact, pair.second, pair.contact.law
+        shape = shape_at(document.mechanism, pair.first)
+        if not isinstance(plane, Face) or plane.at.part != GROUND or not isinstance(law, ContactLaw):
+            document.leave_out(
+                "contacts of bodies with each other, with planes that move, and compliant ones", [contact.name]
+            )
+        elif (form := _form(shape)) is None:
+            document.leave_out("contacts of shapes that SDF does not have", [contact.name])
+        elif (known := surfaces.setdefault(pair.first, law)) is not law and known != law:
+            document.leave_out("other coefficients of a shape with several planes", [contact.name])
+        else:
+            planes.setdefault(plane, (contact.name, law))
+            name = unique_name(shape.name or f"{pair.first[0]}_collision_{pair.first[1] + 1}", document.names)
+            document.names.add(name)
+            _add_surface(_add_form(links[pair.first[0]], "collision", name, shape.pose, *form), law)
+        if isinstance(law, ContactLaw) and law.static_friction != law.friction:
+            document.leave_out("static friction of contacts", [contact.name])
+    for plane, (name, law) in planes.items():
+        model = ElementTree.SubElement(document.world, "model", name=unique_name(name, {document.mechanism.name}))
+        _add(model, "static", "true")
+        link = ElementTree.SubElement(model, "link", name="link")
+        sizes = {"normal": text(plane.normal), "size": "100 100"}
+        _add_surface(_add_form(link, "collision", "plane", Pose(plane.at.point, np.eye(3)), "plane", sizes), law)
+
+
+def _add_surface(collision: Element, law: ContactLaw) -> None:
+    surface = ElementTree.SubElement(collision, "surface")
+    ode = ElementTree.SubElement(ElementTree.SubElement(surface, "friction"), "ode")
+    _add(ode, "mu", number(law.friction))
+    _add(ode, "mu2", number(law.friction))
+    if law.restitution:
+        _add(ElementTree.SubElement(surface, "bounce"), "restitution_coefficient", number(law.restitution))
 
 
 def _add_joints(document: SdfDocument) -> None:
@@ -435,7 +483,6 @@ def _note_rest(document: SdfDocument) -> None:
         ("positions and velocities at the start", started),
         ("coordinates, which count from the start", list(document.placement.offsets) if mechanism.closures else []),
         ("actuators", [actuator.name for actuator in mechanism.actuators]),
-        ("contacts between shapes", [contact.name for contact in mechanism.contacts]),
         ("sensors", [sensor.name for sensor in mechanism.sensors]),
         ("bases on wheels", [base.name for base in mechanism.bases]),
         ("<ros2_control> blocks", [block.attributes.get("name", "") for block in control_blocks(mechanism)]),

@@ -221,21 +221,36 @@ def with_mesh_solids(source: Source) -> Source:
 HOLLOW = 1e-6  # of a hull's size or volume, by which a mesh must be inside or smaller to show that it has hollows
 
 
-def with_mesh_hulls(source: Source) -> Source:
+NOT_READ = "meshes that touch nothing, because the file has no contacts; their hulls touch a floor (--floor)"
+
+
+def with_mesh_hulls(source: Source, touching: bool) -> Source:
     """The source with points in place of the files of hulls, and remarks on what a hull of them does not show.
 
-    :raises MechanismError: a file cannot be read, or its points have no hull.
+    :param touching: whether anything can touch. Meshes by which other formats say what touches are otherwise left out,
+        and so are those that have no hull; both are noted.
+    :raises MechanismError: a file of another hull cannot be read, or its points have no hull.
     """
     parts = source.data.get("parts") if isinstance(source.data, dict) else None
     if not isinstance(parts, dict):
         return source
     changed, remarks, problems, read = dict(parts), [], [], {}
+    dropped: dict[str, list[str]] = {}
     for name, part in parts.items():
         for steps, shape in _hulls_of_files(part):
+            imported = bool(source.format) and steps[0] == "collisions"
+            if imported and not touching:
+                changed[name] = _with_value(changed[name], steps, None)
+                dropped.setdefault(NOT_READ, []).append(name)
+                continue
             try:
                 path = _found(shape["file"], source.file)
                 points, remark = _corners_of(path, f"the mesh {shape['file']} of {name}")
             except InputError as error:
+                if imported:
+                    changed[name] = _with_value(changed[name], steps, None)
+                    dropped.setdefault(f"meshes that touch nothing: {error.message}", []).append(name)
+                    continue
                 message = f"there is no hull of {shape['file']}: {error.message}"
                 problems.append(source.problem(("parts", name, *steps, "file"), message, error.remedy))
                 continue
@@ -245,13 +260,23 @@ def with_mesh_hulls(source: Source) -> Source:
             read[str(path)] = digest_of_file(path)
     if problems:
         raise MechanismError(problems)
-    if not read:
+    if not read and not dropped:
         return source
+    notes = tuple(f"{kind}: {listed(list(dict.fromkeys(names)))}" for kind, names in dropped.items())
+    for name in dict.fromkeys(name for names in dropped.values() for name in names):
+        kept = [shape for shape in changed[name]["collisions"] if shape is not None]
+        changed[name] = {**changed[name], "collisions": kept}
+    if not read:
+        comments = (*source.comments, *notes) if source.format else source.comments
+        return replace(source, data={**source.data, "parts": changed}, notes=(*source.notes, *notes), comments=comments)
     return replace(
         source,
+        notes=(*source.notes, *notes),
         data={**source.data, "parts": changed},
         text=None,
-        comments=source.comments if source.text is None else (f"From {Path(source.file).name} and its meshes.",),
+        comments=(*source.comments, *notes)
+        if source.text is None
+        else (f"From {Path(source.file).name} and its meshes.",),
         other_files=None if source.other_files is None else {**source.other_files, **read},
         remarks=(*source.remarks, *(remark for remark in remarks if remark)),
     )
@@ -261,9 +286,10 @@ def _hulls_of_files(part: Any) -> Iterator[tuple[Location, Mapping[str, Any]]]:
     """Those shapes of a part that are hulls of files, each with its keys."""
     if not isinstance(part, dict):
         return
-    shapes = part.get("shapes")
     places: list[tuple[Location, Any]] = [(("shape",), part.get("shape"))]
-    places += [(("shapes", number), shape) for number, shape in enumerate(shapes if isinstance(shapes, list) else [])]
+    for key in ("shapes", "collisions"):
+        shapes = part.get(key)
+        places += [((key, number), shape) for number, shape in enumerate(shapes if isinstance(shapes, list) else [])]
     for steps, shape in places:
         is_hull = isinstance(shape, dict) and shape.get("type") == "hull" and shape.get("points") is None
         if is_hull and isinstance(shape.get("file"), str):
@@ -274,7 +300,8 @@ def _with_value(part: Mapping[str, Any], steps: Location, value: Any) -> dict[st
     """The part with another value of its shape, or of one of its shapes."""
     if len(steps) == 1:
         return {**part, "shape": value}
-    return {**part, "shapes": [value if number == steps[1] else one for number, one in enumerate(part["shapes"])]}
+    key = str(steps[0])
+    return {**part, key: [value if number == steps[1] else one for number, one in enumerate(part[key])]}
 
 
 def _corners_of(path: Path, name: str) -> tuple[list[list[float]], str]:

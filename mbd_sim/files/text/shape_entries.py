@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,13 +19,22 @@ def capsule(pose: Pose, radius: float, length: float) -> dict[str, Any]:
     return {"type": "rod", "from": rows(pose.position - arm), "to": rows(pose.position + arm), "radius": radius}
 
 
-def with_collisions(found: dict[str, list[Entry]]) -> dict[str, list[Entry]]:
+def hull(mesh: dict[str, Any]) -> dict[str, Any]:
+    """What touches of a mesh: the convex hull of its file."""
+    return {"type": "hull", **{key: value for key, value in mesh.items() if key != "color"}}
+
+
+def with_collisions(found: dict[str, list[Entry]], kind_of: Callable[[Entry], str]) -> dict[str, list[Entry]]:
     """The keys of a part for its `meshes`, its `shapes` and what touches, its `collisions`.
 
-    A part without shapes to draw is drawn as what touches. Only shapes that are drawn and touch nothing need an empty
-    list of collisions.
+    A part without shapes to draw is drawn as what touches, but for hulls. Only shapes that are drawn and touch nothing
+    need an empty list of collisions.
+
+    :param kind_of: the type of a shape.
     """
+    plain = [entry for entry in found["collisions"] if kind_of(entry) != "hull"]
     if not found["shapes"]:
-        found = {**found, "shapes": found["collisions"], "collisions": []}
+        same = len(plain) == len(found["collisions"])
+        found = {**found, "shapes": plain, "collisions": [] if same else found["collisions"]}
         return {kind: entries for kind, entries in found.items() if entries}
     return {kind: entries for kind, entries in found.items() if entries or kind == "collisions"}

@@ -15,7 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.files.text.shape_entries import capsule, with_collisions
+from mbd_sim.files.text.shape_entries import capsule, hull, with_collisions
 from mbd_sim.files.text.xml import Element, Reading, placed, pose_of, rows
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.constraints import Coupling
@@ -95,8 +95,7 @@ def _shapes(reading: Reading, link: Element, key: str, colors: dict[str, str], o
             if shape is None:
                 continue
             if tag == "collision" and "file" in shape:
-                reading.leave_out("meshes of <collision>, through which other parts pass", key)
-                continue
+                shape = hull(shape)
             if color := _color(reading, element, f"{key}.{tag}", colors):
                 shape["color"] = color
             kind = "collisions" if tag == "collision" else "meshes" if "file" in shape else "shapes"
@@ -105,7 +104,7 @@ def _shapes(reading: Reading, link: Element, key: str, colors: dict[str, str], o
             found[kind].append((shape, reading.origin(element, f"{key}.{tag}")))
     if found["meshes"]:
         reading.leave_out("meshes, drawn and passed on to exported URDF", key)
-    entries = with_collisions(found)
+    entries = with_collisions(found, lambda entry: str(entry[0].get("type")))
     origins |= {(kind, index): origin for kind, many in entries.items() for index, (_, origin) in enumerate(many)}
     return {kind: [shape for shape, _ in many] for kind, many in entries.items()}
 

@@ -44,7 +44,8 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
     text = read_text(path)
     under = urdf_source(text, str(path), base or written)
     for part in under.data["parts"].values():
-        for mesh in part.get("meshes", ()):
+        hulls = (shape for shape in part.get("collisions", ()) if "file" in shape)
+        for mesh in (*part.get("meshes", ()), *hulls):
             mesh["file"] = seen_from(mesh["file"], str(path), Path(source.file).parent)
     merged = overlaid(under, source)
     merged.other_files = None if urdf.startswith("~") else {str(path): digest_of(text)}

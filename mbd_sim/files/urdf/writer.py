@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
@@ -30,6 +30,7 @@ from mbd_sim.mechanism.elements.forces import Bushing
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Mesh, Part, Shape
 from mbd_sim.mechanism.elements.sensors import FramelessSensor, FrameSensor, frame_id
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.touching import touching_pairs
 from mbd_sim.mechanism.values.names import unique_name
 
 ROS2_CONTROL = "ros2_control"  # a key of mechanism files, and a tag in URDF
@@ -135,12 +136,18 @@ def _robot(mechanism: Mechanism) -> Element:
     ElementTree.SubElement(robot, "link", name=GROUND)
     sensors = [one for one in mechanism.sensors if not isinstance(one, FramelessSensor) and not one.at.is_of_part]
     names = {GROUND, *mechanism.parts, *map(frame_id, sensors)}
+    touching = {
+        place[0]
+        for pair in touching_pairs(mechanism)[0]
+        for place in (pair.first, pair.second)
+        if isinstance(place, tuple)
+    }
     for joint in mechanism.tree_joints():
         if joint.splits:
             continue
         motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in motions_of(joint)]
         _add_joint(robot, joint, motions, names)
-        _add_link(robot, mechanism.parts[joint.outboard])
+        _add_link(robot, mechanism.parts[joint.outboard], touching)
     for sensor in sensors:
         _add_sensor_frame(robot, sensor)
     return robot
@@ -197,7 +204,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
         "positions and velocities at the start": [joint.name for joint in joints if _starts_elsewhere(joint)],
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
         "actuators": [actuator.name for actuator in mechanism.actuators],
-        "contacts between shapes": [contact.name for contact in mechanism.contacts],
+        "contacts, of which only the shapes are here": list(dict.fromkeys(one.name for one in mechanism.contacts)),
         "shapes that URDF does not have": [
             f"{part.name}: {shape.kind}"
             for part in mechanism.parts.values()
@@ -282,7 +289,8 @@ def _add_limit(element: Element, joint: Joint, motion: Motion) -> None:
         limit.set("upper", _number(limits.upper if limits else UNLIMITED))
 
 
-def _add_link(robot: Element, part: Part) -> None:
+def _add_link(robot: Element, part: Part, touching: Container[str]) -> None:
+    """Add a link; the shapes of parts that are `touching` something are its collision elements too."""
     link = ElementTree.SubElement(robot, "link", name=part.name)
     if part.mass or np.any(part.inertia):
         inertial = ElementTree.SubElement(link, "inertial")
@@ -294,12 +302,14 @@ def _add_link(robot: Element, part: Part) -> None:
     for mesh in part.meshes:
         geometry = _add_geometry(link, "visual", part, mesh)
         ElementTree.SubElement(geometry, "mesh", filename=mesh.file, scale=_text(np.array(mesh.scale)))
-    for shape in part.shapes:
-        if not shape.hole and (form := _form(shape)) is not None:
-            tag, sizes = form
-            ElementTree.SubElement(
-                _add_geometry(link, "collision" if part.meshes else "visual", part, shape), tag, sizes
-            )
+    touches = part.collisions is None and (bool(part.meshes) or part.name in touching)
+    for tag, shapes in (
+        ("visual", () if part.meshes else part.shapes),
+        ("collision", part.shapes if touches else part.collisions or ()),
+    ):
+        for shape in shapes:
+            if not shape.hole and (form := _form(shape)) is not None:
+                ElementTree.SubElement(_add_geometry(link, tag, part, shape), *form)
 
 
 def _add_geometry(link: Element, tag: str, part: Part, drawn: Shape | Mesh) -> Element:
@@ -327,7 +337,7 @@ def _form(shape: Shape) -> tuple[str, dict[str, str]] | None:
             return "cylinder", {"length": _number(THICKNESS * size[0]), "radius": _number(size[0])}
         case "sphere" | "particle":
             return "sphere", {"radius": _number(size[0])}
-        case "cone" | "ellipsoid" | "hull":
+        case "cone" | "ellipsoid" | "hull" | "outline":
             return None
         case _:
             assert_never(shape.kind)

@@ -55,7 +55,7 @@ class FileWatch:
             return
         self._seen = state
         try:
-            mechanism = load_mechanism(self._path, self._base)
+            mechanism = load_mechanism(self._path, self._base, hulls="contacts" in self._changes)
             mechanism = with_values(mechanism, self._changes) if self._changes else mechanism
             bench = self._build(mechanism)
         except MbdSimError as error:

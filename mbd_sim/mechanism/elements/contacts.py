@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 
 CAM_ANGLE = "angle"  # the variable of a cam's profile
@@ -126,8 +127,35 @@ class Solid:
         return tuple(sorted({(min(side), max(side)) for side in sides}))
 
 
+@dataclass(frozen=True, eq=False)
+class PlanarBody:
+    """An outline in the x-y plane of `axes` (3, 3) through `origin` (3,), endless across it; a circle is a roller.
+
+    `at` is the origin of the part, in whose frame these are. Points and balls are circles in any plane, and so have no
+    plane of their own.
+    """
+
+    at: Attachment
+    origin: Array
+    axes: Array
+    outline: Outline
+    has_plane: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """Balls and rims of a part and of those that are welded to it, in the frame of the part, whose origin is `at`.
+
+    Each touches a plane for itself; few touch it at a time. `names` are those of the shapes to which they belong.
+    """
+
+    at: Attachment
+    bodies: tuple[Ball | Rim, ...]
+    names: tuple[str, ...] = ()
+
+
 Curved = Barrel | Taper | Egg  # those that touch with changing features
-ContactBody = Ball | Rim | RimPoint | Egg | Barrel | Taper | Face | Cam | Solid
+ContactBody = Cluster | Ball | Rim | RimPoint | Egg | Barrel | Taper | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from mbd_sim.base.errors import counted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive, JointCoordinate, JointKind, JointType
+from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ElasticLaw, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.values.names import is_name
@@ -29,8 +30,9 @@ def is_frame_name(text: str) -> bool:
 
 
 ShapeKind = Literal[
-    "rod", "particle", "disc", "ring", "plate", "block", "cylinder", "cone", "capsule", "sphere", "ellipsoid", "hull"
-]
+    "rod", "particle", "disc", "ring", "plate", "block", "cylinder", "cone", "capsule", "sphere", "ellipsoid", "hull",
+    "outline",
+]  # fmt: skip
 
 
 MOST_CORNERS = 100  # of a hull
@@ -50,7 +52,7 @@ class Shape:
 
     `size` is (length, radius) for rods, cylinders, cones and capsules, (radius,) for discs, rings, spheres and
     particles, (x, y) for plates, (x, y, z) for blocks and the radii of ellipsoids, and empty for a hull, of which the
-    corners of `hull` are in the frame of `pose`.
+    corners of `hull` are in the frame of `pose`; an `outline` in its x-y plane has the size (thickness,).
     """
 
     kind: ShapeKind
@@ -60,6 +62,7 @@ class Shape:
     hole: bool = False
     hull: Polyhedron | None = None
     name: str | None = None
+    outline: Outline | None = None
 
     __repr__ = short_repr
 

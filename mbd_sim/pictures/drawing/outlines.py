@@ -32,6 +32,7 @@ from mbd_sim.pictures.drawing.sheet import (
 )
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.palette import Color, from_hex, mixed
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, half_sizes, solid_of
 
 BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths: of rods, from and to; and of rods on which something slides
@@ -60,6 +61,8 @@ def shape_paths(page: ScaledView, shape: Shape, pose: Pose, color: Color, tube: 
             return _ring(page, placed, radius, color)
         case Cylinder(length, radius, disc):
             return cylinder(page, placed, length, radius, color, shape.hole, spoke=disc)
+        case Prism() as prism:
+            return _prism(page, placed, prism, color, shape.hole)
         case Box(size):
             return _block(page, placed, np.array(size) / 2.0, color, shape.hole)
         case Cone(length, radius):
@@ -238,6 +241,25 @@ def _block(page: ScaledView, pose: Pose, half: Array, color: Color, hole: bool) 
                 SheetPath(points, edge=outline_color(color), fill=fill, closed=True, depth=depth, layer=BODIES)
             )
     return paths
+
+
+def _prism(page: ScaledView, pose: Pose, prism: Prism, color: Color, hole: bool) -> list[SheetPath]:
+    """The face toward the eye; seen at a slant also the other one, and the sides between them."""
+    corners, axis, depth = np.array(prism.corners), pose.rotation[:, 2], page.depth(pose.position)
+    facing = float(axis @ page.view.toward)
+    half = (0.5 if facing >= 0.0 else -0.5) * prism.height * axis
+    near, far = (page.project(pose.position + side * half + corners @ pose.rotation[:, :2].T) for side in (1, -1))
+    fill = WHITE if hole else fill_color(color)
+    face = SheetPath(near, edge=outline_color(color), fill=fill, closed=True, depth=depth, layer=BODIES)
+    if not prism.closed:
+        return [SheetPath(near, edge=outline_color(color), width=2.0 * LINE, depth=depth, layer=BODIES)]
+    if page.view.planar and abs(facing) > 0.5:
+        return [face]
+    sides = []
+    for one, other in zip(range(len(near)), (*range(1, len(near)), 0), strict=True):
+        quad = np.array([near[one], near[other], far[other], far[one]])
+        sides.append(replace(face, points=quad, edge=fill, fill=fill))
+    return [replace(face, points=far), *sides, replace(face, fill=WHITE if hole else _lit(page, color, half))]
 
 
 def _lit(page: ScaledView, color: Color, normal: Array) -> Color:

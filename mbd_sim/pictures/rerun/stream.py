@@ -31,6 +31,7 @@ from mbd_sim.pictures.shapes.joints import LONG
 from mbd_sim.pictures.shapes.meshes import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Lines, Primitive, primitives
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, triangles_of
 from mbd_sim.simulation.run.events import ERRORS, EventKind
 
@@ -112,7 +113,7 @@ def archetype(primitive: Primitive, source: str = "") -> Any:
             return rr.Ellipsoids3D(half_sizes=[[radius] * 3], centers=[pose.position], **look)
         case Ellipsoid(radii):
             return rr.Ellipsoids3D(half_sizes=[radii], **placed, **look)
-        case Cone() | Polyhedron():
+        case Cone() | Polyhedron() | Prism():
             corners = pose.position + triangles_of(form) @ pose.rotation.T
             if primitive.hole:
                 return rr.LineStrips3D(corners[:, [0, 1, 2, 0]], radii=[THIN], colors=[color])

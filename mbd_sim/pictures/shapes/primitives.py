@@ -47,6 +47,7 @@ from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder, joint_radius
 from mbd_sim.pictures.shapes.palette import Color
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     POINT_MASS_RADIUS,
@@ -187,7 +188,7 @@ def _marks(solid: Solid) -> Lines | None:
                 [[-radius, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0], [radius, 0.0, -length / 2.0]]
             )
             return Lines((sides[:2], sides[1:], sides[::2]), 0.015 * radius)
-        case Sphere() | Rod() | Box() | Polyhedron():
+        case Sphere() | Rod() | Box() | Polyhedron() | Prism():
             return None
         case _:
             assert_never(solid)

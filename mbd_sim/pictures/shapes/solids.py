@@ -15,6 +15,8 @@ from mbd_sim.base.geometry.convex_hull import fans
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.mechanism.elements.parts import Part, Polyhedron, Shape
+from mbd_sim.mechanism.outlines.pieces import polyline
+from mbd_sim.pictures.shapes.prisms import Prism, prism_triangles
 
 COIL_TURNS = 9
 COIL_END = 0.08  # straight part at each end of a coil, relative to its length
@@ -154,7 +156,7 @@ class Ellipsoid:
     radii: tuple[float, float, float]
 
 
-Solid = Rod | Cylinder | Cone | Ring | Box | Sphere | Ellipsoid | Polyhedron
+Solid = Rod | Cylinder | Cone | Ring | Box | Sphere | Ellipsoid | Polyhedron | Prism
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -182,6 +184,10 @@ def solid_of(shape: Shape) -> Solid:
         case "hull":
             assert shape.hull is not None
             return shape.hull
+        case "outline":
+            assert shape.outline is not None
+            corners = tuple((x, y) for x, y in polyline(shape.outline).tolist())
+            return Prism(corners, size[0] or PLATE_THICKNESS * shape.outline.size, shape.outline.closed)
         case _:
             assert_never(shape.kind)
 
@@ -210,6 +216,9 @@ def half_sizes(shape: Shape) -> Array:
         case "hull":
             assert shape.hull is not None
             return np.asarray(np.max(np.array(shape.hull.corners), axis=0))
+        case "outline":
+            assert shape.outline is not None
+            return np.array([*(0.5 * np.ptp(polyline(shape.outline), axis=0)), 0.5 * size[0]])
         case _:
             assert_never(shape.kind)
 
@@ -217,8 +226,10 @@ def half_sizes(shape: Shape) -> Array:
 AROUND = 48  # corners of the base of a cone that is drawn as a polyhedron
 
 
-def triangles_of(solid: Cone | Polyhedron) -> Array:
-    """The surface (n, 3, 3) of a cone or a polyhedron, as triangles that are counterclockwise from outside."""
+def triangles_of(solid: Cone | Polyhedron | Prism) -> Array:
+    """The surface (n, 3, 3) of a cone, a polyhedron or a prism, as triangles that are counterclockwise from outside."""
+    if isinstance(solid, Prism):
+        return prism_triangles(solid)
     if isinstance(solid, Polyhedron):
         return np.array(solid.corners)[fans(solid.faces)]
     base, half = solid.radius * circle(np.linspace(0.0, 2.0 * np.pi, AROUND + 1)), solid.length / 2.0

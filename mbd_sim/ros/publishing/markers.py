@@ -23,6 +23,7 @@ from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     Box,
@@ -120,7 +121,7 @@ def fixed_markers(primitive: Primitive, source: str, size: float) -> list[FixedM
             return [marker(Marker.SPHERE, (2.0 * radius,) * 3)]
         case Ellipsoid((x, y, z)):
             return [marker(Marker.SPHERE, (2.0 * x, 2.0 * y, 2.0 * z))]
-        case Cone() | Polyhedron() as solid:
+        case Cone() | Polyhedron() | Prism() as solid:
             return [marker(Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), points=triangles_of(solid).reshape(-1, 3))]
         case Lines(strips, radius):
             width = 2.0 * radius or THIN * size

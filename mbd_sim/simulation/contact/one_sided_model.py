@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.compiler.steps.active_rows import Load, OneSidedSystem
+from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSystem
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
-from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.simulation.contact.features.pairs import FeaturePairs
 from mbd_sim.simulation.contact.records import ContactState, with_friction
@@ -76,8 +75,8 @@ class OneSidedModel:
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
     `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,). `loaded` are
-    the indices of the friction elements that depend on the load of a joint. `slots` (gaps,) says which gaps are slots;
-    these belong to the pairs of `features`.
+    the indices of the friction elements that depend on the load of a joint, which have some `load_components`.
+    `slots` (gaps,) says which gaps are slots; these belong to the pairs of `features`.
     """
 
     __repr__ = short_repr
@@ -99,6 +98,7 @@ class OneSidedModel:
         assert kernel.one_sided is not None
         one_sided = functions.equations
         self._functions, self.kernel, self.span = functions, kernel.one_sided, inputs.one_sided
+        self._readers = kernel.readers
         self.layout: OneSidedLayout = one_sided.layout
         self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
             (element.rows, element.gap) for element in one_sided.frictions
@@ -120,7 +120,8 @@ class OneSidedModel:
             first, accuracy = self.span.start, tolerance * one_sided.units.length
             closed, features = (first + part.start for part in (self.layout.closed, self.layout.features))
             self.features = FeaturePairs(one_sided, closed, features, kernel, part_names, accuracy)
-        self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
+        self.load_components = functions.load_components
+        self._single = [number for number, components in enumerate(self.load_components) if components == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
         counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)
         ends = list(accumulate(counts))  # of the time and of all readings
@@ -144,6 +145,11 @@ class OneSidedModel:
             if size > SLIDING:
                 found.append(index)
         return found
+
+    def friction_name(self, element: int) -> str:
+        """The name of a friction element: that of its gap, if it has one."""
+        rows, gap = self.frictions[element]
+        return self.row_names[rows[0]] if gap is None else self.names[gap]
 
     def readings(self, time: float, y: Array, inputs: Array) -> OneSidedReadings:
         """Gaps, rates, forces and guards."""
@@ -211,13 +217,15 @@ class OneSidedModel:
 
     def terms(self, time: float, y: Array, inputs: Array) -> OneSidedTerms:
         """The terms of the equations for forces and impulses."""
-        matrix, free, sizes = all_evaluated(self._functions.terms, time, y, inputs)
-        loads = {
-            index: (unloaded.ravel(), by_force)
-            for index, function in zip(self.loaded, self._functions.loads, strict=True)
-            for unloaded, by_force in [all_evaluated(function, time, y, inputs)]
-        }
-        return OneSidedTerms(matrix, free.ravel(), sizes, loads)
+        n, frictions = self.layout.rows, len(self.frictions)
+        found = self._read("contact_terms", n * (n + 1) + 2 * frictions, np.array([time]), y, inputs)
+        matrix, free, sizes = np.split(found, [n * n, n * (n + 1)])
+        loads, first = dict[int, tuple[Array, Array]](), 0
+        numbers = self._read("joint_loads", sum(self.load_components) * (1 + n), np.array([time]), y, inputs)
+        for index, k in zip(self.loaded, self.load_components, strict=True):
+            unloaded, by_force = np.split(numbers[first : first + k * (1 + n)], [k])
+            loads[index], first = (unloaded, by_force.reshape(n, k).T), first + k * (1 + n)
+        return OneSidedTerms(matrix.reshape(n, n).T, free, sizes.reshape(2, frictions).T, loads)
 
     def set_signs(self, terms: OneSidedTerms, forces: Array, modes: Array) -> None:
         """Write the signs of loads with one component into the modes; those that are zero keep theirs."""
@@ -240,11 +248,17 @@ class OneSidedModel:
 
     def response(self, time: float, y: Array, inputs: Array, impulses: Array) -> Array:
         """The change of u (nv,) by impulses (rows,)."""
-        return evaluated(self._functions.response, time, y, inputs, impulses).ravel()
+        size = self._functions.response.nnz_out(0)
+        return self._read("contact_response", size, np.array([time]), y, inputs, impulses)
 
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
-        return evaluated(self._functions.restitution, inputs).ravel()
+        return self._read("restitution", self.layout.gaps, inputs)
+
+    def _read(self, name: str, size: int, *arguments: Array) -> Array:
+        out = np.empty(size)
+        self._readers[name](*(argument.ctypes.data for argument in arguments), out.ctypes.data)
+        return out
 
 
 def _compliance(one_sided: OneSidedEquations, size: float) -> Array:
@@ -285,12 +299,16 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
     """The system for `compile_kernel`, from the functions of the one-sided rows among the equations."""
     layout = functions.equations.layout
     rows = [element.rows[0] for element in functions.equations.frictions if element.joint is not None]
-    loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, functions.loads, strict=True))
+    loads = tuple(Load(row, k) for row, k in zip(rows, functions.load_components, strict=True))
     slips = [element.rows for element in functions.equations.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
-    def pair(solved: SolvedPair) -> tuple[ca.Function, ca.Function]:
-        return solved.system, solved.result
+    def pair(solved: SolvedPair) -> tuple[FactoredSystem, ca.Function]:
+        if solved.pattern is None:
+            return FactoredSystem(solved.system, None), solved.result
+        ends, places = solved.pattern.colind(), solved.pattern.row()
+        columns = [places[first:beyond] for first, beyond in pairwise(ends)]
+        return FactoredSystem(solved.system, columns), solved.result
 
     return OneSidedSystem(
         gaps=layout.gaps,
@@ -300,6 +318,12 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         project=pair(functions.project),
         readings=functions.readings,
         open_start=functions.open_start,
+        event_readers={
+            "contact_terms": functions.terms,
+            "contact_response": functions.response,
+            "restitution": functions.restitution,
+            "joint_loads": functions.loads,
+        },
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,

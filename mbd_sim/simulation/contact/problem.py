@@ -18,16 +18,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.simulation.contact.complementarity import least_solution, lemke, pivots, product, solve
+from mbd_sim.compiler.ir.python_kinds import packed
+from mbd_sim.simulation.contact.compiled.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
+from mbd_sim.simulation.contact.compiled.library import called
+from mbd_sim.simulation.contact.complementarity import least_solution, pivots, product, solve
 
-SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
-SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
 SHARING_STEPS, SETTLED = 60, 1e-15  # until forces that are shared do not change any more, relative to their size
-UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 
 
 def shared_forces(problem: ContactProblem, forces: Array) -> Array:
@@ -58,14 +60,6 @@ def shared_forces(problem: ContactProblem, forces: Array) -> Array:
     return forces
 
 
-def is_unique(problem: ContactProblem, forces: Array) -> bool:
-    """Whether closed contacts and friction at rest are independent, so that nothing is shared."""
-    closed = _closed(problem, forces)
-    unit, _, held = _followers(problem, forces, closed, limited=True)
-    chosen = [*closed, *held]
-    return len(pivots(product(problem.matrix[chosen], unit[:, chosen]))) == len(chosen)
-
-
 def _closed(problem: ContactProblem, forces: Array) -> list[int]:
     """The normal rows that bear a force, or could bear one."""
     still = UNPRESSED * float(np.abs(forces).max())
@@ -91,14 +85,10 @@ def _slow(forces: Array) -> float:
     return SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
 
 
-def _followers(
-    problem: ContactProblem, forces: Array, closed: Sequence[int], limited: bool = False
-) -> tuple[Array, Array, list[int]]:
+def _followers(problem: ContactProblem, forces: Array, closed: Sequence[int]) -> tuple[Array, Array, list[int]]:
     """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,).
 
     There is no friction at normal rows that are not `closed`.
-
-    :param limited: friction of constant size that is at its limit, but does not slide, is held as well.
     """
     n, rates, slow = len(forces), problem.rates(forces), _slow(forces)
     trial, speeds = (forces - rates).tolist(), rates.tolist()
@@ -111,7 +101,7 @@ def _followers(
         own = [trial[row] for row in friction.rows]
         limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
         length, slips = math.hypot(*own), math.hypot(*(speeds[row] for row in friction.rows)) > slow
-        at_rest = length < limit * (1.0 - UNPRESSED) or not (slips or (friction.normal is None and not limited))
+        at_rest = length < limit * (1.0 - UNPRESSED) or not (slips or friction.normal is None)
         if at_rest:
             held += friction.rows
         for row, force in zip(friction.rows, own, strict=True):
@@ -124,8 +114,7 @@ def _followers(
     return unit, constant, held
 
 
-ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
-NEWTON_STEPS, SWEEPS = 40, 400
+SWEEPS = 400
 SOFTNESSES = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, SOFTNESS)  # of supports, one after the other
 STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
 
@@ -156,6 +145,27 @@ class ContactProblem:
     frictions: Sequence[FrictionLimit]
     compliance: Array | None = None
 
+    @cached_property
+    def packed(self) -> NDArray[np.int64]:
+        """The problem for compiled functions."""
+        return packed(self._for_compiled)
+
+    @cached_property
+    def _for_compiled(self) -> ForceProblem:
+        rows = [[*one.rows, -1][:2] for one in self.frictions]
+        loads = [-1 if one.normal is None else one.normal for one in self.frictions]
+        return ForceProblem(
+            len(self.free),
+            np.ascontiguousarray(self.matrix, dtype=float),
+            np.ascontiguousarray(self.free, dtype=float),
+            len(self.normals),
+            np.array(self.normals, dtype=np.int64),
+            len(rows),
+            np.array(rows, dtype=np.int64).ravel(),
+            np.array(loads, dtype=np.int64),
+            np.array([one.size for one in self.frictions], dtype=float),
+        )
+
     def rates(self, forces: Array) -> Array:
         """s (n,), summed in order."""
         total = self.free.copy()
@@ -171,20 +181,18 @@ def contact_forces(problem: ContactProblem) -> Array:
     :raises NoSolutionError: there is none, or none was found.
     """
     n = len(problem.free)
-    if not n:
-        return np.zeros(0)
+    unique = np.zeros(n)
+    if called("unique_forces", problem.packed, unique):
+        return unique
     scaled, scale = _scaled(problem)
     rigid, start = _quick(scaled)
-    is_single = max(len(problem.normals), len(problem.frictions)) < 2
-    if rigid is not None and (is_single or is_unique(scaled, rigid)):
-        return rigid * scale
-    if is_single or len(pivots(scaled.matrix)) == n:
+    if max(len(problem.normals), len(problem.frictions)) < 2 or len(pivots(scaled.matrix)) == n:
         return _solution(scaled, rigid, start) * scale
     elastic = _elastic(scaled)
     if elastic is None:
         elastic = _solution(scaled, rigid, start)
     for forces in (shared_forces(scaled, elastic), elastic):
-        if _natural(scaled, forces)[2] <= ACCURATE:
+        if _natural(scaled, forces) <= ACCURATE:
             return _newton(scaled, forces)[0] * scale
     polished, residual = _newton(scaled, elastic)
     return (polished if residual <= ACCURATE else _solution(scaled, rigid, start)) * scale
@@ -227,7 +235,8 @@ def _softened(problem: ContactProblem, softness: float) -> ContactProblem:
 
 def _quick(problem: ContactProblem) -> tuple[Array | None, Array | None]:
     """The solution, or None; and what Lemke's method finds."""
-    start = _by_lemke(problem)
+    found = np.zeros(len(problem.free))
+    start = found if called("by_lemke", problem.packed, found) else None
     attempts = [start] if start is not None else []
     for forces in (*attempts, np.zeros(len(problem.free))):
         polished, residual = _newton(problem, forces)
@@ -283,35 +292,6 @@ def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
     return ContactProblem(matrix, free / size, problem.normals, frictions, compliance), scale
 
 
-def _by_lemke(problem: ContactProblem) -> Array | None:
-    """The solution with friction along the directions of the rows, which is exact for one direction."""
-    normals, n = list(problem.normals), len(problem.free)
-    columns = [(row, 1.0) for row in normals]
-    columns += [(row, sign) for friction in problem.frictions for row in friction.rows for sign in (1.0, -1.0)]
-    size, extra = len(columns), len(problem.frictions)
-    matrix, right = np.zeros((size + extra, size + extra)), np.zeros(size + extra)
-    rows, signs = [row for row, _ in columns], np.array([sign for _, sign in columns])
-    matrix[:size, :size] = signs[:, None] * problem.matrix[rows][:, rows] * signs
-    right[:size] = [sign * problem.free[row] for row, sign in columns]
-    first = len(normals)
-    for index, friction in enumerate(problem.frictions):
-        own = range(first, first + 2 * len(friction.rows))
-        first = own.stop
-        for column in own:
-            matrix[column, size + index], matrix[size + index, column] = 1.0, -1.0
-        if friction.normal is None:
-            right[size + index] = friction.size
-        else:
-            matrix[size + index, normals.index(friction.normal)] = friction.size
-    z = lemke(matrix, right)
-    if z is None:
-        return None
-    forces: Array = np.zeros(n)
-    for index, (row, sign) in enumerate(columns):
-        forces[row] += sign * z[index]
-    return forces
-
-
 def _projected(problem: ContactProblem, trial: Array) -> Array:
     """The nearest admissible forces to a trial, each element for itself."""
     forces = trial.tolist()
@@ -331,62 +311,17 @@ def _length(vector: Sequence[float]) -> float:
     return math.sqrt(sum([value * value for value in vector]))
 
 
-def _natural(problem: ContactProblem, forces: Array) -> tuple[Array, Array, float]:
-    """The trial λ - s (n,), the residual F = λ - P(λ - s) (n,), and its size relative to the forces.
-
-    F is zero where all conditions are satisfied.
-    """
-    trial = forces - problem.rates(forces)
-    natural = forces - _projected(problem, trial)
-    size = 1.0 + float(np.abs(forces).max())
-    return trial, natural, float(np.abs(natural).max()) / size if np.isfinite(natural).all() else np.inf
+def _natural(problem: ContactProblem, forces: Array) -> float:
+    """How far forces are from satisfying all conditions: see `compiled.forces.residual_of`."""
+    n = len(forces)
+    residual: float = called("residual_of", problem.packed, forces, np.empty(n), np.empty(n))
+    return residual
 
 
 def _newton(problem: ContactProblem, forces: Array) -> tuple[Array, float]:
-    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual."""
-    trial, natural, least = _natural(problem, forces)
-    best = forces
-    if least == 0.0:
-        return best, least
-    for _ in range(NEWTON_STEPS):
-        forces = forces + solve(_jacobian(problem, trial), -natural)
-        trial, natural, found = _natural(problem, forces)
-        if not found < least:
-            if not np.isfinite(found) or least <= 1e-15:
-                break
-            if found > 1e3 * least:
-                break
-            continue
-        best, least = forces, found
-        if least <= 1e-16:
-            break
-    return best, least
-
-
-def _jacobian(problem: ContactProblem, trial: Array) -> Array:
-    """The Jacobian (n, n) of F = λ - P(λ - s)."""
-    identity = np.eye(len(trial))
-    jacobian = identity.copy()
-    for row in problem.normals:
-        if trial[row] > 0.0:
-            jacobian[row] = problem.matrix[row]
-    shift = identity - problem.matrix
-    for friction in problem.frictions:
-        rows, normal = list(friction.rows), friction.normal
-        load = 1.0 if normal is None else max(float(trial[normal]), 0.0)
-        limit, own = friction.size * load, trial[rows]
-        size = _length(own.tolist())
-        if size <= limit or size == 0.0:
-            jacobian[rows] = problem.matrix[rows]
-            continue
-        direction = own / size
-        if len(rows) == 2:
-            across = np.array([-direction[1], direction[0]])
-            turned = limit / size * (across[0] * shift[rows[0]] + across[1] * shift[rows[1]])
-            jacobian[rows] -= across[:, None] * turned
-        if normal is not None and trial[normal] > 0.0:
-            jacobian[rows] -= (friction.size * direction)[:, None] * shift[normal]
-    return jacobian
+    """The best iterate of Newton's method, and the size of its residual: see `compiled.forces.newton`."""
+    found = forces.astype(float)
+    return found, called("newton", problem.packed, found)
 
 
 def _sweep(problem: ContactProblem, forces: Array) -> Array:

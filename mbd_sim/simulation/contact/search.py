@@ -7,14 +7,16 @@ bracketing root finder on the one-step map.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.roots import first_zero
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
+from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts
 from mbd_sim.simulation.contact.complementarity import solve
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, OneSidedReadings, address
 
@@ -27,6 +29,7 @@ class TrialMotion:
     ) -> None:
         """:param known: states after some lengths in s."""
         self._model, self._y, self._inputs, self._t = model, y, inputs, t
+        self.start = y, inputs, t
         self._inputs_address = address(inputs)
         self._states: dict[float, Array] = {0.0: y.copy(), **(known or {})}
         self._readings: dict[float, OneSidedReadings] = {}
@@ -76,9 +79,6 @@ FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8
 SHORTEST = 1e-15  # of the natural time, and of the time
-# Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
-# values and rates falls by less than 8/27 of it.
-FALLING = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +90,8 @@ class Stage:
     """
 
     length: float
-    y: Array
     is_event: bool
+    y: Array
     stopped: frozenset[int] = frozenset()
     creeps: bool = False
 
@@ -103,23 +103,25 @@ class EventSearch:
     A guard counts as negative below -`tolerance`.
     """
 
-    def __init__(self, model: OneSidedModel, tolerance: float) -> None:
-        self._model, self._tolerance = model, tolerance
+    def __init__(self, model: OneSidedModel, contacts: CompiledContacts, tolerance: float) -> None:
+        self._model, self._contacts, self._tolerance = model, contacts, tolerance
         self._stopped, self._noise = STOPPED * model.units.speed, NOISE * model.units.speed
         self._place = {index: place for place, index in enumerate(model.pairs)}
 
     def stage(
-        self, y: Array, inputs: Array, t: float, length: float, first_length: float, ignored: frozenset[int]
+        self, y: Array, inputs: Array, t: float, length: float, first_length: float, ignored: NDArray[np.int64]
     ) -> Stage:
-        """The next part of a step that begins at t and is at most this long; guards in `ignored` make no event.
+        """The next part of a step that begins at t and is at most this long; guards that are 1 in `ignored` make none.
 
         :param first_length: what to try first, unless slips turn much faster than they change.
 
         :raises FloatingPointError: the state does not stay finite.
         """
         sliding = [index for index in self._model.sliding(self._model.modes(inputs)) if index in self._place]
-        if sliding:
-            self._turn(self._model.readings(t, y, inputs), inputs, sliding)
+        if not sliding and self._model.features is None:
+            end = y.copy()
+            return Stage(*self._contacts.stage(end, inputs, t, length, ignored), y=end)
+        self._turn(self._model.readings(t, y, inputs), inputs, sliding)
         motion = TrialMotion(self._model, y, inputs, t)
         before = motion.readings(0.0)
         turning = self._turning(motion, before, sliding, length)
@@ -140,55 +142,20 @@ class EventSearch:
             if (stop := self._stop(motion, index, before, length)) is not None:
                 first, stopped, length = stop, frozenset({index}), stop
         after = motion.readings(length)
-        left_out = ignored | {self._model.layout.gaps + index for index in sliding}
-        for index in np.flatnonzero(after.guards < -self._tolerance).tolist():
-            if index not in left_out:
-                first = self._earlier(motion, _guard(index), first, length)
-                if first == 0.0 and steady and start.guards[index] > self._tolerance:
-                    # only with the directions at the end: of a shorter part these are nearer to those at the start
-                    return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
-        for index in self._may_graze(before, after, inputs, length):
-            first = self._grazing(motion, index, first, length)
+        left_out = ignored.copy()
+        left_out[[self._model.layout.gaps + index for index in sliding]] = 1
+        first, cause = self._contacts.first_event(motion.start, length, first, left_out)
+        if first == 0.0 and steady:
+            negative = np.flatnonzero((after.guards < -self._tolerance) & (left_out == 0))
+            if np.any(start.guards[negative[negative >= cause]] > self._tolerance):
+                # only with the directions at the end: of a shorter part these are nearer to those at the start
+                return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
         if self._model.features is not None:
-            first = self._model.features.first_change(motion, inputs, first, length)
+            known = self._model.features.clearances()
+            first = self._model.features.first_change(motion, inputs, known, first, length)
         if first is None:
-            return Stage(length, motion.state(length), False, creeps=self._creeps(after, sliding))
-        return Stage(first, motion.state(first), True, stopped if first == length else frozenset())
-
-    def _earlier(
-        self, motion: TrialMotion, value: Callable[[OneSidedReadings], float], first: float | None, length: float
-    ) -> float | None:
-        """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
-        end = length if first is None else first
-        if end == 0.0 or value(motion.readings(end)) >= -self._tolerance:
-            return first
-        start, last = value(motion.readings(0.0)), value(motion.readings(end))
-        return first_zero(lambda s: value(motion.readings(s)), end, start, last, self._tolerance)
-
-    def _may_graze(self, before: OneSidedReadings, after: OneSidedReadings, inputs: Array, length: float) -> list[int]:
-        gaps = self._model.layout.gaps
-        closed = inputs[self._model.span][self._model.layout.closed] != 0.0
-        down, up = before.rates[:gaps], after.rates[:gaps]
-        limit = self._tolerance * self._model.gap_units
-        turns = (down < 0.0) & (up > 0.0) & (before.gaps > limit)
-        near = np.minimum(before.gaps, after.gaps) <= limit + FALLING * length * np.maximum(-down, up)
-        open_ones = ~closed & ~self._model.clutches & ~self._model.slots & (after.gaps >= -limit)
-        return np.flatnonzero(turns & near & open_ones).tolist()
-
-    def _grazing(self, motion: TrialMotion, index: int, first: float | None, length: float) -> float | None:
-        """Where a gap that turns within the step becomes zero before that, if that is the first event."""
-
-        def gap(at: OneSidedReadings) -> float:
-            return float(at.gaps[index] / self._model.gap_units[index])
-
-        def rate(s: float) -> float:
-            return -float(motion.readings(s).rates[index])
-
-        lowest = first_zero(rate, length, rate(0.0), rate(length), 0.0)
-        if first is not None and first <= lowest:
-            return first if first == 0.0 else self._earlier(motion, gap, first, length)
-        found = self._earlier(motion, gap, lowest, length)
-        return found if found != lowest else first
+            return Stage(length, False, motion.state(length), creeps=self._creeps(after, sliding))
+        return Stage(first, True, motion.state(first), stopped if first == length else frozenset())
 
     def _turning(self, motion: TrialMotion, before: OneSidedReadings, sliding: list[int], length: float) -> list[int]:
         """The elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
@@ -339,10 +306,6 @@ class EventSearch:
         if length == 0.0 or (last := forward(motion.readings(length))) >= 0.0:
             return None
         return first_zero(lambda s: forward(motion.readings(s)), length, speed, last, 0.0)
-
-
-def _guard(index: int) -> Callable[[OneSidedReadings], float]:
-    return lambda at: float(at.guards[index])
 
 
 def _speed(slip: list[float]) -> float:

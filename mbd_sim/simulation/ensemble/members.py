@@ -15,6 +15,7 @@ from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.ensemble_kernel import Advance, MemberGroups, advance_lanes, advance_one_by_one, compile_members
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.simulation.contact.compiled_contacts import advance_members
 from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper
 from mbd_sim.simulation.ensemble.variants import Variants
 from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
@@ -53,15 +54,23 @@ def find_modes_of_members(
 
 
 def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int) -> Advance:
-    """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive."""
+    """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive.
+
+    Those that are observed, or have changing features or a step that compiled code leaves to others, are advanced by
+    their steppers.
+    """
+    contacts = np.array([stepper.packed for stepper in steppers])
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
-        for group in groups:
-            y, inputs, estimate, alive = (arrays[name][group, :, 0] for name in ("y", "inputs", "estimates", "alive"))
+        rows = {name: array[:, :, 0] for name, array in arrays.items()}
+        compiled = [member for member in groups if steppers[member].is_compiled]
+        left = advance_members(contacts, rows, np.array(compiled, dtype=np.int64), first, h, steps)
+        for member in sorted({*groups} - {*compiled} | {*left}):
+            y, inputs, estimate, alive = (rows[name][member] for name in ("y", "inputs", "estimates", "alive"))
             if alive[0]:
                 own, history = inputs[:inputs_size], inputs[inputs_size:]
                 try:
-                    alive[0] = float(steppers[group].advance(y, own, history, np.array([first]), h, steps, estimate))
+                    alive[0] = float(steppers[member].advance(y, own, history, np.array([first]), h, steps, estimate))
                 except EventError:
                     alive[0] = 0.0
 
@@ -75,7 +84,8 @@ def member_groups(model: Model, count: int, steppers: Sequence[OneSidedStepper])
     """The arrays of `count` members, and what advances them."""
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if steppers:
-        return MemberGroups(count, 1, sizes, advance_through_events(steppers, len(model.inputs)))
+        advance = advance_through_events(steppers, len(model.inputs))
+        return MemberGroups(count, 1, sizes, advance, ENOUGH // model.kernel.instructions)
     if model.method.uses_series:  # each member needs its own expansions
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations

@@ -147,6 +147,7 @@ class KernelMemory:
 def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
     from mbd_sim.dynamics.constraints.start import rheonomic
+    from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts
     from mbd_sim.simulation.contact.one_sided_model import guard_tolerance
     from mbd_sim.simulation.contact.stepper import OneSidedStepper
 
@@ -155,12 +156,30 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
     def energy(time: float, y: Array, inputs: Array) -> float:
         return model.energies(time, y, 0.0, inputs).total
 
+    def moving_drives(time: float, y: Array, inputs: Array) -> list[str]:
+        speeds = model.drives(time, y, inputs)[1].tolist()
+        return [name for name, speed in zip(model.driven_names, speeds, strict=True) if speed]
+
+    tolerance, driven = guard_tolerance(model.equations), rheonomic(mechanism)
+    contacts = CompiledContacts(
+        model.one_sided,
+        model.kernel,
+        len(model.start),
+        model.u_range,
+        model.loss_range.start,
+        mechanism.rest_speed,
+        tolerance,
+        driven,
+    )
     return OneSidedStepper(
         model.one_sided,
+        contacts,
         energy,
         model.u_range,
         model.loss_range,
         mechanism.rest_speed,
-        guard_tolerance(model.equations),
-        rheonomic(mechanism),
+        tolerance,
+        driven,
+        moving_drives,
+        sorted(model.between_steps.held) if model.between_steps is not None else (),
     )

@@ -54,7 +54,7 @@ def test_a_gap_that_stays_positive_within_a_step_does_not_close():
 
 
 @pytest.mark.parametrize("method", ["rk4", "tsitouras8", "adams11"])
-def test_arrays_in_registers_or_in_memory_give_the_same_bits(monkeypatch, method):
+def test_arrays_in_registers_or_in_memory_give_the_same_bits(monkeypatch, own_builds, method):
     """With events, and with single steps as well as many in a call."""
     found = []
     for few, each in ((0, 1), (10**9, 1), (10**9, 50)):

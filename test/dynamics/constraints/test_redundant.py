@@ -234,7 +234,26 @@ def test_a_gap_that_no_coordinate_changes_never_acts(kind, bound):
 @pytest.mark.parametrize(("bound", "change"), [("at_most", "- 0.1*(t - 0.2)"), ("at_least", "+ 0.1*(t - 0.2)")])
 def test_a_gap_that_time_closes_and_no_force_opens_is_refused(bound, change):
     text = STRUT.replace("1.0565768360853087}", f"1.0565768360853087 {change}, bound: {bound}}}")
-    with pytest.raises(EventError, match=r"at 0\.2 s"):
+    with pytest.raises(EventError, match=r"at 0\.2 s the gap of c is closed by the time alone"):
+        BaseSimulation(parse_mechanism(text)).run(until=0.5)
+
+
+def test_a_gap_that_only_a_drive_closes_names_the_drive_and_what_helps():
+    """It said to reduce the friction, of which there is none."""
+    text = """
+mechanism: press
+parts: {ram: {mass: 1}, idle: {mass: 1}, free: {mass: 1}}
+joints:
+  slide: {type: prismatic, between: [ground, ram], axis: [0, 0, 1], drive: 0.3 - t}
+  rest: {type: prismatic, between: [ground, idle], axis: [1, 0, 0], drive: 1}
+  other: {type: prismatic, between: [ground, free], axis: [0, 1, 0]}
+constraints:
+  table: {type: on_plane, point: ram, bound: at_least}
+"""
+    expected = (
+        r"at 0\.3 s the gap of table is closed by the drive of slide alone.* with a spring in place of a driven joint"
+    )
+    with pytest.raises(EventError, match=expected):
         BaseSimulation(parse_mechanism(text)).run(until=0.5)
 
 

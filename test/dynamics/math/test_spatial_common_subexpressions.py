@@ -27,7 +27,7 @@ def test_equal_operations_of_short_functions_are_merged() -> None:
 
 def test_the_compiler_merges_those_of_long_functions() -> None:
     x = ca.SX.sym("x", 3)
-    long = repetitive(x, spatial.LONG)
+    long = repetitive(x, spatial.LONG // 6)
     function = merged_function("long", [x], long)
     assert function.n_instructions() >= spatial.LONG
     by_casadi = ca.Function("long", [x], [long], {"cse": True})

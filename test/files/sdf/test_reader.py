@@ -147,7 +147,7 @@ def test_what_is_left_out_is_listed_with_its_line():
     ).source.notes
     assert "links without <inertial>, which have 1 kg and 1 kg·m² in SDF: link[x] (line 2)" in notes
     assert "<sensor> of links: link[x] (line 2)" in notes
-    assert "contacts of <collision>, through which other links pass: link[x] (line 3)" in notes
+    assert "<collision> without a shape: link[x] (line 3)" in notes
     assert "<transparency> of <visual>: link[x].visual[v] (line 3)" in notes
     assert "<plugin>: plugin[p] (line 4)" in notes
 
@@ -156,7 +156,7 @@ def test_unread_attributes_and_elements_are_listed_at_any_depth():
     inside = """<inertial><mass>2</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia>
 <fluid_added_mass/></inertial><inertial/>
 <visual name="v"><pose relative_to="x">0 0 0 0 0 0</pose><geometry><mesh><uri>a.stl</uri><submesh/></mesh></geometry></visual>
-<collision name="c"><geometry><sphere><radius>1</radius></sphere></geometry><surface><friction/></surface></collision>"""
+<collision name="c"><geometry><sphere><radius>1</radius></sphere></geometry><surface><contact/></surface></collision>"""
     hinge = """<joint name="j" type="revolute" reversed="1"><parent>world</parent><child>x</child>
 <axis><xyz expressed_in="x" scale="2">0 0 1</xyz><limit><lower>0</lower><upper>1</upper><stiffness>9</stiffness></limit></axis></joint>"""
     notes = parse_mechanism(
@@ -169,7 +169,7 @@ def test_unread_attributes_and_elements_are_listed_at_any_depth():
         "<inertial> that is not the first of <link>: link[x] (line 2)",
         "relative_to of <pose>: link[x].visual[v].pose (line 3)",
         "<submesh> of <mesh>: link[x].visual[v].geometry.mesh (line 3)",
-        "<surface> of <collision>: link[x].collision[c] (line 4)",
+        "<contact> of <surface>: link[x].collision[c].surface (line 4)",
         "reversed of <joint>: joint[j] (line 4)",
         "scale of <xyz>: joint[j].axis.xyz (line 5)",
         "<stiffness> of <limit>: joint[j].axis.limit (line 5)",

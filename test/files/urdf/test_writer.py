@@ -280,7 +280,7 @@ actuators: {push: {type: effort, joint: slide, rotor_inertia: 1e-4, lead: 10 mm}
 contacts: {floor: {parts: [ball], plane: ground, stiffness: 1e4}}
 """
 LISTED = (
-    "gravity: [1.0, 0.0, -9.0]", "friction other than Coulomb's: hinge", "actuators: push", "contacts between shapes: floor"
+    "gravity: [1.0, 0.0, -9.0]", "friction other than Coulomb's: hinge", "actuators: push", "contacts, of which only the shapes are here: floor"
 )  # fmt: skip
 
 

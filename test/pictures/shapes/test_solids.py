@@ -1,5 +1,6 @@
 """The solids of shapes have the sizes of the shapes."""
 
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 from mbd_sim.base.geometry.pose import identity_pose
 from mbd_sim.mechanism.elements.parts import Polyhedron, Shape, ShapeKind
+from mbd_sim.mechanism.outlines.pieces import Outline, Straight
+from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     Box,
     Cone,
@@ -25,7 +28,12 @@ WEDGE = Polyhedron(
     ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
 )
 
+SQUARE = Outline(
+    tuple(Straight(*ends) for ends in pairwise([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]))
+)
+
 SHAPES = [
+    (("outline", (0.5,)), Prism(((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)), 0.5), [1.0, 1.0, 0.25]),
     (("rod", (2.0, 0.1)), Rod(2.0, 0.1), [0.1, 0.1, 1.0]),
     (("cylinder", (2.0, 0.5)), Cylinder(2.0, 0.5), [0.5, 0.5, 1.0]),
     (("cone", (2.0, 0.5)), Cone(2.0, 0.5), [0.5, 0.5, 1.0]),
@@ -44,7 +52,7 @@ SHAPES = [
 @pytest.mark.parametrize(("shape", "solid", "half"), SHAPES, ids=[shape[0] for shape, _, _ in SHAPES])
 def test_every_kind_of_shape_has_a_solid_and_a_box(shape, solid, half):
     kind, size = shape
-    record = Shape(kind, size, identity_pose(), hull=WEDGE if kind == "hull" else None)
+    record = Shape(kind, size, identity_pose(), hull=WEDGE if kind == "hull" else None, outline=SQUARE)
     assert solid_of(record) == solid
     np.testing.assert_allclose(half_sizes(record), half)
 

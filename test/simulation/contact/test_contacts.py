@@ -1,13 +1,20 @@
 """One-sided elements: twelve systems against values that were computed apart from this project, and what must hold."""
 
+from __future__ import annotations
+
 import math
 import signal
 
 import numpy as np
 import pytest
 
-from mbd_sim import MechanismError, Simulation
-from mbd_sim.simulation.contact import search, stepper
+from mbd_sim import DivergedError, MechanismError, Simulation
+from mbd_sim.compiler.ir.python_kinds import Array
+from mbd_sim.simulation.contact import stepper
+from mbd_sim.simulation.contact.compiled import forces, library, search
+from mbd_sim.simulation.contact.compiled.contacts import Contacts
+from mbd_sim.simulation.contact.compiled.forces import ForceProblem
+from mbd_sim.simulation.contact.compiled.search import TrialPart
 from mbd_sim.simulation.contact.problem import NoSolutionError
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.
@@ -269,11 +276,23 @@ def test_a_gap_that_would_be_negative_only_within_a_step_closes(depth):
     assert times == pytest.approx(expected, abs=1e-11)
 
 
+@pytest.mark.usefixtures("compiled_anew")
 def test_a_gap_that_turns_far_from_zero_is_not_searched(monkeypatch):
-    monkeypatch.setattr(search, "first_zero", lambda *_: pytest.fail("searched"))
-    simulation = Simulation.from_text(TURNING.format(height=1.0, speed=-0.055 * 9.81))
+    text = TURNING.format(height=1.0, speed=-0.055 * 9.81)
+    simulation = Simulation.from_text(text)
+    monkeypatch.setattr(search, "grazing", fails_when_grazing)
+    library.library.cache_clear()
     simulation.run(until=0.1)
     assert simulation.u[0] > 0.0
+    near = Simulation.from_text(TURNING.format(height=(0.055 * 9.81) ** 2 / (2 * 9.81) - 1e-6, speed=-0.055 * 9.81))
+    with pytest.raises(DivergedError):  # so that this test can fail
+        near.run(until=0.1)
+
+
+def fails_when_grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
+    """In place of the search within a step; compiled."""
+    m.failed[0] = 1
+    return first
 
 
 def test_reactions_include_contact_forces():
@@ -337,14 +356,21 @@ joints:
     assert sim.losses.friction == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.usefixtures("compiled_anew")
 def test_an_impact_without_a_solution_names_its_contacts(monkeypatch):
     def no_impulses(*_):
         raise NoSolutionError("none")
 
     monkeypatch.setattr(stepper, "impact", no_impulses)
+    monkeypatch.setattr(forces, "newton", no_solution)  # leaves the impact to the other one
     expected = r"at 0\.45\d+ s no impulses satisfy the laws of impact and friction \(floor\)\. Reduce the friction"
     with pytest.raises(stepper.EventError, match=expected):
         Simulation.from_file("bounce").run(until=1.0)
+
+
+def no_solution(p: ForceProblem, forces: Array) -> float:
+    """In place of Newton's method; compiled."""
+    return 1.0
 
 
 def test_methods_for_stiff_mechanisms_refuse_contacts():

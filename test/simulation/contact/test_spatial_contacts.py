@@ -9,6 +9,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.base.roots import first_zero
 from mbd_sim.simulation.contact import stepper
+from mbd_sim.simulation.contact.compiled import library
+from mbd_sim.simulation.contact.compiled import step as compiled_step
 from mbd_sim.simulation.contact.records import ContactChange
 from test.generators.contact_mechanisms import contact_mechanism
 
@@ -103,6 +105,7 @@ def _dissipated(text):
     return simulation.energies.dissipated
 
 
+@pytest.mark.usefixtures("compiled_anew")
 @pytest.mark.parametrize(
     ("constant", "bound", "seed", "error"),
     [("MOST_EVENTS", 1, 1, 1e-12), ("MOST_STAGES", 6, 3, 1e-5)],
@@ -112,6 +115,8 @@ def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch, constant, boun
     text = contact_mechanism(seed, "box", 0.8, 0.3)
     dissipated = _dissipated(text)
     monkeypatch.setattr(stepper, constant, bound)
+    monkeypatch.setattr(compiled_step, constant, bound)
+    library.library.cache_clear()
     simulation = Simulation.from_text(text)
     simulation.run(until=2.0)
     told = [event.text for event in simulation.contact_events if event.change is ContactChange.BOUND]

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.dynamics.contact.feature_rows import Features
-from mbd_sim.dynamics.contact.smooth_rows import SmoothFeatures
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,6 +15,18 @@ class Bounds:
 
     center: Array
     radius: float
+
+
+class SlotFeatures(Protocol):
+    """What touches at a slot."""
+
+    @property
+    def key(self) -> int:
+        """By which the narrow phase knows the features; not 0."""
+
+    @property
+    def numbers(self) -> Array:
+        """All numbers (SLOT_SIZE,) of the slot."""
 
 
 class NarrowPhase(Protocol):
@@ -36,7 +46,7 @@ class NarrowPhase(Protocol):
         Where they are apart, any positive number that is not more than their distance will do.
         """
 
-    def touching(self, one: Pose, other: Pose, tolerance: float) -> Sequence[Features | SmoothFeatures]:
+    def touching(self, one: Pose, other: Pose, tolerance: float) -> Sequence[SlotFeatures]:
         """The features whose gaps are zero up to the tolerance in m, or as negative as the distance; in a fixed order.
 
         All points that can bear a force: the corners of the area where faces touch. At most as many as there are slots.

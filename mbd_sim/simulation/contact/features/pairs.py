@@ -11,31 +11,38 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mbd_sim.base.geometry.pose import Array, Pose, pack_poses, unpack_poses
+from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Barrel, Contact, Egg, Solid, Taper
+from mbd_sim.mechanism.elements.contacts import Barrel, Cluster, Contact, Egg, Face, PlanarBody, Solid, Taper
 from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.simulation.contact.features.clearances import Clearances
+from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
-from mbd_sim.simulation.contact.features.polytopes import PolytopePair, dots, turned
+from mbd_sim.simulation.contact.features.outlines import OutlinePair
+from mbd_sim.simulation.contact.features.polytopes import PolytopePair
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
 
 PATH = 1.05  # of the straight line, the path of a body in a step
 AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
+DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
 
 
 def narrow_phase(contact: Contact) -> NarrowPhase:
     """The narrow phase of a contact with slots."""
     match contact.first, contact.second:
+        case Cluster() as cluster, Face() as face:
+            return ClusterOnPlane(cluster, face, contact.slots)
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
+        case PlanarBody() as first, PlanarBody() as second:
+            return OutlinePair(first, second, contact.slots, contact.names)
         case (
             (Solid() | Barrel() | Taper() | Egg()) as first,
             (Solid() | Barrel() | Taper() | Egg()) as second,
@@ -108,10 +115,12 @@ class FeaturePairs:
             self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
             first = numbers[-1].stop
         self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
-        bounds = [pair.phase.bounds for pair in self.pairs]
-        self._centers = np.array([[each.center for each in both] for both in bounds])
+        self._bounds = [pair.phase.bounds for pair in self.pairs]
         self._across = np.array([_across(pair.contact.still) for pair in self.pairs])
-        self._radii = np.array([[each.radius for each in both] for both in bounds])
+
+    def clearances(self) -> Clearances:
+        """Where the distances of one motion are remembered."""
+        return Clearances(self._parts, self._bounds, self._across)
 
     def poses(self, time: float, y: int, inputs: int) -> Array:
         """The poses (parts + 1, 12) of all parts and of ground, from the addresses of a state and of the inputs."""
@@ -125,45 +134,44 @@ class FeaturePairs:
         """The slots of a pair that are closed."""
         return [slot for slot, gap in enumerate(pair.gaps) if inputs[self._closed + gap]]
 
-    def first_change(self, motion: PosesInTime, inputs: Array, first: float | None, length: float) -> float | None:
-        """Where two bodies meet or features change, if that is before the `first` event or before a length in s."""
+    def first_change(
+        self, motion: PosesInTime, inputs: Array, known: Clearances, first: float | None, length: float
+    ) -> float | None:
+        """Where two bodies meet or features change, if that is before the `first` event or before a length in s.
+
+        :param known: distances of this motion; those that are computed are added.
+        """
         end = length if first is None else first
-        for index in self._approaching(motion.poses(0.0), motion.poses(end)).tolist() if end else ():
-            found = self._change(self.pairs[index], motion, inputs, end)
+        for index in self._approaching(motion.poses(0.0), motion.poses(end), inputs, known) if end else ():
+            found = self._change(index, motion, inputs, known, end)
             if found is not None:
                 first = end = found
                 if not end:
                     break
         return first
 
-    def _approaching(self, before: Array, after: Array) -> NDArray[np.intp]:
+    def _approaching(self, before: Array, after: Array, inputs: Array, known: Clearances) -> list[int]:
         """The pairs that may have met on the way from the poses before to those after it: not those at rest."""
         moves = np.any(np.abs(after - before) > AT_REST * self._tolerance, axis=1)
-        if not moves.any():
-            return np.zeros(0, dtype=np.intp)
-        near = self._near(before, after)
-        return near[np.any(moves[self._parts[near]], axis=1)]
+        if not np.any(moves):
+            return []
+        path = PATH * known.paths(before, after) + 4.0 * self._tolerance
+        near = known.at_least(before) + known.at_least(after) <= path
+        near |= np.array([bool(self.closed(pair, inputs)) for pair in self.pairs])
+        near &= np.any(moves[self._parts], axis=1)
+        if np.any(near):
+            near &= known.spheres(before) + known.spheres(after) <= path
+        return [int(index) for index in np.flatnonzero(near)]
 
-    def _near(self, before: Array, after: Array) -> NDArray[np.intp]:
-        """The pairs whose spheres may meet on the way from the poses before to those after it."""
-        lines = []
-        for poses in (before, after):
-            positions, rotations = unpack_poses(poses)
-            centers = positions[self._parts] + _turned(rotations[self._parts], self._centers)
-            lines.append((centers[:, 0] - centers[:, 1]) * self._across)
-        gaps = sum(np.sqrt(dots(line, line)) - self._radii.sum(axis=1) for line in lines)
-        moved = lines[1] - lines[0]
-        path = np.sqrt(dots(moved, moved))
-        return np.flatnonzero(gaps <= PATH * path + 4.0 * self._tolerance)
-
-    def _change(self, pair: FeaturePair, motion: PosesInTime, inputs: Array, end: float) -> float | None:
+    def _change(self, index: int, motion: PosesInTime, inputs: Array, known: Clearances, end: float) -> float | None:
+        pair = self.pairs[index]
         closed = self.closed(pair, inputs)
-        gaps, known = [pair.gaps[slot] for slot in closed], dict[float, tuple[Pose, Pose]]()
+        gaps, both = [pair.gaps[slot] for slot in closed], dict[float, tuple[Pose, Pose]]()
 
         def poses(s: float) -> tuple[Pose, Pose]:
-            if s not in known:
-                known[s] = _poses_of(pair, motion.poses(s))
-            return known[s]
+            if s not in both:
+                both[s] = _poses_of(pair, motion.poses(s))
+            return both[s]
 
         def distance(s: float) -> float:
             found = pair.phase.distance(*poses(s))
@@ -173,10 +181,13 @@ class FeaturePairs:
             return min((pair.phase.margin(*poses(s), inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
 
         last, room = distance(end), margin(end)
+        known.note(index, motion.poses(end), last)
         if last >= 0.0 and room >= -self._tolerance:
-            return None if closed else self._passed(pair, motion, distance, end, last)
+            path = PATH * float(known.paths(motion.poses(0.0), motion.poses(end))[index])
+            return None if closed else self._passed(path, distance, end, last)
         start = distance(0.0)
-        offset = self._tolerance + max(0.0, -start) if closed or start <= self._tolerance else 0.0
+        spare = self._tolerance if closed else DEEPER * self._tolerance
+        offset = spare + max(0.0, -start) if closed or start <= self._tolerance else 0.0
 
         def value(s: float) -> float:
             return min(distance(s) + offset, margin(s) + self._tolerance)
@@ -185,11 +196,11 @@ class FeaturePairs:
             return None
         return first_zero(value, end, min(start + offset, margin(0.0) + self._tolerance), last, 0.0)
 
-    def _passed(
-        self, pair: FeaturePair, motion: PosesInTime, distance: Callable[[float], float], end: float, last: float
-    ) -> float | None:
-        """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it."""
-        path = PATH * _path(pair, motion.poses(0.0), motion.poses(end))
+    def _passed(self, path: float, distance: Callable[[float], float], end: float, last: float) -> float | None:
+        """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it.
+
+        :param path: how far in m they can move against each other in the step.
+        """
         if last >= path or (start := distance(0.0)) + last >= path or start <= self._tolerance:
             return None
         brief = BRIEF * end
@@ -205,10 +216,15 @@ class FeaturePairs:
             low, high = (low, other) if values[0] < values[1] else (one, high)
         return None
 
+    def _overlapping(self, poses: Array) -> list[int]:
+        """The pairs whose spheres overlap."""
+        gaps = self.clearances().spheres(poses)
+        return [int(index) for index in np.flatnonzero(gaps <= 4.0 * self._tolerance)]
+
     def renew(self, time: float, y: Array, inputs: Array) -> None:
         """Find the features of all slots at a state; closed slots keep theirs as long as these are where they meet."""
         poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
-        near = set(self._near(poses, poses).tolist())
+        near = self._overlapping(poses)
         for index, pair in enumerate(self.pairs):
             if index in near:
                 self._renew(pair, poses, inputs)
@@ -262,16 +278,10 @@ class FeaturePairs:
     def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
         """The contacts whose bodies penetrate each other at a state, with the depths in m."""
         poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
-        for index in self._near(poses, poses).tolist():
+        for index in self._overlapping(poses):
             pair = self.pairs[index]
             if (depth := -pair.phase.distance(*_poses_of(pair, poses))) > 0.0:
                 yield pair.contact, depth
-
-
-def _turned(rotations: Array, vectors: Array) -> Array:
-    """Vectors (..., 3) turned by rotations (..., 3, 3)."""
-    x, y, z = (vectors[..., i : i + 1] for i in range(3))
-    return np.asarray(x * rotations[..., 0] + y * rotations[..., 1] + z * rotations[..., 2])
 
 
 def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
@@ -284,14 +294,3 @@ def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
 def _across(still: int | None) -> Array:
     """0 for the axis along which nothing moves, and 1 for the others."""
     return np.array([float(axis != still) for axis in range(3)])
-
-
-def _path(pair: FeaturePair, before: Array, after: Array) -> float:
-    """How far in m a point of one body can have moved against the other one."""
-    total, lines = 0.0, []
-    for bounds, *ends in zip(pair.phase.bounds, _poses_of(pair, before), _poses_of(pair, after), strict=True):
-        change = ends[1].rotation - ends[0].rotation
-        total += bounds.radius * float(np.sqrt(dots(change, change).max() * 3.0))
-        lines.append([turned(pose.rotation, bounds.center) + pose.position for pose in ends])
-    moved = (lines[0][1] - lines[1][1]) - (lines[0][0] - lines[1][0])
-    return total + float(np.sqrt(dots(moved, moved)))

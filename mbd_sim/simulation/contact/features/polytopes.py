@@ -256,11 +256,12 @@ class PolytopePair:
         self.bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
 
     def _placed(self, one: Pose, other: Pose) -> tuple[_Placed, _Placed]:
-        """Both bodies; those of the last poses are kept."""
-        if self._last is None or self._last[0] is not one or self._last[1] is not other:
+        """Both bodies; those of the last poses are kept, for all threads together."""
+        last = self._last
+        if last is None or last[0] is not one or last[1] is not other:
             placed = _Placed(self._first, one, other.position), _Placed(self._second, other, other.position)
-            self._last = one, other, placed
-        return self._last[2]
+            last = self._last = one, other, placed
+        return last[2]
 
     def distance(self, one: Pose, other: Pose) -> float:
         """See `NarrowPhase`."""
@@ -296,7 +297,10 @@ class PolytopePair:
             if self._support(a, b, meeting.normal) < lowest or _is_known(meeting, found, SUPPORT * tolerance):
                 continue
             found.append((1 + (key[0] * COUNT + key[1]) * COUNT + key[2], meeting))
-        return [self._features(a, b, *each) for each in found[: self._slots]]
+        if len(found) > self._slots:
+            points = np.array([meeting.point for _, meeting in found])
+            found = [found[index] for index in spread(points, self._slots)]
+        return [self._features(a, b, *each) for each in found]
 
     def _support(self, a: _Placed, b: _Placed, normal: Array) -> float:
         """How far the planes across a normal that support both bodies are apart."""
@@ -323,6 +327,8 @@ class PolytopePair:
             across = cross(direction[:, None], other_direction)
             size = np.sqrt(dots(across, across))
             between = np.abs(dots(across, start[:, None] - other_start)) / np.where(size > PARALLEL, size, 1.0)
+            if not self._radius:  # of which the sign is not known yet
+                between = np.where(between <= -lowest, 0.0, between)
             yield from ((EDGE_EDGE, i, j) for i, j in within(np.where(size > PARALLEL, between, np.inf)))
 
     def _meeting(self, a: _Placed, b: _Placed, kind: int, i: int, j: int) -> _Meeting:
@@ -424,6 +430,17 @@ class PolytopePair:
             meeting.on_second,
             side,
         )
+
+
+def spread(points: Array, count: int) -> list[int]:
+    """The places of so many points (n, 3), each the farthest from those before it; in order."""
+    chosen = [0]
+    nearest = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        line = points - points[chosen[-1]]
+        nearest = np.minimum(nearest, dots(line, line))
+        chosen.append(int(np.argmax(nearest)))
+    return sorted(chosen)
 
 
 def _outside(body: _Placed, edge: int, line: Array) -> float:

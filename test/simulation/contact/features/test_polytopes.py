@@ -15,7 +15,7 @@ from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
-from test.simulation.contact.features.solids import ball, block, placed, plate, random_pose, rod
+from test.simulation.contact.features.solids import ball, block, placed, plate, random_pose, rod, solid
 
 HERE = Pose(np.zeros(3), np.eye(3))
 SHARP = {
@@ -122,6 +122,19 @@ def test_blocks_touch_in_the_corners_of_the_area_between_them(turn, shift):
     assert points == pytest.approx(expected[np.lexsort(np.round(expected, 9).T[::-1])], abs=1e-13)
 
 
+def test_of_more_corners_than_slots_those_are_chosen_that_are_far_from_each_other():
+    """A prism of sixteen sides stays supported on all sides by eight of its corners."""
+    angles = 2.0 * np.pi * np.arange(16) / 16
+    ring = 0.1 * np.column_stack([np.cos(angles), np.sin(angles)])
+    low, high = (np.column_stack([ring, np.full(16, z)]) for z in (0.0, 0.1))
+    sides = [(k, (k + 1) % 16, 16 + (k + 1) % 16, 16 + k) for k in range(16)]
+    prism = solid([*low, *high], (tuple(range(15, -1, -1)), tuple(range(16, 32)), *sides))
+    found = pair_of((prism, block(0.4, 0.4, 0.2))).touching(Pose(np.array([0, 0, 0.1]), np.eye(3)), HERE, 1e-13)
+    points = np.array([numeric(each.numbers, Pose(np.array([0, 0, 0.1]), np.eye(3)), HERE)[2] for each in found])
+    turns = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    assert np.diff([*turns, turns[0] + 2 * np.pi]).max() < 0.8
+
+
 def test_a_tilted_block_touches_with_its_lower_edge_and_leaves_the_face_over_its_border():
     """The lower edge reaches beyond the face: it is supported at a vertex and where it crosses the border."""
     one, other = block(0.2, 0.3, 0.1), block(0.4, 0.2, 0.2)
@@ -177,9 +190,11 @@ def test_the_row_of_what_touches_is_the_distance_nearby(bodies):
             near, far = (
                 (middle, far) if pair.distance(Pose(middle * direction, one.rotation), other) < 0 else (near, middle)
             )
+        deep = Pose((near - 2e-13) * direction, one.rotation)
         one = Pose(far * direction, one.rotation)
         found = pair.touching(one, other, 1e-13)
         assert found
+        assert [each.key for each in pair.touching(deep, other, 1e-13)] == [each.key for each in found]
         step = 1e-7
         moved = Pose(
             one.position + step * chance.normal(size=3), rot.about(rot.unit(chance.normal(size=3)), step) @ one.rotation

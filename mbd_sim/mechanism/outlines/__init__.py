@@ -1,0 +1,1 @@
+"""Outlines of planar bodies: chains of lines, arcs and involutes."""

@@ -1,0 +1,1 @@
+"""What happens at contacts, in functions that are compiled once for all mechanisms."""

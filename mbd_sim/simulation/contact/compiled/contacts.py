@@ -1,0 +1,129 @@
+"""The contacts of a mechanism as compiled functions see them: numbers, and the addresses of the kernel's functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbd_sim.compiler.ir.python_kinds import Array, External, Integers
+from mbd_sim.dynamics.contact.one_sided_equations import SLIDING
+
+ADVANCE = External("int", ("Array", "Array", "int", "float", "int", "Array"))
+PART_STEP = External("int", ("Array", "Array", "float", "float"))
+READ_INPUTS = External("None", ("Array", "Array"))
+READ_STATE = External("None", ("Array", "Array", "Array"))
+READ = External("None", ("Array", "Array", "Array", "Array"))
+READ_RESPONSE = External("None", ("Array", "Array", "Array", "Array", "Array"))
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """See `mbd_sim.simulation.contact.one_sided_model.OneSidedModel` for most of the numbers.
+
+    Where the contacts are not `simple`, all events are left to the caller of compiled functions.
+
+    Addresses: `advance` to the next event, `part_step`, `readings`, `terms`, `response`, `restitution`, `joint_loads`,
+    and `energies`, which is 0 where these need not be known at impacts: where nothing is `driven`, and nobody observes
+    them. States have `size` numbers, the speeds are those from `first_speed` on, and the losses follow `first_loss`.
+    The modes are the inputs from `first_mode` on, and those from their number `first_feature` on are the features of
+    slots. Friction element k has the rows 2 k and 2 k + 1 of `friction_rows`, the second of which is -1 along one
+    direction, and the gap `friction_gaps` k or -1. If it depends on one of the `loaded` joints, that is number
+    `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
+    without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
+    `singles` have one component and a guard each, after all others.
+    """
+
+    simple: bool
+    advance: int
+    part_step: int
+    readings: int
+    terms: int
+    response: int
+    restitution: int
+    joint_loads: int
+    energies: int
+    energies_take_inputs: bool
+    driven: bool
+    size: int
+    gaps: int
+    rows: int
+    frictions: int
+    guards: int
+    pairs: int
+    first_mode: int
+    modes: int
+    first_feature: int
+    first_speed: int
+    speeds: int
+    first_loss: int
+    rest_speed: float
+    tolerance: float
+    unit_speed: float
+    unit_rate: float
+    unit_force: float
+    friction_rows: Integers
+    friction_gaps: Integers
+    loaded: int
+    loads_size: int
+    friction_loads: Integers
+    load_elements: Integers
+    load_components: Integers
+    load_offsets: Integers
+    singles: int
+    single_loads: Integers
+    clutches: Integers
+    slots: Integers
+    row_speeds: Array
+    row_loads: Array
+    gap_units: Array
+
+
+def readings_size(c: Contacts) -> int:
+    """The numbers of `read`: the time, gaps, rates, forces, guards and rates of turning."""
+    return 1 + c.gaps + 2 * c.rows + c.guards + c.pairs
+
+
+def read(c: Contacts, t: float, y: Array, inputs: Array, out: Array) -> None:
+    """All readings of a state."""
+    out[0] = t
+    READ(c.readings, out, y, inputs, out[1:])
+
+
+def rate_at(c: Contacts, row: int) -> int:
+    """Where the rate of a row is among the readings."""
+    return 1 + c.gaps + row
+
+
+def force_at(c: Contacts, row: int) -> int:
+    """Where the force of a row is."""
+    return 1 + c.gaps + c.rows + row
+
+
+def guard_at(c: Contacts, guard: int) -> int:
+    """Where a guard is."""
+    return 1 + c.gaps + 2 * c.rows + guard
+
+
+def slides(c: Contacts, inputs: Array, element: int) -> bool:
+    """Whether a friction element slides."""
+    return is_sliding(c, inputs[c.first_mode :], element)
+
+
+def is_sliding(c: Contacts, modes: Array, element: int) -> bool:
+    """Whether a friction element slides in some modes."""
+    size = 0.0
+    for direction in range(2):
+        row = c.friction_rows[2 * element + direction]
+        if row >= 0:
+            part = modes[c.rows + row]
+            size += part * part
+    return size > SLIDING
+
+
+def active_at(c: Contacts, row: int) -> int:
+    """Where the inputs say whether a row is active."""
+    return c.first_mode + c.gaps + row
+
+
+def direction_at(c: Contacts, row: int) -> int:
+    """Where the inputs have the direction of sliding along a row of friction."""
+    return c.first_mode + c.rows + row

@@ -1,0 +1,86 @@
+"""The compiled functions, which take addresses in place of arrays and records."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import sys
+from collections.abc import Callable, Iterator
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.compiler.code.host_module import new_module
+from mbd_sim.compiler.code.machine_code import compile_once
+from mbd_sim.compiler.ir.python_functions import emit_function
+from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
+from mbd_sim.simulation.contact.compiled import (
+    candidate_forces,
+    contacts,
+    forces,
+    impact,
+    linear,
+    members,
+    modes,
+    search,
+    step,
+)
+
+MODULES: tuple[ModuleType, ...] = candidate_forces, contacts, forces, impact, linear, members, modes, search, step
+EXPORTED: tuple[Callable[..., Any], ...] = (
+    members.advance_members,
+    step.advance,
+    step.switch,
+    search.stage,
+    search.first_event,
+    forces.unique_forces,
+    forces.residual_of,
+    forces.newton,
+    forces.by_lemke,
+    linear.solve,
+    linear.null_space,
+    linear.least,
+    linear.least_solution,
+    linear.pivots,
+    linear.unit_diagonal,
+    linear.best_conditioned,
+    linear.independent,
+    linear.lemke,
+)
+
+
+@functools.cache
+def library() -> SimpleNamespace:
+    """The compiled functions; they release the interpreter's lock."""
+    code = compile_once([*_contents()], _emitted)
+    names = {one.__name__: prototype(*signature_of(one))(code.address(name_of(one))) for one in EXPORTED}
+    return SimpleNamespace(code=code, **names)
+
+
+def called(name: str, *arguments: Any) -> Any:
+    """The result of a compiled function that is given arrays; what it changes must be contiguous."""
+    arrays = [np.ascontiguousarray(one) if isinstance(one, np.ndarray) else one for one in arguments]
+    given = [one.ctypes.data if isinstance(one, np.ndarray) else one for one in arrays]
+    return getattr(library(), name)(*given)
+
+
+def _emitted() -> str:
+    module = new_module()
+    for function in EXPORTED:
+        emit_function(module, function, exported=True)
+    return str(module)
+
+
+def _contents() -> Iterator[str]:
+    """What the code is made from: the functions, with their modules, and all constants."""
+    sources = {f"mbd_sim.compiler.ir.{name}" for name in ("python_functions", "python_kinds", "builder", "module")}
+    for module in MODULES:
+        for name, value in sorted(vars(module).items()):
+            if isinstance(value, (int, float)):
+                yield f"{module.__name__}.{name} = {value!r}"
+            elif inspect.isfunction(value):
+                yield f"{module.__name__}.{name}: {name_of(value)}"
+                sources.add(value.__module__)
+    for source in sorted(sources):
+        yield inspect.getsource(sys.modules[source])

@@ -1,0 +1,269 @@
+"""Small linear systems and linear complementarity problems, in the subset of Python that is compiled.
+
+Linear systems are solved by elimination with complete pivoting. Complementarity problems are solved by Lemke's method
+(Cottle, Pang & Stone, *The Linear Complementarity Problem*). Matrices are stored row by row.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+
+SINGULAR = 1e-11  # of the largest entry, below which a pivot counts as zero
+ZERO_ENTRY = 1e-12  # relative size below which an entry of the tableau counts as zero
+
+
+def triangular(m: int, n: int, k: int, a: Array, columns: Integers) -> int:
+    """Reduce [matrix (m, n) | right (m, k)] to triangular form, in place; the order of the n columns, and the rank."""
+    width = n + k
+    largest = 0.0
+    for j in range(n):
+        columns[j] = j
+    for i in range(m):
+        for j in range(n):
+            size = abs(a[i * width + j])
+            if size > largest or size != size:
+                largest = size
+    done = 0
+    while done < m and done < n:
+        row, column, pivot = done, done, abs(a[done * width + done])
+        for i in range(done, m):
+            for j in range(done, n):
+                size = abs(a[i * width + j])
+                if size > pivot:
+                    row, column, pivot = i, j, size
+        if not pivot > SINGULAR * largest:
+            break
+        for j in range(width):
+            a[done * width + j], a[row * width + j] = a[row * width + j], a[done * width + j]
+        for i in range(m):
+            a[i * width + done], a[i * width + column] = a[i * width + column], a[i * width + done]
+        columns[done], columns[column] = columns[column], columns[done]
+        for i in range(done + 1, m):
+            factor = a[i * width + done] / a[done * width + done]
+            for j in range(done + 1, width):
+                a[i * width + j] -= factor * a[done * width + j]
+        done += 1
+    return done
+
+
+def back_substitute(found: int, width: int, a: Array, x: Array) -> None:
+    """Solve a triangular system of which x is the right side."""
+    for index in range(found - 1, -1, -1):
+        x[index] /= a[index * width + index]
+        for i in range(index):
+            x[i] -= a[i * width + index] * x[index]
+
+
+def solve(n: int, matrix: Array, right: Array, x: Array) -> None:
+    """A solution x (n,) of a square system; unknowns of dependent columns are zero.
+
+    Equations that depend on others are not checked.
+    """
+    a, columns, found = zeros(n * (n + 1)), integers(n), zeros(n)
+    for i in range(n):
+        for j in range(n):
+            a[i * (n + 1) + j] = matrix[i * n + j]
+        a[i * (n + 1) + n] = right[i]
+    rank = triangular(n, n, 1, a, columns)
+    for i in range(rank):
+        found[i] = a[i * (n + 1) + n]
+    back_substitute(rank, n + 1, a, found)
+    for i in range(n):
+        x[i] = 0.0
+    for i in range(rank):
+        x[columns[i]] = found[i]
+
+
+def null_space(m: int, n: int, matrix: Array, basis: Array) -> int:
+    """Independent solutions, the rows of `basis` (n, n), of A x = 0; their number."""
+    a, columns, found = zeros(m * n), integers(n), zeros(n)
+    for i in range(m * n):
+        a[i] = matrix[i]
+    rank = triangular(m, n, 0, a, columns)
+    for index in range(n - rank):
+        for i in range(n):
+            basis[index * n + i] = 0.0
+        for i in range(rank):
+            found[i] = a[i * n + rank + index]
+        back_substitute(rank, n, a, found)
+        for i in range(rank):
+            basis[index * n + columns[i]] = -found[i]
+        basis[index * n + columns[rank + index]] = 1.0
+    return n - rank
+
+
+def least(n: int, count: int, basis: Array, weights: Array, x: Array) -> None:
+    """Add to x (n,) a combination of the rows of `basis` (count, n), so that Σ w x² is least."""
+    if count == 0:
+        return
+    normal, right, factors = zeros(count * count), zeros(count), zeros(count)
+    for i in range(count):
+        for k in range(n):
+            weighted = basis[i * n + k] * weights[k]
+            for j in range(count):
+                normal[i * count + j] += weighted * basis[j * n + k]
+            right[i] += weighted * x[k]
+    solve(count, normal, right, factors)
+    for k in range(n):
+        change = 0.0
+        for i in range(count):
+            change += basis[i * n + k] * factors[i]
+        x[k] -= change
+
+
+def least_solution(n: int, matrix: Array, right: Array, weights: Array, x: Array) -> None:
+    """The solution x (n,) of a square system; of several that with the least Σ w x²."""
+    basis = zeros(n * n)
+    solve(n, matrix, right, x)
+    least(n, null_space(n, n, matrix, basis), basis, weights, x)
+
+
+def pivots(n: int, matrix: Array, columns: Integers) -> int:
+    """Columns of a square matrix that are independent, as many as there are, in the order of their pivots."""
+    a = zeros(n * n)
+    for i in range(n * n):
+        a[i] = matrix[i]
+    return triangular(n, n, 0, a, columns)
+
+
+def unit_diagonal(n: int, matrix: Array, factors: Array) -> None:
+    """Scale a symmetric positive semidefinite matrix to a diagonal of ones, in place, by factors (n,) of its rows."""
+    for i in range(n):
+        diagonal = matrix[i * n + i]
+        factors[i] = 1.0 / math.sqrt(diagonal if diagonal > 0.0 else 1.0)
+    for i in range(n):
+        for j in range(n):
+            matrix[i * n + j] = matrix[i * n + j] * factors[i] * factors[j]
+
+
+def best_conditioned(n: int, matrix: Array, count: int, rows: Integers, found: Integers) -> int:
+    """Those of some rows of a symmetric positive semidefinite matrix that are independent, by their pivots."""
+    if count < 2:
+        if count and matrix[rows[0] * n + rows[0]] > 0.0:
+            found[0] = rows[0]
+            return 1
+        return 0
+    own, factors, order = zeros(count * count), zeros(count), integers(count)
+    for i in range(count):
+        for j in range(count):
+            own[i * count + j] = matrix[rows[i] * n + rows[j]]
+    unit_diagonal(count, own, factors)
+    rank = pivots(count, own, order)
+    for i in range(rank):
+        found[i] = rows[order[i]]
+    return rank
+
+
+def independent(n: int, matrix: Array, count: int, order: Integers, found: Integers) -> int:
+    """Those rows of a symmetric positive semidefinite matrix (n, n), taken in an order, that are independent."""
+    a, column = zeros(n * n), zeros(n)
+    for i in range(n * n):
+        a[i] = matrix[i]
+    chosen = 0
+    for position in range(count):
+        row = order[position]
+        pivot = a[row * n + row]
+        if pivot <= SINGULAR * max(matrix[row * n + row], 0.0) or pivot <= 0.0:
+            continue
+        found[chosen] = row
+        chosen += 1
+        for i in range(n):
+            column[i] = a[i * n + row] / pivot
+        for j in range(n):
+            entry = a[row * n + j]
+            for i in range(n):
+                a[i * n + j] -= column[i] * entry
+    return chosen
+
+
+def lemke(n: int, matrix: Array, right: Array, z: Array) -> bool:
+    """z ≥ 0 (n,) with w = M z + q ≥ 0 and w z = 0; False where the method ends on a ray.
+
+    Ties are resolved by the lexicographic rule, so that the method ends.
+    """
+    width, row = 2 * n + 2, 0
+    tableau, basis, factors = zeros(n * width), integers(n), zeros(n)
+    positive = True
+    for i in range(n):
+        z[i] = 0.0
+        positive = positive and right[i] >= 0.0
+        row = i if right[i] <= right[row] else row  # of several the last, which the lexicographic rule prefers
+    if positive:
+        return True
+    # Columns: w (n), z (n), z0, q. Rows: I w - M z - d z0 = q.
+    for i in range(n):
+        basis[i] = i
+        tableau[i * width + i] = 1.0
+        for j in range(n):
+            tableau[i * width + n + j] = -matrix[i * n + j]
+        tableau[i * width + 2 * n] = -1.0
+        tableau[i * width + 2 * n + 1] = right[i]
+    entering = 2 * n
+    for _ in range(60 * (n + 1)):
+        leaving = basis[row]
+        exchange(n, width, tableau, factors, row, entering)
+        basis[row] = entering
+        if leaving == 2 * n:
+            for i in range(n):
+                if n <= basis[i] and basis[i] < 2 * n:
+                    z[basis[i] - n] = max(tableau[i * width + 2 * n + 1], 0.0)
+            return True
+        entering = leaving + n if leaving < n else leaving - n
+        row = leaving_row(n, width, tableau, basis, entering)
+        if row < 0:
+            return False
+    return False
+
+
+def exchange(n: int, width: int, tableau: Array, factors: Array, row: int, column: int) -> None:
+    """Solve a row for the variable of a column, and eliminate that from all others."""
+    pivot = tableau[row * width + column]
+    for j in range(width):
+        tableau[row * width + j] /= pivot
+    for i in range(n):
+        factors[i] = tableau[i * width + column]
+    for i in range(n):
+        if i != row:
+            for j in range(width):
+                tableau[i * width + j] -= factors[i] * tableau[row * width + j]
+            tableau[i * width + column] = 0.0
+    tableau[row * width + column] = 1.0
+
+
+def leaving_row(n: int, width: int, tableau: Array, basis: Integers, column: int) -> int:
+    """The row with the lexicographically least ratio, that of z0 where it is among the least; -1 without any."""
+    largest, count = 0.0, 0
+    tied = integers(n)
+    for i in range(n):
+        largest = max(largest, abs(tableau[i * width + column]))
+    limit = ZERO_ENTRY * max(1.0, largest)
+    least_ratio = math.inf
+    for i in range(n):
+        if tableau[i * width + column] > limit:
+            least_ratio = min(least_ratio, tableau[i * width + 2 * n + 1] / tableau[i * width + column])
+    for i in range(n):
+        if tableau[i * width + column] > limit:
+            ratio = tableau[i * width + 2 * n + 1] / tableau[i * width + column]
+            if ratio <= least_ratio + ZERO_ENTRY * max(1.0, abs(least_ratio)):
+                tied[count] = i
+                count += 1
+    if count == 0:
+        return -1
+    for i in range(count):
+        if basis[tied[i]] == 2 * n:
+            return tied[i]
+    for index in range(n):
+        if count == 1:
+            break
+        least_ratio = math.inf
+        for i in range(count):
+            least_ratio = min(least_ratio, tableau[tied[i] * width + index] / tableau[tied[i] * width + column])
+        kept = 0
+        for i in range(count):
+            if tableau[tied[i] * width + index] / tableau[tied[i] * width + column] <= least_ratio + ZERO_ENTRY:
+                tied[kept] = tied[i]
+                kept += 1
+        count = kept
+    return tied[0]

@@ -1,0 +1,256 @@
+"""Steps with events, in the subset of Python that is compiled: see `mbd_sim.simulation.contact.stepper`.
+
+Whatever is not simple, such as contacts that share their forces, is left to the caller, with nothing changed.
+"""
+
+from __future__ import annotations
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+from mbd_sim.simulation.contact.compiled.candidate_forces import read_terms, terms_size
+from mbd_sim.simulation.contact.compiled.contacts import (
+    ADVANCE,
+    READ,
+    READ_STATE,
+    Contacts,
+    guard_at,
+    is_sliding,
+    rate_at,
+    read,
+    readings_size,
+    slides,
+)
+from mbd_sim.simulation.contact.compiled.impact import impact
+from mbd_sim.simulation.contact.compiled.modes import RESTING, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.search import slides_in_space, stage
+
+MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
+MOST_STAGES = 5000  # of a step
+MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
+LONGER = 4.0  # than the last part of a step that a next one may be
+BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
+CLOSED, OPENED, STICKS, SLIDES, IMPACT, ENERGIES = 0, 1, 2, 3, 4, 5  # changes
+# Of an event: its time, the change, the gap or friction element, and of an impact the impulse and the loss. Energies
+# have those before and after an impact instead.
+FIELDS = 5
+CAPACITY = 500  # events
+DONE, HARD, FULL, NOT_FINITE = 0, 1, 2, -1  # why steps have ended
+SAME, CHANGED, NOT_SIMPLE = 0, 1, -1  # what an event has done
+
+
+def advance(
+    c: Contacts, y: Array, inputs: Array, first: int, h: float, steps: int, estimate: Array,
+    events: Array, counts: Integers,
+) -> int:  # fmt: skip
+    """Take steps up to one that is not simple; the number of steps that were taken.
+
+    :param events: (`CAPACITY`, `FIELDS`) receives the events.
+    :param counts: becomes their number, and why the steps have ended.
+    """
+    done, kept, saved = 0, zeros(c.size), zeros(c.modes)
+    counts[0] = 0
+    while done < steps:
+        taken = ADVANCE(c.advance, y, inputs, first + done, h, steps - done, estimate)
+        if taken < 0:
+            counts[1] = NOT_FINITE
+            return done
+        done += taken
+        if done == steps:
+            break
+        for i in range(c.size):
+            kept[i] = y[i]
+        for i in range(c.modes):
+            saved[i] = inputs[c.first_mode + i]
+        before = counts[0]
+        counts[1] = step(c, y, inputs, (first + done) * h, (first + done + 1) * h, events, counts)
+        if counts[0] > CAPACITY:
+            counts[1] = FULL if before > 0 else HARD
+        if counts[1] != DONE:
+            counts[0] = before
+            for i in range(c.size):
+                y[i] = kept[i]
+            for i in range(c.modes):
+                inputs[c.first_mode + i] = saved[i]
+            return done
+        done += 1
+    counts[1] = DONE
+    return done
+
+
+def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events: Array, counts: Integers) -> int:
+    """Take a step with events; y, modes and `counts` are not restored where it cannot be taken."""
+    t, instants, count, is_ignored = start, 0, 0, False
+    brief = BRIEF * (end - start)
+    ignored, opening, yielding = integers(c.guards), integers(c.gaps), integers(c.frictions)
+    length, old = zeros(1), zeros(c.modes)
+    for _ in range(MOST_STAGES):
+        if not c.simple or slides_in_space(c, inputs):
+            return HARD
+        longest = min(end - t, brief) if is_ignored else end - t
+        status = stage(c, y, inputs, t, longest, ignored, length)
+        if status < 0:
+            return NOT_FINITE
+        is_last = length[0] >= end - t
+        t = end if is_last else t + length[0]
+        if length[0] > 0.0 and (status == 1 or is_ignored):
+            count = 0
+            clear(c.gaps, opening)
+            clear(c.frictions, yielding)
+        if status == 1:
+            instants += 1
+            if instants > 2 * MOST_EVENTS:
+                return HARD
+            count += 1
+            for i in range(c.modes):
+                old[i] = inputs[c.first_mode + i]
+            result = switch(c, t, y, inputs, old, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
+            if result == NOT_SIMPLE:
+                return HARD
+            is_ignored = (count > 1 and result == SAME) or count > MOST_AT_ONCE
+            if not is_ignored:
+                clear(c.guards, ignored)
+        elif length[0] > 0.0:
+            if is_ignored:
+                brief = LONGER * brief
+            is_ignored = False
+            clear(c.guards, ignored)
+        if is_last:
+            return DONE
+    return HARD
+
+
+def clear(n: int, marks: Integers) -> None:
+    """Remove all marks."""
+    for i in range(n):
+        marks[i] = 0
+
+
+def switch(
+    c: Contacts, t: float, y: Array, inputs: Array, old: Array, opening: Integers, yielding: Integers, elastic: bool,
+    reached: Integers, events: Array, counts: Integers,
+) -> int:  # fmt: skip
+    """Make the changes whose guards are zero or negative, which become those that are `reached`.
+
+    Where that is not simple, y and modes are not restored.
+
+    :param old: the modes before.
+    :param opening: and `yielding` are what earlier events at this instant have decided, with what this one adds.
+    """
+    readings, speeds, touched = zeros(readings_size(c)), zeros(c.speeds), integers(c.gaps)
+    if not c.simple:
+        return NOT_SIMPLE
+    read(c, t, y, inputs, readings)
+    for guard in range(c.guards):
+        reached[guard] = readings[guard_at(c, guard)] <= c.tolerance
+    for k in range(c.singles):
+        if reached[c.gaps + c.frictions + k]:
+            inputs[c.first_mode + 2 * c.rows + c.single_loads[k]] *= -1.0
+    for gap in range(c.gaps):
+        is_closed = inputs[c.first_mode + gap] != 0.0
+        touched[gap] = reached[gap] and not is_closed
+        if reached[gap] and is_closed:
+            opening[gap] = 1
+    for k in range(c.frictions):
+        if reached[c.gaps + k] and not slides(c, inputs, k):
+            yielding[k] = 1
+    for i in range(c.speeds):
+        speeds[i] = y[c.first_speed + i]
+    if not resolve(c, t, y, inputs, readings, opening, yielding, touched, elastic, events, counts):
+        return NOT_SIMPLE
+    record_changes(c, t, old, inputs, events, counts)
+    for i in range(c.modes):
+        if old[i] != inputs[c.first_mode + i]:
+            return CHANGED
+    for i in range(c.speeds):
+        if speeds[i] != y[c.first_speed + i]:
+            return CHANGED
+    return SAME
+
+
+def resolve(
+    c: Contacts, t: float, y: Array, inputs: Array, readings: Array, opening: Integers, yielding: Integers,
+    touched: Integers, elastic: bool, events: Array, counts: Integers,
+) -> bool:  # fmt: skip
+    """Impacts of touching contacts that approach, then the new modes; False where these are not simple."""
+    touching, returning, terms = integers(c.gaps), integers(c.gaps), zeros(terms_size(c))
+    impulses, u_change, loss = zeros(c.rows), zeros(c.speeds), zeros(1)
+    none_opening, none_yielding = integers(c.gaps), integers(c.frictions)
+    strikes = False
+    for gap in range(c.gaps):
+        rate = readings[rate_at(c, gap)] / c.row_speeds[gap]
+        returning[gap] = touched[gap] and rate > RESTING
+        touching[gap] = is_touching(c, readings, gap) or touched[gap]
+        strikes = strikes or (touching[gap] and rate < -RESTING) or returning[gap] != 0
+    read_terms(c, t, y, inputs, terms)
+    if not strikes:
+        return find_modes(c, t, y, inputs, readings, terms, opening, yielding)
+    for gap in range(c.gaps):
+        touching[gap] = touching[gap] or c.clutches[gap]  # an impact elsewhere may engage them
+    if not impact(c, t, y, inputs, readings, terms, touching, returning, elastic, impulses, u_change, loss):
+        return False
+    apply(c, t, y, inputs, impulses, u_change, loss[0], events, counts)
+    read(c, t, y, inputs, readings)
+    read_terms(c, t, y, inputs, terms)
+    return find_modes(c, t, y, inputs, readings, terms, none_opening, none_yielding)
+
+
+def apply(
+    c: Contacts, t: float, y: Array, inputs: Array, impulses: Array, u_change: Array, loss: float,
+    events: Array, counts: Integers,
+) -> None:  # fmt: skip
+    """Change the speeds and the audit by an impact, and record it."""
+    before = total_energy(c, t, y, inputs)
+    for i in range(c.speeds):
+        y[c.first_speed + i] += u_change[i]
+    y[c.first_loss] += loss
+    y[c.size - 1] += loss
+    if c.energies:
+        after = total_energy(c, t, y, inputs)
+        if c.driven:
+            y[c.size - 2] += after - before + loss
+        record(t, ENERGIES, 0, before, after, events, counts)
+    for gap in range(c.gaps):
+        if impulses[gap] != 0.0:
+            record(t, IMPACT, gap, impulses[gap], loss, events, counts)
+
+
+def total_energy(c: Contacts, t: float, y: Array, inputs: Array) -> float:
+    """The total energy, if it must be known."""
+    time, energies = zeros(1), zeros(2)
+    time[0] = t
+    if c.energies and c.energies_take_inputs:
+        READ(c.energies, time, y, inputs, energies)
+    elif c.energies:
+        READ_STATE(c.energies, time, y, energies)
+    return energies[0] + energies[1]
+
+
+def record(t: float, change: int, index: int, impulse: float, loss: float, events: Array, counts: Integers) -> None:
+    """Record an event."""
+    first = counts[0] * FIELDS
+    if counts[0] < CAPACITY:
+        events[first], events[first + 1], events[first + 2] = t, change, index
+        events[first + 3], events[first + 4] = impulse, loss
+    counts[0] += 1
+
+
+def record_changes(c: Contacts, t: float, old: Array, inputs: Array, events: Array, counts: Integers) -> None:
+    """Record which gaps have closed or opened, and what has begun to slide or to stick."""
+    new = inputs[c.first_mode :]
+    for gap in range(c.gaps):
+        if old[gap] != new[gap]:
+            record(t, CLOSED if new[gap] != 0.0 else OPENED, gap, 0.0, 0.0, events, counts)
+    for k in range(c.frictions):
+        load = c.friction_gaps[k]
+        if load >= 0 and new[load] == 0.0:
+            continue
+        slid, now_slides = is_sliding(c, old, k), slides(c, inputs, k)
+        along = 0.0
+        for direction in range(2):
+            row = c.friction_rows[2 * k + direction]
+            if row >= 0:
+                along += old[c.rows + row] * new[c.rows + row]
+        stuck = not slid and (load < 0 or old[load] != 0.0)
+        if now_slides and (not slid or along < 0.0):
+            record(t, SLIDES, k, 0.0, 0.0, events, counts)
+        elif not now_slides and (slid or not stuck):
+            record(t, STICKS, k, 0.0, 0.0, events, counts)
