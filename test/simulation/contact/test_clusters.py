@@ -29,7 +29,11 @@ def thrown(shapes, parts, height=0.6, turn="{axis: [1, 2, 0.3], angle: 40 deg}",
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_bodies_move_as_with_rows_of_their_own(kind):
-    """A body that falls, strikes, slides and tips: finds wrong gaps, normals, points and lost features."""
+    """A body that falls, strikes, slides and tips: finds wrong gaps, normals, points and lost features.
+
+    Slip counts as zero below 1e-8 of the natural speed, and so speeds after a stop of slip differ by a few times that: by
+    3e-8 from one method, or step, to another.
+    """
     shapes, slots = SHAPES[kind]
     shared, own = thrown(shapes, "all"), thrown(shapes, "[body]")
     assert [type(contact.first) for contact in shared.contacts] == [Cluster] and shared.contacts[0].slots == slots
