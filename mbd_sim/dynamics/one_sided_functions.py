@@ -76,7 +76,8 @@ class OneSidedFunctions:
     - `terms(t, y, inputs)`: L and R of A (rows, rows) without friction, as in `SolvedPair`, with `terms_pattern`;
       then the rates of change (rows,) of the rows' rates without contact forces, the sizes of sliding friction
       (frictions,), and those of static friction.
-    - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
+    - `loads(t, y, inputs)`: one after the other, the force (k,) of each load without contact forces, and by these
+      (k, rows) column by column; k are the `load_components`.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
@@ -90,7 +91,8 @@ class OneSidedFunctions:
     open_start: ca.Function
     terms: ca.Function
     terms_pattern: ca.Sparsity | None
-    loads: list[ca.Function]
+    loads: ca.Function
+    load_components: tuple[int, ...]
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
@@ -226,6 +228,7 @@ class OneSidedDynamics:
             ca.horzcat(element.sliding(one_sided.equations.velocity[element.rows[0]]), element.static)
             for element in one_sided.frictions
         ]
+        numbers = [each for load in self.loads for each in (load.unloaded, ca.vec(ca.densify(load.by_force)))]
         vectors, pattern = _given_factors(self._factors())
         rest = ca.vertcat(self._free, ca.vec(ca.densify(ca.vertcat(ca.SX(0, 2), *sizes))))
         gaps = one_sided.layout.gaps
@@ -244,7 +247,8 @@ class OneSidedDynamics:
             ),
             terms=_function("contact_terms", inputs, *vectors, rest),
             terms_pattern=pattern,
-            loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
+            loads=_function("joint_loads", inputs, ca.vertcat(ca.SX(0, 1), *numbers)),
+            load_components=tuple(load.unloaded.shape[0] for load in self.loads),
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, one_sided.places),

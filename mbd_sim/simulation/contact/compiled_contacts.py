@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.ir.python_functions import packed
+from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.simulation.contact.compiled import search, step
 from mbd_sim.simulation.contact.compiled.contacts import Contacts
@@ -38,7 +38,7 @@ class EnergiesAtImpacts:
 class CompiledContacts:
     """The contacts of a mechanism for the compiled functions, with memory for their results.
 
-    Where they are not simple, as with friction that depends on loads of joints, only the search for events is compiled.
+    Where energies are needed that the kernel does not read alone, only the search for events is compiled.
     """
 
     def __init__(
@@ -54,6 +54,8 @@ class CompiledContacts:
     ) -> None:
         self._model, self._kernel, layout = model, kernel, model.layout
         self._observable = "elongations" not in kernel.readers  # whether the kernel reads all energies
+        components = np.array(model.load_components, dtype=np.int64)
+        ends = np.cumsum(components * (1 + layout.rows))
         pairs = [(*rows, -1)[:2] for rows, _ in model.frictions]
         self._contacts = Contacts(
             simple=False,
@@ -63,6 +65,7 @@ class CompiledContacts:
             terms=kernel.reader_address("contact_terms"),
             response=kernel.reader_address("contact_response"),
             restitution=kernel.reader_address("restitution"),
+            joint_loads=kernel.reader_address("joint_loads") if model.loaded else 0,
             energies=0,
             energies_take_inputs=kernel.reads_inputs["energies"],
             driven=driven,
@@ -82,8 +85,20 @@ class CompiledContacts:
             tolerance=tolerance,
             unit_speed=model.units.speed,
             unit_rate=model.units.rate,
+            unit_force=model.units.force,
             friction_rows=np.array(pairs, dtype=np.int64).ravel(),
             friction_gaps=np.array([-1 if gap is None else gap for _, gap in model.frictions], dtype=np.int64),
+            loaded=len(model.loaded),
+            loads_size=int(ends[-1]) if model.loaded else 0,
+            friction_loads=np.array(
+                [model.loaded.index(k) if k in model.loaded else -1 for k in range(len(model.frictions))],
+                dtype=np.int64,
+            ),
+            load_elements=np.array(model.loaded, dtype=np.int64),
+            load_components=components,
+            load_offsets=ends - components * (1 + layout.rows),
+            singles=int(np.sum(components == 1)),
+            single_loads=np.flatnonzero(components == 1),
             clutches=model.clutches.astype(np.int64),
             slots=model.slots.astype(np.int64),
             row_speeds=model.speeds,
@@ -97,7 +112,7 @@ class CompiledContacts:
         """Say whether energies at impacts have to be known to others."""
         needed = observed or self._contacts.driven
         energies = self._kernel.reader_address("energies") if needed else 0
-        simple = not self._model.loaded and (self._observable or not needed)
+        simple = self._observable or not needed
         self._contacts = replace(self._contacts, energies=energies, simple=simple)
         self.packed = packed(self._contacts)
         self._address = self.packed.ctypes.data
