@@ -303,12 +303,14 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
     slips = [element.rows for element in functions.equations.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
+    def factored(function: ca.Function, pattern: ca.Sparsity | None) -> FactoredSystem:
+        if pattern is None:
+            return FactoredSystem(function, None)
+        places = pattern.row()
+        return FactoredSystem(function, [places[first:beyond] for first, beyond in pairwise(pattern.colind())])
+
     def pair(solved: SolvedPair) -> tuple[FactoredSystem, ca.Function]:
-        if solved.pattern is None:
-            return FactoredSystem(solved.system, None), solved.result
-        ends, places = solved.pattern.colind(), solved.pattern.row()
-        columns = [places[first:beyond] for first, beyond in pairwise(ends)]
-        return FactoredSystem(solved.system, columns), solved.result
+        return factored(solved.system, solved.pattern), solved.result
 
     return OneSidedSystem(
         gaps=layout.gaps,
@@ -319,11 +321,11 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         readings=functions.readings,
         open_start=functions.open_start,
         event_readers={
-            "contact_terms": functions.terms,
             "contact_response": functions.response,
             "restitution": functions.restitution,
             "joint_loads": functions.loads,
         },
+        terms=factored(functions.terms, functions.terms_pattern),
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,
