@@ -162,7 +162,7 @@ contacts: {c: {between: [ball, wall]}}
 """
     sim = Simulation(parse_mechanism(text), step=1e-3)
     sim.step(199)
-    with pytest.raises(DivergedError, match=r"at 0\.2 s no impulses satisfy the laws of impact and friction \(c\)"):
+    with pytest.raises(DivergedError, match=r"at 0\.2 s the gap of c is closed by the drive of ball alone"):
         sim.step(10)
 
 
