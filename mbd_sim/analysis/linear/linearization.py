@@ -106,7 +106,7 @@ def linearize(
     require_equations(equations)
     nq, nv = equations.layout.nq, equations.layout.nv
     own = equations.inputs_without_commands
-    given = own.copy() if inputs is None else finite_vector(inputs, own.size, "inputs")
+    given = own.copy() if inputs is None else equations.inputs.checked(inputs)
     given[equations.inputs.efforts] = finite_vector(efforts, nv, "efforts")
     y = equations.start_state.copy()
     y[:nq], y[nq : nq + nv] = finite_vector(q, nq, "q"), finite_vector(u, nv, "u")

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mbd_sim.base.geometry.arrays import require_finite, vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.contents import commanded_drives, has_one_sided
@@ -136,6 +137,18 @@ class InputLayout:
     @property
     def _first_value(self) -> int:
         return self.nv + WRENCH_SIZE * len(self.loaded) + self.command_count
+
+    def checked(self, inputs: Sequence[float] | Array) -> Array:
+        """A copy of all inputs.
+
+        :raises ValueError: wrong length, or one is not finite. Values may be infinite, as the tracking time of a servo
+            without an integral is.
+        """
+        found = vector(inputs, self.size, "inputs").copy()
+        finite = found.copy()
+        finite[self.values][np.isinf(found[self.values])] = 0.0
+        require_finite(finite, "inputs")
+        return found
 
     def without_commands(self, centers: Sequence[Array], values: Array) -> Array:
         """The inputs (size,) with zero efforts, wrenches and commands.

@@ -126,7 +126,7 @@ class Page:
         with tabs.add_tab("Show"):
             ShowTab(gui, session, self._scene, css, dark=self._dark, darken=self._darken)
         with tabs.add_tab("Keep"):
-            self._keep = KeepTab(gui, session, dark=self._dark)
+            self._keep = KeepTab(gui, session, self._scene, dark=self._dark)
         with tabs.add_tab("Help"):
             self._help = HelpTab(gui, self._check, of_node=session.of_node)
 

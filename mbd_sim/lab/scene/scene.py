@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -48,11 +49,14 @@ class _Between:
 class Scene:
     """A mechanism in the scene of a server of viser."""
 
-    def __init__(self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None, *, dark: bool) -> None:
+    def __init__(
+        self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None, *, dark: bool, in_file: bool = False
+    ) -> None:
         """Build all nodes.
 
         :param scene: the `scene` of viser's server.
         :param dragged: called in a thread of viser while a part is dragged.
+        :param in_file: for a file that plays it, see `Bodies`.
         """
         self._scene, self._model, self._extent = scene, model, extent
         self._mechanism, self._last_time, self.shown = model.mechanism, np.inf, Shown()
@@ -60,7 +64,7 @@ class Scene:
         self._last_poses = np.empty((0, 12))
         self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
         add_ground(scene, model.mechanism, extent, dark=dark)
-        self._bodies = Bodies(scene, model, extent, dragged)
+        self._bodies = Bodies(scene, model, extent, dragged, in_file=in_file)
         self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
         self._lines: dict[tuple[str, str], _Between] = {}
         self._connect(model.mechanism)
@@ -93,6 +97,17 @@ class Scene:
             self._looks, self._last_poses = new, frame.poses
             return False
         return frame.time == self._last_time
+
+    def look_like(self, other: Scene) -> None:
+        """Show the traces and paths that were chosen in another scene of the mechanism."""
+        self.shown = replace(other.shown)
+        self.traces.choose(other.traces.chosen)
+        self._path.points = other._path.points.copy()
+
+    def draw_ahead(self, mechanisms: Iterable[Mechanism]) -> None:
+        """Draw the bodies of mechanisms with other values, of which the last one stays shown."""
+        for mechanism in mechanisms:
+            self._bodies.reshape(mechanism)
 
     def draw_path(self, points: Array) -> None:
         """Draw a line through points (n, 3) that do not move."""

@@ -294,7 +294,7 @@ class BaseSimulation(PresentState):
             self._continue_from(state, state.samples)
             return
         y, own = finite_vector(state, self.y.size, "the state"), self._memory.inputs
-        given, count = own if inputs is None else finite_vector(inputs, own.size, "inputs"), checked_steps(steps)
+        given, count = own if inputs is None else self.model.input_layout.checked(inputs), checked_steps(steps)
         energy, goes_on = self.start_energy if start_energy is None else float(start_energy), count == self.steps
         point = RunPoint(count, y, given, energy, live or {}, history=np.empty(0) if history is None else history)
         self._continue_from(point, samples, keep_samples=goes_on, find_modes=inputs is None)

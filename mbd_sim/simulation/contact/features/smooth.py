@@ -114,25 +114,49 @@ class SmoothPair:
         if apart <= -ROUND_OFF * self._near and self._keys:
             pairs = _pairs(self._keys, a, b)
             apart = max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
-        return min(apart, self._flat_distance(a, b, apart))
+        elif apart < 0.0:
+            apart = 0.0
+        return self._with_flat_rims(a, b, apart)
 
-    def _flat_distance(self, a: PlacedBody, b: PlacedBody, apart: float) -> float:
-        """The least gap of points of rims that lie nearly flat on a face; infinite if there are none.
+    def _with_flat_rims(self, a: PlacedBody, b: PlacedBody, apart: float) -> float:
+        """The distance where rims that lie nearly flat on a face protrude, from that of the bodies without this.
 
-        :param apart: the distance in m of both bodies without these.
+        Below `EXACT_TILT` the gaps of the points that carry them take its place: a rim is lower between its points.
         """
-        found = np.inf
+        gaps, flat = [apart], False
         for kind, body, other in ((POINT_FACE, a, b), (FACE_POINT, b, a)):
             if not (body.body.faces and body.body.curved.any() and len(other.normals)):
                 continue
             sign = 1.0 if kind == POINT_FACE else -1.0
-            fits = self._supports(a, b, sign * other.normals) >= apart - FLAT_TILT * body.body.reach
-            for face in np.flatnonzero(fits).tolist():
+            near = self._supports(a, b, sign * other.normals) >= apart - FLAT_TILT * body.body.reach
+            for face in np.flatnonzero(near).tolist():
                 normal = other.normals[face]
                 for code, place in _lying(body, other, face, normal):
-                    key = (kind, code, face, 0) if kind == POINT_FACE else (kind, face, code, 0)
                     if code % CODES < POINTS and other.inside(face, place) >= 0.0:
-                        found = min(found, self._meeting(a, b, key, sign * normal, place).gap)
+                        key = (kind, code, face, 0) if kind == POINT_FACE else (kind, face, code, 0)
+                        gaps.append(self._meeting(a, b, key, sign * normal, place).gap)
+                        flat |= _tilt(body, code // CODES, normal)[1] < EXACT_TILT
+                if flat:
+                    gaps += self._beneath(a, b, kind, normal)
+        return min(gaps[1:] if flat else gaps)
+
+    def _beneath(self, a: PlacedBody, b: PlacedBody, kind: int, normal: Array) -> list[float]:
+        """The gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
+        body, other, sign = (a, b, 1.0) if kind == POINT_FACE else (b, a, -1.0)
+        face = int(np.argmin(dots(body.normals, normal)))
+        back = (FACE_POINT, CORNER_FACE + 1) if kind == POINT_FACE else (POINT_FACE, CORNER_FACE)
+        outward, found = -sign * body.normals[face], []
+        points = [
+            (code, place) for code, place in _lying(other, body, face, body.normals[face]) if code % CODES >= POINTS
+        ]
+        for code, place in points:
+            key = (back[0], face, code, 0) if kind == POINT_FACE else (back[0], code, face, 0)
+            found.append(self._meeting(a, b, key, outward, place).gap)
+        for corner in np.flatnonzero(~other.body.curved).tolist():
+            key = (back[1], face, corner, 0) if kind == POINT_FACE else (back[1], corner, face, 0)
+            meeting = self._meeting(a, b, key, outward)
+            if meeting.margin >= 0.0:
+                found.append(meeting.gap)
         return found
 
     def _separation(self, a: PlacedBody, b: PlacedBody, normals: Array) -> float:
@@ -155,7 +179,7 @@ class SmoothPair:
         a, b = self._placed(one, other)
         found = [*self._stationary(a, b)]
         apart = self._separation(a, b, np.vstack([normals for _, normals in found]))
-        lowest = min(apart, self._flat_distance(a, b, apart), 0.0) - SUPPORT * tolerance
+        lowest = min(self._with_flat_rims(a, b, apart), 0.0) - SUPPORT * tolerance
         meetings: list[tuple[Key, _Encounter]] = []
         for keys, normals in found:
             supports = self._supports(a, b, normals) if len(normals) else ()
