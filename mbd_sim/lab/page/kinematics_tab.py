@@ -87,8 +87,8 @@ def coupler_point(mechanism: Mechanism) -> str:
     for joint in mechanism.all_joints.values():
         if GROUND in (joint.parent, joint.child):
             grounded |= {joint.parent, joint.child}
-        for part, pose in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose)):
-            pins.setdefault(part, []).append(pose.position)
+        pins.setdefault(joint.parent, []).append(joint.parent_pose.position)
+        pins.setdefault(joint.child, []).append(joint.child_pose.position)
     for part in mechanism.parts.values():
         for name, pose in part.points.items():
             free = not any(np.allclose(pose.position, pin) for pin in pins.get(part.name, ()))
