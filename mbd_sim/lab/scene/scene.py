@@ -24,6 +24,8 @@ from mbd_sim.pictures.shapes.primitives import Connector, connectors
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH
 from mbd_sim.simulation.model.model import Model
 
+KEPT = (150, 150, 150)  # color of paths that were kept
+
 
 @dataclass
 class Shown:
@@ -71,7 +73,12 @@ class Scene:
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._add_arrows(dark)
         self.traces = Traces(scene, model.mechanism, extent.size)
-        self._path = scene.add_line_segments("/path", NOWHERE, palette.CURVE, thickness=0.6 * LINE_WIDTH * extent.size)
+        self._path, self._kept_paths = (
+            scene.add_line_segments(name, NOWHERE, color, thickness=0.6 * LINE_WIDTH * extent.size)
+            for name, color in (("/path", palette.CURVE), ("/kept_paths", KEPT))
+        )
+        self._kept: list[tuple[Array, str]] = []
+        self._labels: list[Any] = []
 
     def show(self, frame: Frame) -> None:
         """Move everything to a frame; nothing is sent for one that looks like the last one."""
@@ -103,6 +110,8 @@ class Scene:
         self.shown = replace(other.shown)
         self.traces.choose(other.traces.chosen)
         self._path.points = other._path.points.copy()
+        for points, label in other._kept:
+            self._keep(points, label)
 
     def draw_ahead(self, mechanisms: Iterable[Mechanism]) -> None:
         """Draw the bodies of mechanisms with other values, of which the last one stays shown."""
@@ -112,6 +121,26 @@ class Scene:
     def draw_path(self, points: Array) -> None:
         """Draw a line through points (n, 3) that do not move."""
         self._path.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) else NOWHERE
+
+    def keep_path(self, label: str) -> None:
+        """Keep the present path in gray, under a label, so that later ones can be compared with it."""
+        if len(self._path.points):
+            self._keep(self._path.points.copy(), label)
+
+    def clear_kept_paths(self) -> None:
+        """Remove the paths that were kept."""
+        self._kept.clear()
+        self._kept_paths.points = NOWHERE
+        for label in self._labels:
+            label.remove()
+        self._labels.clear()
+
+    def _keep(self, segments: Array, label: str) -> None:
+        """Draw segments (n, 2, 3) in gray, with a label at their highest point."""
+        self._kept.append((segments, label))
+        self._kept_paths.points = np.concatenate([one for one, _ in self._kept])
+        top = segments[np.argmax(segments[:, 0, 2]), 0]
+        self._labels.append(self._scene.add_label(f"/kept_paths/{len(self._labels)}", label, position=top))
 
     def _reshape(self, mechanism: Mechanism) -> None:
         """Draw a mechanism with other values, such as lengths."""
