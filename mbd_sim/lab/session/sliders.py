@@ -15,6 +15,10 @@ from mbd_sim.files.text.units import si_factor, split_unit
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.positions import PositionBench
 from mbd_sim.lab.session.session import Session
+from mbd_sim.mechanism.contents import action_bounds
+from mbd_sim.mechanism.elements.actuators import Actuator, CoordinatePort
+from mbd_sim.mechanism.elements.joint_types import Channel, CommandedDrive
+from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import evaluate, names_in
 from mbd_sim.mechanism.values.source import value_at
@@ -24,19 +28,20 @@ from mbd_sim.simulation.run.simulation import BaseSimulation
 Kind = Literal["drive", "value", "effort", "command", "position", "speed"]
 STEPS = 400  # of a slider from end to end
 GRAVITY = 20.0  # m/s²
-COMMANDS: Mapping[str, tuple[str, float]] = {  # unit and range of a command, by its channel
+COMMANDS: Mapping[str, tuple[str, float]] = {  # unit and range of a command without limits, by its channel
     "voltage": ("V", 24.0),
     "current": ("A", 10.0),
-    "position": ("", 3.1416),
-    "velocity": ("", 20.0),
+    "opening": ("", 1.0),
 }
+DEGREE = math.radians(1.0)
+TURN, FAST = 180.0, 1000.0  # deg, deg/s
 
 
 @dataclass(frozen=True)
 class Setting:
     """A number that can change: its `value` in the file or at the start, and the ends of its slider, in `unit`.
 
-    `factor` makes SI units of it.
+    `factor` makes SI units of it. The file has a number without a unit if it is not `with_unit`.
     """
 
     kind: Kind
@@ -48,6 +53,7 @@ class Setting:
     value: float
     low: float
     high: float
+    with_unit: bool = True
 
     @property
     def step(self) -> float:
@@ -89,7 +95,7 @@ def settings_of(bench: Bench, size: float, *, with_state: bool = True) -> list[S
         return [_drive(bench, size), *(one for one in _values(bench.simulation, size) if one.group == "Parameters")]
     simulation = bench.simulation
     return [
-        *_commands(simulation),
+        *_commands(simulation, size),
         *_values(simulation, size),
         *_efforts(simulation, size),
         *(_states(simulation, size) if with_state else ()),
@@ -107,7 +113,7 @@ def as_yaml(settings: list[Setting], shown: Mapping[str, float]) -> str:
         if setting not in changed and not (bracket and name in lists):
             continue
         value = written.get(setting.key, setting.value)
-        entry = f"{value:.12g} {setting.unit}" if setting.unit else value
+        entry = f"{value:.12g} {setting.unit}" if setting.unit and setting.with_unit else value
         *sections, last = name.split(".")
         here = data
         for section in sections:
@@ -134,12 +140,49 @@ def _drive(bench: PositionBench, size: float) -> Setting:
     return Setting("drive", "Drive", name, name, unit, factor, shown, _round(shown - end), _round(shown + end))
 
 
-def _commands(simulation: BaseSimulation) -> Iterator[Setting]:
-    values = simulation.inputs[simulation.model.input_layout.commands].tolist()
-    for name, value in zip(simulation.command_map.names, values, strict=True):
-        unit, end = COMMANDS.get(name.rpartition(".")[2], ("", 100.0))
-        low, high = min(-end, value), max(end, value)
-        yield Setting("command", "Commands", name, name, unit, 1.0, value, low, high)
+def _commands(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
+    """Those of actuators and drives, within their limits, or those of the joint."""
+    mechanism = simulation.mechanism
+    values = iter(simulation.inputs[simulation.model.input_layout.commands].tolist())
+    for taker in mechanism.commanded:
+        rotates, joint = _moved(mechanism, taker)
+        for channel, bounds in zip(taker.channels, action_bounds(mechanism, taker), strict=True):
+            value, name = next(values), f"{taker.name}.{channel}"
+            unit, factor, end = _of_channel(mechanism, channel, rotates, size)
+            if channel == "effort" and joint is not None:
+                end = joint.effort_limit or end
+            shown = float(f"{value / factor:.12g}")
+            middle = shown if channel == "position" else 0.0
+            lower, upper = (float(f"{bound / factor:.12g}") for bound in bounds)
+            low = min(lower if math.isfinite(lower) else _round(middle - end), shown)
+            high = max(upper if math.isfinite(upper) else _round(middle + end), shown)
+            yield Setting("command", "Commands", name, name, unit, factor, shown, low, high)
+
+
+def _moved(mechanism: Mechanism, taker: Actuator | CommandedDrive) -> tuple[bool, Joint | None]:
+    """Whether an actuator or a drive turns something, and the joint that it moves."""
+    if isinstance(taker, CommandedDrive):
+        joint = mechanism.joints[taker.name]
+        return joint.kind.coordinates[0].rotation, joint
+    port = taker.port
+    if not isinstance(port, CoordinatePort):
+        return port.rotation, None
+    return port.rotation, next(one for one in mechanism.joints.values() if port.coordinate in one.coordinate_names)
+
+
+def _of_channel(mechanism: Mechanism, channel: Channel, rotates: bool, size: float) -> tuple[str, float, float]:
+    """The unit of a command, what makes SI units of it, and its end if it has no limit."""
+    match channel:
+        case "position":
+            return ("deg", DEGREE, TURN) if rotates else ("m", 1.0, _round(size))
+        case "velocity":
+            return ("deg/s", DEGREE, FAST) if rotates else ("m/s", 1.0, _round(5.0 * size))
+        case "effort":
+            full = weight(mechanism, size)
+            return ("N*m", 1.0, _round(0.5 * size * full)) if rotates else ("N", 1.0, _round(full))
+        case _:
+            unit, end = COMMANDS[channel]
+            return unit, 1.0, end
 
 
 def _efforts(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
@@ -178,7 +221,7 @@ def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
     mechanism = simulation.mechanism
     for key, value in simulation.live.items():
         text = _written(mechanism, key)
-        unit, factor = "", 1.0
+        unit, factor, with_unit = "", 1.0, True
         if isinstance(text, str):
             formula, unit = split_unit(text)
             number = _constant(formula, mechanism)
@@ -195,8 +238,10 @@ def _values(simulation: BaseSimulation, size: float) -> Iterator[Setting]:
             low, high = (float(f"{end / factor:.12g}") for end in given)
             low, high = min(low, shown), max(high, shown)
         else:
-            low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size)
-        yield Setting("value", group, key, label, unit, factor, shown, low, high)
+            low, high = _range(mechanism, key, shown, size / factor if group == "Parameters" else size, factor)
+        if not unit:
+            unit, with_unit = _si_unit(mechanism, key), False
+        yield Setting("value", group, key, label, unit, factor, shown, low, high, with_unit)
 
 
 def _constant(formula: str, mechanism: Mechanism) -> float | None:
@@ -224,14 +269,39 @@ def _named(key: str) -> tuple[str, str]:
     return section.capitalize(), rest
 
 
-def _range(mechanism: Mechanism, key: str, value: float, size: float) -> tuple[float, float]:
+def _one_coordinate(mechanism: Mechanism, key: str) -> bool | None:
+    """Whether the joint of a value rotates; None if it has not one coordinate, or the value is that of no joint."""
+    section, _, rest = key.partition(".")
+    joint = mechanism.joints.get(rest.rpartition(".")[0]) if section == "joints" else None
+    return joint.kind.coordinates[0].rotation if joint and len(joint.kind.coordinates) == 1 else None
+
+
+def _si_unit(mechanism: Mechanism, key: str) -> str:
+    """The unit of a number that the file gives without one, as far as its key says which; "" if not."""
+    if key.startswith("gravity"):
+        return "m/s^2"
+    name, rotates = key.rpartition(".")[2], _one_coordinate(mechanism, key)
+    if rotates is None:
+        return {"stiffness": "N/m", "length": "m"}.get(name, "") if key.startswith("forces.") else ""
+    turning, sliding = {"stiffness": ("N*m/rad", "N/m"), "damping": ("N*m*s/rad", "N*s/m")}.get(name, ("", ""))
+    return turning if rotates else sliding
+
+
+def _range(mechanism: Mechanism, key: str, value: float, size: float, factor: float = 1.0) -> tuple[float, float]:
     """Sensible ends of a slider."""
     if key.startswith("gravity"):
         return -max(GRAVITY, abs(value)), max(GRAVITY, abs(value))
     if key.endswith(".restitution"):
         return 0.0, 1.0
+    rotates, scale = _one_coordinate(mechanism, key), weight(mechanism, size)
+    if rotates is not None and key.endswith((".stiffness", ".damping")):
+        stiff = scale * size if rotates else 10.0 * scale / size
+        critical = 2.0 * math.sqrt(stiff * mechanism.mass) * (size if rotates else 1.0)  # of the whole mechanism
+        if key.endswith(".damping"):
+            return 0.0, max(_round((0.1 if rotates else 1.0) * critical / factor), _round(4.0 * value))
+        if value == 0.0:
+            return 0.0, _round(stiff)
     if value == 0.0:
-        scale = weight(mechanism, size)
         return 0.0, _round(scale * size * (0.1 if key.endswith("damping") else 1.0))
     if key.startswith("parameters."):
         ends = sorted((0.25 * value, 2.0 * value))

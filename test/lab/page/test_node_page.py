@@ -138,7 +138,7 @@ def test_sliders_are_parameters_and_commands(node, opened):
     opened.until(lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
     opened.page.get_by_text("Efforts", exact=True).click()
     opened.type("pin (N*m)", "0.15")
-    opened.type("spin.effort", "0.5")
+    opened.type("spin.effort (N*m)", "0.5")
     opened.shows("pin (N*m)", 0.15)
     opened.button("Play")
     opened.until(lambda: list(node.listener.states[-1].effort) == [0.15, 0.5], "the commands")

@@ -114,3 +114,58 @@ joints:
     bench.simulation.set_live({"parameters.w": 7.0})
     shown["parameters.w"] = bench.values()["parameters.w"]
     assert as_yaml(list(settings.values()), shown) == "parameters:\n  w: 7.0\n"
+
+
+SERVOS = """
+mechanism: servos
+parts:
+  cart: {shape: {type: block, size: [0.3, 0.2, 0.1], mass: 1 kg}}
+  arm: {shape: {type: rod, to: [0, 0, -0.8], mass: 0.2 kg}}
+  wheel: {shape: {type: rod, to: [0.2, 0, 0], mass: 0.2 kg}}
+joints:
+  rail: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], damping: 0.1, limits: {lower: -2 m, upper: 1 m}}
+  pin: {type: revolute, between: [cart, arm], axis: [0, -1, 0], limits: {lower: -90 deg, upper: 2}, velocity_limit: 90 deg/s}
+  axle: {type: revolute, between: [cart, wheel], axis: [0, -1, 0], effort_limit: 3}
+actuators:
+  cart: {type: effort, joint: rail, effort_limit: 20 N, servo: {controls: position, kp: 20, kd: 2}}
+  arm: {type: effort, joint: pin, servo: {controls: position, kp: 20}}
+  wheel: {type: effort, joint: axle}
+  volts: {type: dc_motor, joint: axle, torque_constant: 0.1, resistance: 1, voltage_limit: 12}
+"""
+
+
+def test_commands_have_the_units_and_the_limits_of_what_they_move():
+    """A position on a rail once went from -pi to pi, without a unit."""
+    bench = Bench.of(parse_mechanism(SERVOS))
+    found = {one.key: one for one in settings_of(bench, 1.0) if one.kind == "command"}
+    assert list(found) == list(bench.simulation.command_map.names)
+    ends = {key: (one.unit, one.low, one.high) for key, one in found.items()}
+    full = 14.0  # the weight in N
+    assert ends == {
+        "cart.position": ("m", -2.0, 1.0),
+        "cart.velocity": ("m/s", -5.0, 5.0),
+        "cart.effort": ("N", -20.0, 20.0),
+        "arm.position": ("deg", -90.0, pytest.approx(np.degrees(2.0))),
+        "arm.velocity": ("deg/s", -90.0, 90.0),
+        "arm.effort": ("N*m", -0.5 * full + 0.1, 0.5 * full - 0.1),
+        "wheel.effort": ("N*m", -3.0, 3.0),
+        "volts.voltage": ("V", -12.0, 12.0),
+    }
+    session = OwnSession(bench, running=False)
+    found["arm.position"].apply(session, 45.0)
+    assert bench.values()["arm.position"] == pytest.approx(np.pi / 4, rel=1e-15)
+
+
+def test_numbers_without_units_in_the_file_show_theirs_and_are_written_without():
+    settings = settings_of(Bench.of(parse_mechanism(SERVOS)), 1.0)
+    units = {one.key: one.unit for one in settings}
+    assert (units["gravity[2]"], units["joints.rail.damping"]) == ("m/s^2", "N*s/m")
+    assert (units["joints.pin.damping"], units["joints.pin.stiffness"]) == ("N*m*s/rad", "N*m/rad")
+    assert as_yaml(settings, {"joints.rail.damping": 5.0}) == "joints:\n  rail:\n    damping: 5.0\n"
+
+
+@pytest.mark.parametrize(("damping", "least"), [("0", 4.0), ("0.1", 4.0), ("30", 120.0)])
+def test_the_damping_of_a_rail_reaches_that_of_a_well_damped_motion(damping, least):
+    text = SERVOS.replace("damping: 0.1", f"damping: {damping}")
+    (rail,) = (one for one in settings_of(Bench.of(parse_mechanism(text)), 1.0) if one.key == "joints.rail.damping")
+    assert least <= rail.high <= 10.0 * least
