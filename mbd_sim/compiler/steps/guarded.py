@@ -154,11 +154,7 @@ def _emit_loop(
     copy(b, size, state, y)
     b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
     emitter.index, emitter.steps = first, count
-    if emitter.kept is None:
-        check.read(time_of(first))
-    else:
-        emitter.kept.begin()
-        check.recall(emitter.kept.belongs, time_of(first), kept)
+    check.begin(time_of(first), kept)
 
     entry, head = b.block, b.append_basic_block("step")
     body, event, finished = (b.append_basic_block(block) for block in ("body", "event", "finished"))
@@ -171,9 +167,7 @@ def _emit_loop(
     b.position_at_end(body)
     emitter.index, next_index = b.add(first, index), b.add(index, integer(1))
     emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
-    emitter.sample(
-        emitter.index, time_of(emitter.index)
-    )  # once in each step, also where an event is left to the caller
+    emitter.sample(emitter.index, time_of(emitter.index))  # also where an event is left to the caller
     copy(b, size, y, before)
     emit_step(time_of(emitter.index))
     following = time_of(b.add(emitter.index, integer(1)))
@@ -185,30 +179,46 @@ def _emit_loop(
     b.cbranch(is_event, event, head)
 
     b.position_at_end(event)
-    with b.if_else(b.icmp_signed("==", mode, integer(TO_EVENT))) as (to_event, whole):
-        with to_event:
-            copy(b, size, before, state)
-            if emitter.kept is not None:  # a new history begins after the event
-                kept_size = steps.history + kept_at_start(size, guards.gaps, guards.rows)
-                loop(b, 0, kept_size, lambda i: store(b, number(0.0), history, i))
-        with whole:
-            if emitter.kept is not None:
-                emitter.kept.end(FALSE)
-    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
-    b.ret(index)
+    kept_size = steps.history + kept_at_start(size, guards.gaps, guards.rows)
+    _emit_undo(emitter, b.icmp_signed("==", mode, integer(TO_EVENT)), (before, state), (history, kept_size))
+    _leave(emitter, estimate, index)
 
     b.position_at_end(finished)
-    finite = _is_finite(b, size, y, sum_of_zeros)
     emitter.index = b.add(first, count)
+    finite = _emit_end(emitter, check, state, kept, sum_of_zeros)
+    _leave(emitter, estimate, b.select(finite, count, integer(-1)))
+    return function
+
+
+def _leave(emitter: StepEmitter, estimate: Value, result: Value) -> None:
+    emitter.b.store(emitter.b.load(emitter.largest_error, typ=DOUBLE), estimate)
+    emitter.b.ret(result)
+
+
+def _emit_undo(emitter: StepEmitter, is_to_event: Value, states: tuple[Value, Value], kept: tuple[Value, int]) -> None:
+    """Emit what follows a step with an event: the state before it, where the call ends there, and a new history."""
+    b = emitter.b
+    with b.if_then(is_to_event):
+        copy(b, emitter.system.size, *states)
+    if emitter.kept is not None:
+        with b.if_else(is_to_event) as (to_event, whole):
+            with to_event:
+                loop(b, 0, kept[1], lambda i: store(b, number(0.0), kept[0], i))
+            with whole:
+                emitter.kept.end(FALSE)
+
+
+def _emit_end(emitter: StepEmitter, check: _Check, state: Value, kept: Value, sum_of_zeros: Value) -> Value:
+    """Emit what follows the last step: a finite state and what is kept besides a history; whether it is finite."""
+    b, size = emitter.b, emitter.system.size
+    finite = _is_finite(b, size, emitter.y, sum_of_zeros)
     if emitter.kept is not None:
         emitter.kept.end(finite)
     with b.if_then(finite):
-        copy(b, size, y, state)
+        copy(b, size, emitter.y, state)
         if emitter.kept is not None:
             check.remember(kept)
-    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
-    b.ret(b.select(finite, count, integer(-1)))
-    return function
+    return finite
 
 
 def _internal(module: Module, name: str, types: list[str]) -> Function:
@@ -246,9 +256,14 @@ class _Check:
         reported = [emitter.conditioning] if emitter.system.reports_conditioning else []
         self._b.call(self._function, [at, emitter.y, emitter.inputs, self.slopes, self._after, *reported])
 
-    def recall(self, belongs: Value, t: Value, kept: Value) -> None:
-        """Read what was kept at the end of the last call if it `belongs` to this state, and else evaluate it."""
-        with self._b.if_else(belongs, likely=True) as (known, unknown):
+    def begin(self, t: Value, kept: Value) -> None:
+        """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it."""
+        history = self._emitter.kept
+        if history is None:
+            self.read(t)
+            return
+        history.begin()
+        with self._b.if_else(history.belongs, likely=True) as (known, unknown):
             with known:
                 self._each_kept(kept, lambda size, inside, outside: copy(self._b, size, outside, inside))
             with unknown:

@@ -100,16 +100,6 @@ def _emit_shared(
     b.call(active.solver.factorize, [small, order, basis])
     loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
 
-    def subtract_given(j: Value) -> None:
-        force = load(b, given, j)
-
-        def subtract(i: Value) -> None:
-            slope = load(b, matrix, b.add(chosen_row(i), b.mul(j, integer(n))))
-            store(b, b.fma(b.fneg(slope), force, load(b, small_right, i)), small_right, i)
-
-        with b.if_then(b.fcmp_unordered("!=", force, number(0.0))):
-            loop(b, 0, basis, subtract)
-
     def watch(i: Value, offset: Value) -> None:
         source = b.mul(i, integer(n))
         loop(b, 0, basis, lambda j: store(b, load(b, matrix, b.add(chosen_row(j), source)), small_right, j))
@@ -134,7 +124,7 @@ def _emit_shared(
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
         loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         if adds_given:
-            loop(b, 0, n, subtract_given)
+            loop(b, 0, n, lambda j: _subtract_given(b, n, matrix, given, small_right, chosen_row, basis, j))
         b.call(active.solver.solve, [small, order, small_right, x, basis])
         b.call(share, [small, order, weights, x, basis, size])
         if watches:
@@ -147,6 +137,27 @@ def _emit_shared(
         solve_column(integer(column * n))
     b.ret_void()
     return function
+
+
+def _subtract_given(
+    b: IRBuilder,
+    n: int,
+    matrix: Value,
+    given: Value,
+    right: Value,
+    chosen_row: Callable[[Value], Value],
+    basis: Value,
+    j: Value,
+) -> None:
+    """Subtract the effect of the given force of row j from the right sides of a basis."""
+    force = load(b, given, j)
+
+    def subtract(i: Value) -> None:
+        slope = load(b, matrix, b.add(chosen_row(i), b.mul(j, integer(n))))
+        store(b, b.fma(b.fneg(slope), force, load(b, right, i)), right, i)
+
+    with b.if_then(b.fcmp_unordered("!=", force, number(0.0))):
+        loop(b, 0, basis, subtract)
 
 
 def _choose(
