@@ -58,13 +58,7 @@ class CompiledContacts:
         self._observable = "elongations" not in kernel.readers  # whether the kernel reads all energies
         self._contacts = Contacts(
             simple=False,
-            advance=kernel.code.address("advance_to_event"),
-            part_step=kernel.code.address("part_step"),
-            readings=kernel.code.address("read_contacts"),
-            terms=kernel.reader_address("contact_terms"),
-            response=kernel.reader_address("contact_response"),
-            restitution=kernel.reader_address("restitution"),
-            joint_loads=kernel.reader_address("joint_loads") if model.loaded else 0,
+            **_addresses(model, kernel),
             energies=0,
             energies_take_inputs=kernel.reads_inputs["energies"],
             driven=driven,
@@ -174,6 +168,19 @@ class CompiledContacts:
                 name = model.friction_name(int(index)) if is_friction else model.names[int(index)]
                 found.append(ContactEvent(time, name, CHANGES[change], *numbers))
         return found
+
+
+def _addresses(model: OneSidedModel, kernel: Kernel) -> dict[str, Any]:
+    """The fields of `Contacts` for the functions of the kernel."""
+    return {
+        "advance": kernel.code.address("advance_to_event"),
+        "part_step": kernel.code.address("part_step"),
+        "readings": kernel.code.address("read_contacts"),
+        "terms": kernel.reader_address("contact_terms"),
+        "response": kernel.reader_address("contact_response"),
+        "restitution": kernel.reader_address("restitution"),
+        "joint_loads": kernel.reader_address("joint_loads") if model.loaded else 0,
+    }
 
 
 def _friction(model: OneSidedModel) -> dict[str, Any]:
