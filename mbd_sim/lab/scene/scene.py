@@ -136,11 +136,12 @@ class Scene:
         self._labels.clear()
 
     def _keep(self, segments: Array, label: str) -> None:
-        """Draw segments (n, 2, 3) in gray, with a label at their highest point."""
+        """Draw segments (n, 2, 3) in gray, with a label a sixth of the path farther than that of the last one."""
+        number = len(self._kept)
         self._kept.append((segments, label))
         self._kept_paths.points = np.concatenate([one for one, _ in self._kept])
-        top = segments[np.argmax(segments[:, 0, 2]), 0]
-        self._labels.append(self._scene.add_label(f"/kept_paths/{len(self._labels)}", label, position=top))
+        place = segments[number * len(segments) // 6 % len(segments), 0]
+        self._labels.append(self._scene.add_label(f"/kept_paths/{number}", label, position=place))
 
     def _reshape(self, mechanism: Mechanism) -> None:
         """Draw a mechanism with other values, such as lengths."""

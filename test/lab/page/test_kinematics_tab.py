@@ -84,7 +84,6 @@ def test_the_page_follows_the_lengths(opened):
     opened.button("Keep this curve")
     wait_until(lambda: [label for _, label in scene._kept] == ["rocker = 1.3 m"], "the kept curve")
     assert np.array_equal(scene._kept_paths.points, scene._path.points)
-    opened.page.get_by_text("rocker = 1.3 m").first.wait_for()
     opened.button("Clear the kept curves")
     wait_until(lambda: not len(scene._kept_paths.points), "no kept curve")
     opened.lab.page._preparer.ask("parameters.rocker", 1.2)
