@@ -73,9 +73,11 @@ class OneSidedFunctions:
       rates in 1/s at which it can turn its slip.
     - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
       rates (gaps,), but not of slots.
-    - `terms(t, y, inputs)`: A (rows, rows) without friction, column by column, the rates of change (rows,) of the rows'
-      rates without contact forces, the sizes of sliding friction (frictions,), and those of static friction.
-    - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
+    - `terms(t, y, inputs)`: L and R of A (rows, rows) without friction, as in `SolvedPair`, with `terms_pattern`;
+      then the rates of change (rows,) of the rows' rates without contact forces, the sizes of sliding friction
+      (frictions,), and those of static friction.
+    - `loads(t, y, inputs)`: one after the other, the force (k,) of each load without contact forces, and by these
+      (k, rows) column by column; k are the `load_components`.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
@@ -88,7 +90,9 @@ class OneSidedFunctions:
     readings: ca.Function
     open_start: ca.Function
     terms: ca.Function
-    loads: list[ca.Function]
+    terms_pattern: ca.Sparsity | None
+    loads: ca.Function
+    load_components: tuple[int, ...]
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
@@ -224,7 +228,9 @@ class OneSidedDynamics:
             ca.horzcat(element.sliding(one_sided.equations.velocity[element.rows[0]]), element.static)
             for element in one_sided.frictions
         ]
-        terms = self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)
+        numbers = [each for load in self.loads for each in (load.unloaded, ca.vec(ca.densify(load.by_force)))]
+        vectors, pattern = _given_factors(self._factors())
+        rest = ca.vertcat(self._free, ca.vec(ca.densify(ca.vertcat(ca.SX(0, 2), *sizes))))
         gaps = one_sided.layout.gaps
         open_gaps, gap_rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
         for index, gap in enumerate(one_sided.gaps):
@@ -239,12 +245,21 @@ class OneSidedDynamics:
             open_start=merged_function(
                 "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),
-            terms=_function("contact_terms", inputs, ca.vertcat(*(ca.vec(ca.densify(one)) for one in terms))),
-            loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
+            terms=_function("contact_terms", inputs, *vectors, rest),
+            terms_pattern=pattern,
+            loads=_function("joint_loads", inputs, ca.vertcat(ca.SX(0, 1), *numbers)),
+            load_components=tuple(load.unloaded.shape[0] for load in self.loads),
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, one_sided.places),
         )
+
+    def _factors(self, last: ca.SX | None = None) -> Factors:
+        """L and R of A, or of A `last`."""
+        is_factored = self.one_sided.layout.rows >= FACTORED
+        right = self._right if is_factored else self._matrix
+        right = right if last is None else right @ last
+        return (self._left.T, right) if is_factored else (right, None)
 
     @property
     def _margin(self) -> list[ca.SX]:
@@ -276,9 +291,7 @@ class OneSidedDynamics:
         extra = [ca.vertcat(*loads)] if loads else []
         mobility = ca.sum1(self._left * self._right).T if n >= FACTORED else ca.diag(self._matrix)
         readings = one_sided_readings(one_sided, self.loads, mobility, self._weight, solution)
-        factors: Factors = self._matrix @ with_friction, None
-        if n >= FACTORED:
-            factors = self._left.T, ca.sparsify(self._right @ with_friction)
+        factors = self._factors(with_friction)
         pair, further = self._pair("contact", [y_rates, readings], solution, factors, right, [*extra, *self._margin])
         return pair, further[0]
 
@@ -328,16 +341,23 @@ class OneSidedDynamics:
         """The pair of the first result, and functions of the same memory and solution for the others."""
         given = [self._traced.state.t, self._traced.y, self._traced.inputs]
         memory, values, reduced = separated(ca.densify(ca.vertcat(*results)), ca.vertcat(*given), solution)
-        left, factor = factors
-        entries = ca.SX(0, 1) if factor is None else ca.vec(factor.nz[:])
-        vectors = [ca.vec(ca.densify(left)), entries, ca.vec(ca.densify(right))]
-        system = _function(f"{name}_system", given, values, *vectors, *further)
+        vectors, pattern = _given_factors(factors)
+        system = _function(f"{name}_system", given, values, *vectors, ca.vec(ca.densify(right)), *further)
         sizes = accumulate([0, *(result.shape[0] for result in results)])
         functions = [
             _function(f"{name}_result_{index}", [memory, solution], part)
             for index, part in enumerate(ca.vertsplit(reduced, list(sizes)))
         ]
-        return SolvedPair(system, functions[0], None if factor is None else factor.sparsity()), functions[1:]
+        return SolvedPair(system, functions[0], pattern), functions[1:]
+
+
+def _given_factors(factors: Factors) -> tuple[list[ca.SX], ca.Sparsity | None]:
+    """L and the entries of R as vectors, and the pattern of R: see `SolvedPair`."""
+    left, right = factors
+    if right is None:
+        return [ca.vec(ca.densify(left)), ca.SX(0, 1)], None
+    right = ca.sparsify(right)
+    return [ca.vec(ca.densify(left)), ca.vec(right.nz[:])], right.sparsity()
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -14,12 +14,12 @@ import numpy as np
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.files.builders.welded import first_of, welded
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, Egg, Face, Rim
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, unique_name
+from mbd_sim.mechanism.welded import first_of, welded
 
 FLOOR, FRICTION = "floor", 1.0
 MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it

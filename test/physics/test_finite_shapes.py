@@ -233,3 +233,31 @@ def test_a_domino_strikes_the_next_one():
     before = speed(struck)
     impulse = 1.3 * arms[0] * before / (arms @ arms / inertia)
     assert event.impulse == pytest.approx(impulse, abs=1e-11)
+
+
+SLOPE = """
+mechanism: slope
+ground: {points: {slope: {at: [0.3, -0.2, 0.1], rotate: {rpy: [0.3, 0.2, 0.7]}}}}
+parts:
+  table: {shape: {type: block, size: [4, 1, 0.2], mass: 1, at: [0, 0, -0.1]}}
+  block: {shape: {type: block, size: [0.2, 0.3, 0.1], mass: 2, at: [0, 0, 0.05]}}
+joints:
+  table: {type: fixed, between: [ground.slope, table]}
+  block: {type: free, between: [ground.slope, block], position: [0.3, 0.1, 0], orientation: {rpy: [0, 0, 0.5]}}
+contacts: {c: {between: [block, table], friction: 0.2}}
+"""
+
+
+def test_a_block_slides_down_a_block_that_is_tilted_in_space():
+    """Faces that are along no axis, four corners that share the load, friction straight down the slope."""
+    sim = simulation(SLOPE, step=1e-3)
+    start, normal = sim.poses()["block"].position.copy(), sim.poses()["table"].rotation[:, 2]
+    down = np.array([0.0, 0.0, -G]) + G * normal[2] * normal
+    steep = np.linalg.norm(down)
+    sim.step(500)
+    way = 0.5 * (steep - 0.2 * G * normal[2]) * 0.25 * down / steep
+    assert sim.poses()["block"].position - start == pytest.approx(way, abs=1e-13)
+    loads = [state.normal for state in sim.contacts().values() if state.state == "slides"]
+    assert len(loads) == 4
+    assert sum(loads) == pytest.approx(2.0 * G * normal[2], abs=1e-12)
+    assert abs(sim.energies.residual) < 1e-12

@@ -93,7 +93,7 @@ def test_a_geneva_drive_follows_its_pin_within_the_play():
 
 def test_a_detent_rests_with_its_roller_in_the_middle_of_a_notch():
     simulation = Simulation.from_file("detent")
-    simulation.step(3000)
+    simulation.step(1200)
     notches = simulation.q[0] / (math.pi / 6.0)
     assert notches == pytest.approx(round(notches), abs=1e-9) and round(notches) >= 1
     assert np.max(np.abs(simulation.u)) < 1e-12

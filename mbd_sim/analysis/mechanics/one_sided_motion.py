@@ -180,7 +180,7 @@ class OneSidedMotion:
                 what = "slides at zero speed" if slides else "carries as much friction as it can at rest"
                 raise self._error(t, f"'{rows[element.rows[0]].name}' {what}")
         first = layout.gaps + len(one_sided.frictions)
-        single_loads = sum(load.nnz_out(0) == 1 for load in self._functions.loads)
+        single_loads = self._functions.load_components.count(1)
         if np.any(guards[first : first + single_loads] <= BARELY):
             raise self._error(t, "a joint whose friction depends on its load carries none")
 
@@ -223,8 +223,8 @@ def _functions(equations: Equations, functions: OneSidedFunctions) -> tuple[ca.F
     active = inputs[equations.inputs.one_sided][functions.equations.layout.active]
     residual = functions.rates.product(left, factor, forces) - right
     position = 0
-    for load, element in zip(functions.loads, _loaded(functions), strict=True):
-        factor, size = further[0][position], load.nnz_out(0)
+    for size, element in zip(functions.load_components, _loaded(functions), strict=True):
+        factor = further[0][position]
         unloaded = further[0][position + 1 + size : position + 1 + 2 * size]
         slopes = ca.reshape(further[0][position + 1 + 2 * size : position + 1 + (2 + n) * size], size, n)
         across = unloaded + slopes @ forces

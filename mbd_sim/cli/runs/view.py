@@ -6,6 +6,7 @@ import argparse
 import threading
 import webbrowser
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from mbd_sim.base.errors import CommandError, MechanismError, NoInertiaError, counted
 from mbd_sim.base.packages import require_packages
@@ -171,6 +172,8 @@ def _lab(options: argparse.Namespace) -> int:
     except NoInertiaError as error:
         raise CommandError(str(error).rstrip("."), "Or show positions only: --drive JOINT.") from error
     with lab:
+        if options.port not in (0, urlsplit(lab.url).port):
+            print(f"Port {options.port} is taken by another program, so another one is used.")
         print(f"{mechanism.name} is on {lab.url} (Ctrl-C ends it)", flush=True)
         if not options.no_open:
             webbrowser.open(lab.url)

@@ -12,7 +12,6 @@ The same text also runs as Python, with the same results to the last bit: each o
 from __future__ import annotations
 
 import ast
-import ctypes
 import functools
 import inspect
 import math
@@ -20,86 +19,11 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, Protocol, TypeAlias, TypeVar, overload
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
-from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, BasicBlock, Function, FunctionType, Module, Type, Value
-
-Number = TypeVar("Number", int, float)
-
-
-class _Elements(Protocol[Number]):
-    """What compiled functions do with an array, as that of NumPy that they are given when they run as Python."""
-
-    @overload
-    def __getitem__(self, index: int, /) -> Number: ...
-    @overload
-    def __getitem__(self, rest: slice, /) -> _Elements[Number]: ...
-    def __setitem__(self, index: int, value: Number, /) -> None: ...
-
-
-Array: TypeAlias = _Elements[float]
-Integers: TypeAlias = _Elements[int]
-
-SLOT = 8  # bytes of a field of a record
-_TYPES: dict[str, Type] = {"float": DOUBLE, "int": INT, "bool": BOOL, "None": VOID}
-_C_TYPES: dict[str, Any] = {"float": ctypes.c_double, "int": ctypes.c_int64, "bool": ctypes.c_bool, "None": None}
-_ELEMENTS = {"Array": "float", "Integers": "int"}
-
-
-def zeros(n: int) -> Array:
-    """An array of zeros."""
-    return np.zeros(n)
-
-
-def integers(n: int) -> Integers:
-    """An array of zeros that are integers."""
-    return np.zeros(n, dtype=np.int64)
-
-
-@dataclass(frozen=True)
-class External:
-    """Machine code elsewhere, by the kinds of its result and of its arguments; called with its address first."""
-
-    result: str
-    arguments: tuple[str, ...]
-
-    def __call__(self, address: int, *arguments: Any) -> int:
-        """Call it; the result is an integer, if there is one."""
-        function = prototype(self.result, self.arguments)(address)
-        found: int = function(*(one.ctypes.data if isinstance(one, np.ndarray) else one for one in arguments))
-        return found
-
-
-def prototype(result: str, arguments: Sequence[str]) -> Any:
-    """The type of a C function with these kinds of result and arguments."""
-    return ctypes.CFUNCTYPE(_C_TYPES[result], *(_C_TYPES.get(kind, ctypes.c_void_p) for kind in arguments))
-
-
-def signature_of(function: Callable[..., Any]) -> tuple[str, list[str]]:
-    """The kinds of the result and of the parameters of a function."""
-    kinds = dict(function.__annotations__)
-    return kinds.pop("return"), list(kinds.values())
-
-
-def name_of(function: Callable[..., Any]) -> str:
-    """The name of an emitted function."""
-    return f"{function.__module__}.{function.__name__}"
-
-
-def packed(record: Any) -> NDArray[np.int64]:
-    """The fields of a record as compiled functions read them; the arrays among them must outlive it."""
-    slots = np.zeros(len(fields(record)), dtype=np.int64)
-    for slot, field in enumerate(fields(record)):
-        value = getattr(record, field.name)
-        if field.type == "float":
-            slots.view(np.float64)[slot] = value
-        else:
-            slots[slot] = value.ctypes.data if field.type in _ELEMENTS else int(value)
-    return slots
+from mbd_sim.compiler.ir.module import BOOL, POINTER, BasicBlock, Function, FunctionType, Module, Type, Value
+from mbd_sim.compiler.ir.python_kinds import ELEMENTS, TYPES, External, integers, name_of, signature_of, zeros
 
 
 @dataclass(frozen=True)
@@ -126,6 +50,11 @@ def _definitions(module: str) -> Mapping[str, ast.FunctionDef]:
     return {each.name: each for each in parsed.body if isinstance(each, ast.FunctionDef)}
 
 
+def _returned(kind: str) -> Type:
+    """The type of a result; one bit would leave the others of a register open."""
+    return INT if kind == "bool" else TYPES.get(kind, POINTER)
+
+
 class _Translation:
     """The translation of one function."""
 
@@ -133,8 +62,8 @@ class _Translation:
         self._module, self._python = module, function
         self._result, kinds = signature_of(function)
         self._globals = function.__globals__
-        types = [_TYPES.get(kind, POINTER) for kind in kinds]
-        self.function = Function(module, FunctionType(_TYPES.get(self._result, POINTER), types), name_of(function))
+        types = [TYPES.get(kind, POINTER) for kind in kinds]
+        self.function = Function(module, FunctionType(_returned(self._result), types), name_of(function))
         self.function.linkage = "internal"
         self.function.attributes = ["noinline", "nounwind"]
         self._entry = IRBuilder(self.function.append_basic_block("entry"))
@@ -204,15 +133,16 @@ class _Translation:
 
     def _set(self, name: str, value: _Typed) -> None:
         if name not in self._names:
-            self._names[name] = value.kind, self._entry.alloca(_TYPES.get(value.kind, POINTER))
+            self._names[name] = value.kind, self._entry.alloca(TYPES.get(value.kind, POINTER))
         kind, address = self._names[name]
         self._b.store(self._as(kind, value), address)
 
     def _return(self, statement: ast.Return) -> None:
         if statement.value is None:
             self._b.ret_void()
-        else:
-            self._b.ret(self._as(self._result, self._value(statement.value)))
+            return
+        value = self._as(self._result, self._value(statement.value))
+        self._b.ret(self._b.zext(value, INT) if self._result == "bool" else value)
 
     def _if(self, statement: ast.If) -> None:
         then, otherwise, after = self._blocks("then", "otherwise", "after")
@@ -309,7 +239,7 @@ class _Translation:
         if expression.id not in self._names:
             return self._constant(self._globals.get(expression.id))
         kind, address = self._names[expression.id]
-        return _Typed(kind, self._b.load(address, typ=_TYPES.get(kind, POINTER)))
+        return _Typed(kind, self._b.load(address, typ=TYPES.get(kind, POINTER)))
 
     def _value_of_attribute(self, expression: ast.Attribute) -> _Typed:
         if ast.unparse(expression) == "math.inf":
@@ -321,21 +251,21 @@ class _Translation:
         address = self._b.gep(record.value, integer(slot), INT)
         if kind == "bool":
             return _Typed(kind, self._b.trunc(self._b.load(address, typ=INT), BOOL))
-        return _Typed(kind, self._b.load(address, typ=_TYPES.get(kind, POINTER)))
+        return _Typed(kind, self._b.load(address, typ=TYPES.get(kind, POINTER)))
 
     def _value_of_subscript(self, expression: ast.Subscript) -> _Typed:
         if isinstance(expression.slice, ast.Slice):
             array = self._value(expression.value)
             assert expression.slice.lower is not None
             first = self._value(expression.slice.lower).value
-            return _Typed(array.kind, self._b.gep(array.value, first, _TYPES[_ELEMENTS[array.kind]]))
+            return _Typed(array.kind, self._b.gep(array.value, first, TYPES[ELEMENTS[array.kind]]))
         kind, address = self._element(expression)
-        return _Typed(kind, self._b.load(address, typ=_TYPES[kind]))
+        return _Typed(kind, self._b.load(address, typ=TYPES[kind]))
 
     def _element(self, expression: ast.Subscript) -> tuple[str, Value]:
         array, index = self._value(expression.value), self._value(expression.slice)
-        kind = _ELEMENTS[array.kind]
-        return kind, self._b.gep(array.value, index.value, _TYPES[kind])
+        kind = ELEMENTS[array.kind]
+        return kind, self._b.gep(array.value, index.value, TYPES[kind])
 
     def _value_of_binop(self, expression: ast.BinOp) -> _Typed:
         return self._binary(type(expression.op).__name__, self._value(expression.left), self._value(expression.right))
@@ -404,12 +334,12 @@ class _Translation:
             value = self._value(each)
             if memory is None:
                 kind = value.kind
-                memory = self._entry.alloca(_TYPES.get(kind, POINTER))
+                memory = self._entry.alloca(TYPES.get(kind, POINTER))
             self._b.store(self._as(kind, value), memory)
             self._go(after)
         assert memory is not None
         self._b.position_at_end(after)
-        return _Typed(kind, self._b.load(memory, typ=_TYPES.get(kind, POINTER)))
+        return _Typed(kind, self._b.load(memory, typ=TYPES.get(kind, POINTER)))
 
     def _truth(self, expression: ast.expr) -> Value:
         value = self._value(expression)
@@ -462,7 +392,8 @@ class _Translation:
             raise self._unknown(name)
         result, kinds = signature_of(called)
         values = [self._as(kind, one) for kind, one in zip(kinds, arguments, strict=True)]
-        return _Typed(result, self._b.call(emit_function(self._module, called), values))
+        returned = self._b.call(emit_function(self._module, called), values)
+        return _Typed(result, self._b.trunc(returned, BOOL) if result == "bool" else returned)
 
     def _any(self, expression: ast.GeneratorExp) -> _Typed:
         """Whether a condition holds for an index in a range: the generator as a loop."""
@@ -484,7 +415,7 @@ class _Translation:
     def _new_array(self, kind: str, size: Value) -> _Typed:
         if self._loops:
             raise self._unknown("a new array within a loop")
-        element = _TYPES[_ELEMENTS[kind]]
+        element = TYPES[ELEMENTS[kind]]
         array, zero = self._b.alloca(element, size), number(0.0) if element == DOUBLE else integer(0)
         self._b.loop(integer(0), size, lambda index: self._b.store(zero, self._b.gep(array, index, element)))
         return _Typed(kind, array)
@@ -499,4 +430,4 @@ class _Translation:
 
     def _called(self, external: External, address: Value, arguments: Sequence[Value]) -> _Typed:
         code = self._b.convert("inttoptr", address, POINTER)
-        return _Typed(external.result, self._b.call_address(code, _TYPES[external.result], arguments))
+        return _Typed(external.result, self._b.call_address(code, TYPES[external.result], arguments))

@@ -11,7 +11,7 @@ from functools import partial
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import FALSE, IRBuilder, element, local_array, number
+from mbd_sim.compiler.ir.builder import FALSE, TRUE, IRBuilder, element, local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_components, load, loop, store
@@ -96,7 +96,7 @@ def emit_solved(
         margin = [local_array(b, 1)]
     b.call(emitted_system, [t, y, inputs, memory, left, factor, right, *numbers, *margin])
     if system.places is not None:
-        product = emit_product(module, f"{function_of_state.name()}.product", active, system.places)
+        product = emit_product(module, f"{function_of_state.name()}.product", n, system.places, active)
         b.call(product, [inputs, left, factor, matrix])
     arguments = [inputs, matrix, right, solution]
     if has_loads:
@@ -109,24 +109,27 @@ def emit_solved(
     return function
 
 
-def emit_product(module: Module, name: str, active: ActiveRows, places: Sequence[Sequence[int]]) -> Function:
+def emit_product(
+    module: Module, name: str, n: int, places: Sequence[Sequence[int]], active: ActiveRows | None
+) -> Function:
     """Emit `void name(inputs, left, right, matrix)`, if it is not there yet: the columns of L R of active rows.
 
-    While rows share their forces, these are all columns. For the factors see `FactoredSystem`.
+    While rows share their forces, or without `active`, these are all columns. For the factors see `FactoredSystem`.
     """
     if (known := module.functions.get(name)) is not None:
         return known
-    n, position = active.rows, 0
+    position = 0
     function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
     function.linkage, function.attributes, function.noalias = "internal", ["noinline"], True
     inputs, left, right, matrix = function.args
     b = IRBuilder(function.append_basic_block("entry"))
-    share = FALSE
-    for row in range(n):
-        share = b.or_(share, b.fcmp_ordered("<", load(b, inputs, active.first + row), number(0.0)))
+    masks = [] if active is None else [load(b, inputs, active.first + row) for row in range(n)]
+    share = TRUE if active is None else FALSE
+    for mask in masks:
+        share = b.or_(share, b.fcmp_ordered("<", mask, number(0.0)))
+    needed = [b.or_(share, b.fcmp_unordered("!=", mask, number(0.0))) for mask in masks] or [share] * n
     for column, own in enumerate(places):
-        is_active = b.fcmp_unordered("!=", load(b, inputs, active.first + column), number(0.0))
-        with b.if_then(b.or_(share, is_active)):
+        with b.if_then(needed[column]):
             factors = [load(b, right, position + index) for index in range(len(own))]
             vectors = [element(b, left, place * n) for place in own]
             target = element(b, matrix, column * n)
@@ -202,6 +205,25 @@ def _emit_loaded(
     loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in loads) else 1, once)
 
 
+def emit_terms(module: Module, one_sided: OneSidedSystem, attributes: Sequence[str]) -> None:
+    """Emit `void read_contact_terms(t, y, inputs, out)`: the whole matrix without friction, column by column, and more.
+
+    What follows it are the further numbers that the `terms` give.
+    """
+    n, terms = one_sided.rows, one_sided.terms
+    lowered = lower(module, terms.function, inline=True, as_interpreted=True)
+    exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contact_terms")
+    exported.attributes = [*attributes]
+    b = IRBuilder(exported.append_basic_block("entry"))
+    t, y, inputs, out = exported.args
+    left, factor = (local_array(b, terms.function.nnz_out(index)) for index in range(2))
+    rest = element(b, out, n * n)
+    b.call(lowered, [t, y, inputs, out if terms.places is None else left, factor, rest])
+    if terms.places is not None:
+        b.call(emit_product(module, "whole_product", n, terms.places, None), [inputs, left, factor, out])
+    b.ret_void()
+
+
 INLINED_START = 300  # instructions up to which the rates with the guards of open contacts are inlined
 
 
@@ -211,7 +233,8 @@ class OneSidedSystem:
 
     `rates` and `project` are pairs of a system and its result, see `emit_solved`, and `readings` a further result of
     the system of rates. `open_start(t, y, inputs)` gives what `rates` do while everything is open, then the gaps and
-    their rates; `event_readers` are further readers, which events need. Inputs from `first_mode` on are the `modes`:
+    their rates; `event_readers` are further readers, which events need, besides the `terms`: the factors of the matrix
+    without friction, then further numbers. Inputs from `first_mode` on are the `modes`:
     which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
     given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
     `gap_units` are those of the tolerance of open gaps.
@@ -225,6 +248,7 @@ class OneSidedSystem:
     readings: ca.Function
     open_start: ca.Function
     event_readers: Mapping[str, ca.Function]
+    terms: FactoredSystem
     first_mode: int
     modes: int
     first_given: int

@@ -23,7 +23,7 @@ BALL, RIM, RIM_POINT = 1.0, 2.0, 3.0  # kinds of bodies; 0 is a slot that is not
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedBody:
+class ClusterBody:
     """A body of a cluster as numbers: its `kind`, and in the frame of the part its center (3,).
 
     `radius` is that of a ball, or of the circle around `axis` (3,); a point of a rim is in the `direction` (3,) from

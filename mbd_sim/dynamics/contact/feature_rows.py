@@ -52,17 +52,29 @@ class Features:
         return np.concatenate([*self.points, *self.directions, scalars, self.side, [float(self.key)]])
 
 
-def slot_touch(numbers: ca.SX, first: SymbolicPose, second: SymbolicPose, length: float, still: int | None) -> Touch:
+def slot_touch(
+    numbers: ca.SX,
+    first: SymbolicPose,
+    second: SymbolicPose,
+    length: float,
+    still: int | None,
+    *,
+    crossing: bool = True,
+    apart: bool = True,
+) -> Touch:
     """The geometry of a slot; the frames are those of the two parts.
 
     :param length: the gap in m of a slot without features.
     :param still: the axis of ground along which the bodies are prisms and nothing moves; None in space.
+    :param crossing: whether edges can cross, c_X ≠ 0.
+    :param apart: whether points can be apart as they touch, c_D ≠ 0: where a body is rounded.
     """
     keep = np.ones(3)
     if still is not None:
         keep[still] = 0.0
     a, b, m_a, m_b, side = (ca.sparsify(numbers[k : k + 3] * constant(keep)) for k in (0, 3, 6, 9, 18))
     face, edges, points, r_a, r_b, on_second = (numbers[k] for k in range(12, 18))
+    edges, points = edges if crossing else ca.SX(1, 1), points if apart else ca.SX(1, 1)
     at, other = first.position + first.rotation @ a, second.position + second.rotation @ b
     m_a, m_b, line = first.rotation @ m_a, second.rotation @ m_b, at - other
     across, free = ca.cross(m_a, m_b), line - m_a * ca.dot(m_a, line) - m_b * ca.dot(m_b, line)
@@ -72,7 +84,7 @@ def slot_touch(numbers: ca.SX, first: SymbolicPose, second: SymbolicPose, length
     used = face + edges + points * points
     cosine = ca.dot(m_a, m_b)
     along = (cosine * ca.dot(m_b, line) - ca.dot(m_a, line)) / (1.0 - edges * cosine * cosine)
-    on_edge = edges * along - (1.0 - edges) * ca.dot(m_a, line) * (1.0 - face)
+    on_edge = edges * along - (points * points) * ca.dot(m_a, line)
     core = at + m_a * on_edge + on_second * (other + normal * distance - at - m_a * on_edge)
     if still is None:
         one = ca.cross(second.rotation @ side, normal)

@@ -218,9 +218,11 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
             case PlanarBody() as one, PlanarBody() as other:
                 numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = outline_touch(numbers, (one, other), *frames, length)
-            case Solid(), Solid():
+            case Solid() as one, Solid() as other:
                 numbers = ca.SX.sym("features", SLOT_SIZE)
-                touching = slot_touch(numbers, *frames, length, contact.still)
+                crossing = contact.still is None and min(len(one.vertices), len(other.vertices)) > 1
+                apart = one.radius + other.radius > 0.0
+                touching = slot_touch(numbers, *frames, length, contact.still, crossing=crossing, apart=apart)
             case one, other:
                 numbers = ca.SX.sym("features", SMOOTH_SIZE)
                 touching = smooth_touch((one, other), numbers, frames, length)

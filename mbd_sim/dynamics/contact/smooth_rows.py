@@ -170,6 +170,7 @@ def _newton_step(
     gradient = used * scale * (tangents.T @ slope)
     hessian = scale * scale * (tangents.T @ bend @ tangents) - scale * ca.dot(m, slope) * ca.SX.eye(2)
     hessian = used * hessian - (1.0 - used) * ca.SX.eye(2)
+    hessian[1, 1] -= bound  # a side admits one direction only
     determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] * hessian[1, 0]
     first = (hessian[0, 1] * gradient[1] - hessian[1, 1] * gradient[0]) / determinant
     second = (hessian[1, 0] * gradient[0] - hessian[0, 0] * gradient[1]) / determinant

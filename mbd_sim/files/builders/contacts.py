@@ -21,7 +21,6 @@ from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
-from mbd_sim.files.builders.welded import first_of, free_parts, neighbor_groups, welded
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec
@@ -49,6 +48,7 @@ from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
+from mbd_sim.mechanism.welded import first_of, free_parts, neighbor_groups, welded
 
 SIDES = {-1: "-", 1: "+"}
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z

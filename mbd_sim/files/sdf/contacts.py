@@ -25,20 +25,20 @@ WAITING = "planes, which act with --floor, or with 'active: true' in contacts"
 
 
 @dataclass(frozen=True)
-class Surface:
+class SurfaceLaw:
     """The coefficients of a surface."""
 
     friction: float
     restitution: float
 
-    def against(self, other: Surface) -> dict[str, float]:
+    def against(self, other: SurfaceLaw) -> dict[str, float]:
         """The keys of a contact of both."""
         friction = min(self.friction, other.friction)
         restitution = min(self.restitution, other.restitution)
         return ({"friction": friction} if friction else {}) | ({"restitution": restitution} if restitution else {})
 
 
-def surface_of(values: Values, collision: Element, key: str) -> Surface:
+def surface_of(values: Values, collision: Element, key: str) -> SurfaceLaw:
     """The coefficients of a collision element."""
     surface = collision.first("surface")
     friction = None if surface is None else surface.first("friction")
@@ -49,7 +49,7 @@ def surface_of(values: Values, collision: Element, key: str) -> Surface:
     bounce = None if surface is None else surface.first("bounce")
     where = f"{key}.surface.bounce"
     rebound = 0.0 if bounce is None else values.number_from_zero(bounce, "restitution_coefficient", where)
-    return Surface(mu, min(rebound, 1.0) if math.isfinite(rebound) else 0.0)
+    return SurfaceLaw(mu, min(rebound, 1.0) if math.isfinite(rebound) else 0.0)
 
 
 def contacts_of(
@@ -62,8 +62,8 @@ def contacts_of(
     :param links: the links, the names of their parts, and whether they are static.
     :param point: gives the name of a point of ground with a pose in the world.
     """
-    planes: list[tuple[str, Pose, Surface, Element, str]] = []
-    shapes: list[tuple[str, str, Surface]] = []
+    planes: list[tuple[str, Pose, SurfaceLaw, Element, str]] = []
+    shapes: list[tuple[str, str, SurfaceLaw]] = []
     for link, part, is_static in links:
         key = key_of(link.element)
         for number, element in enumerate(link.element.all("collision"), start=1):

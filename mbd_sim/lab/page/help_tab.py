@@ -26,7 +26,11 @@ and what has the same names goes on.
 *Change*. The shipped `cart_servo` has one for exercises: `mbd_sim lab cart_servo`.
 
 **Curves of points:** *Show* has the trace of any point. *Kinematics* draws the whole path of a point while a joint
-turns, which follows changed lengths.
+turns, which follows changed lengths. *Keep this curve* leaves it in gray, to compare it with that of other lengths.
+There are dead points, limit positions and the transmission angle too.
+
+**Points of your own:** `mbd_sim convert four_bar > my.yaml` writes a file of your own. Add a point under `points:` of a
+part, such as `P: [0.7, 0, 0.5]` in its frame, and open it: `mbd_sim lab my.yaml`.
 
 **Keep:** a recording contains every change, and `mbd_sim verify` recomputes it bit for bit. The page *with motion* is
 one file that opens anywhere, without a network.

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.lab.scene.keep import motion_html
+from mbd_sim.lab.scene.keep import mechanisms_at, motion_html
+from mbd_sim.lab.scene.scene import Scene
+from mbd_sim.lab.scene.traces import TIPS
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
 from mbd_sim.pictures.shapes.joints import default_traces
@@ -25,8 +27,8 @@ LASTS = {"2 s": 2.0, "5 s": 5.0, "10 s": 10.0, "30 s": 30.0}  # of the motion
 class KeepTab:
     """The buttons that record, and those that send a file to the page."""
 
-    def __init__(self, gui: Any, session: Session, *, dark: bool) -> None:
-        self._session, self._dark = session, dark
+    def __init__(self, gui: Any, session: Session, scene: Scene, *, dark: bool) -> None:
+        self._session, self._scene, self._dark = session, scene, dark
         self._name = session.bench.simulation.mechanism.name
         path = None if session.of_node else gui.add_text("Recording", initial_value=f"{self._name}.mcap")
         record = gui.add_button("Record", color="red")
@@ -57,6 +59,7 @@ class KeepTab:
         if event.client is None:
             return
         width, height = PICTURE
+        self._tell("The picture is being drawn.")
         try:
             image = event.client.get_render(height=height, width=width, transport_format="png", timeout=LONGEST)
         except TimeoutError:
@@ -64,12 +67,13 @@ class KeepTab:
             return
         data = io.BytesIO()
         imageio.v3.imwrite(data, image, extension=".png")
-        event.client.send_file_download(f"{self._name}.png", data.getvalue(), save_immediately=True)
+        self._send(event, f"{self._name}.png", data.getvalue())
 
     def _send_motion(self, event: Any) -> None:
         if event.client is not None and (points := self._points()):
-            html = motion_html(self._session.bench.simulation.model, points, dark=self._dark)
-            event.client.send_file_download(f"{self._name}.html", html.encode(), save_immediately=True)
+            self._tell("The page with the motion is being written.")
+            html = motion_html(self._session.bench.simulation.model, points, dark=self._dark, page=self._scene)
+            self._send(event, f"{self._name}.html", html.encode())
 
     def _send_animation(self, event: Any) -> None:
         if event.client is None or not (points := self._points()):
@@ -81,8 +85,7 @@ class KeepTab:
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / name
                 self._write_animation(file, points)
-                event.client.send_file_download(name, file.read_bytes(), save_immediately=True)
-            self._tell("")
+                self._send(event, name, file.read_bytes())
         except MbdSimError as error:
             self._tell(str(error))
 
@@ -97,9 +100,16 @@ class KeepTab:
         require_animation_packages(file)
         model = self._session.bench.simulation.model
         samples = [(time, model.poses(time, point.state, point.inputs)) for time, point in points]
-        tips = list(default_traces(model.mechanism))
-        drawn = Animation(model, *ANIMATION, [poses for _, poses in samples], tips)
-        write_animation(file, drawn.frames(samples, FRAME_RATE), self._name)
+        chosen = self._scene.traces.chosen
+        traced = list(default_traces(model.mechanism)) if chosen == TIPS else [chosen]
+        drawn = Animation(
+            model, *ANIMATION, [poses for _, poses in samples], traced if self._scene.shown.traces else ()
+        )
+        write_animation(file, drawn.frames(samples, FRAME_RATE, mechanisms_at(model, points)), self._name)
+
+    def _send(self, event: Any, name: str, data: bytes) -> None:
+        event.client.send_file_download(name, data, save_immediately=True)
+        self._tell(f"saved as `{name}`, where the browser puts downloads")
 
     def _points(self) -> list[tuple[float, RunPoint]]:
         """The points of the motion that is kept."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,11 +17,14 @@ from mbd_sim.lab.scene.scene import Scene
 from mbd_sim.lab.scene.traces import TIPS, traceable
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
+from mbd_sim.lab.session.sliders import Setting
+from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette
 
 NONE = "none"
 HEIGHT = 170  # px of the plot
+DEFINITION = "It is the angle between coupler and follower, or the normal of a slide, folded at 90 deg, which is best."
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,19 +81,41 @@ def analyze(wanted: Wanted) -> Analysis:
     )
 
 
+def coupler_point(mechanism: Mechanism) -> str:
+    """A point with a curve of its own: away from the joints of a part that no joint connects to ground; else none."""
+    grounded, pins = set[str](), dict[str, list[Array]]()
+    for joint in mechanism.all_joints.values():
+        if GROUND in (joint.parent, joint.child):
+            grounded |= {joint.parent, joint.child}
+        pins.setdefault(joint.parent, []).append(joint.parent_pose.position)
+        pins.setdefault(joint.child, []).append(joint.child_pose.position)
+    for part in mechanism.parts.values():
+        for name, pose in part.points.items():
+            free = not any(np.allclose(pose.position, pin) for pin in pins.get(part.name, ()))
+            if free and part.name not in grounded:
+                return f"{part.name}.{name}"
+    return NONE
+
+
 class KinematicsTab:
     """The choice of the drive and the point; the analysis follows changed lengths in a thread of its own."""
 
-    def __init__(self, gui: Any, session: Session, scene: Scene, size: float) -> None:
+    def __init__(self, gui: Any, session: Session, scene: Scene, settings: list[Setting], size: float) -> None:
         bench = session.bench
         mechanism = bench.simulation.mechanism
-        self._scene, self._size = scene, size
+        self._session, self._scene, self._settings, self._size = session, scene, settings, size
         names = [
             one.name for one in mechanism.joints.values() if not one.drive and one.type in ("revolute", "prismatic")
         ]
         self._drive = gui.add_dropdown("Drive", (NONE, *names), initial_value=bench.drive or NONE)
         points = (NONE, *(one for one in traceable(mechanism) if one != TIPS))
-        self._point = gui.add_dropdown("Path of", points, initial_value=NONE, hint="the coupler curve of this point")
+        curve = coupler_point(mechanism)
+        start = curve if bench.drive else NONE
+        self._point = gui.add_dropdown("Path of", points, initial_value=start, hint="the coupler curve of this point")
+        self._offered = NONE if bench.drive else curve  # with the first drive that is chosen
+        self._drive.on_update(self._offer)
+        gui.add_button("Keep this curve").on_click(lambda _: scene.keep_path(self._changes()))
+        gui.add_button("Clear the kept curves", color="gray").on_click(lambda _: scene.clear_kept_paths())
         self._now, self._text = gui.add_markdown(""), gui.add_markdown("Choose the drive that moves the mechanism.")
         self._plot = gui.add_uplot(
             (np.zeros(1), np.zeros(1)),
@@ -112,10 +138,26 @@ class KinematicsTab:
         if self._found is not self._shown:
             self._shown = self._found
             self._present(self._shown)
-        angles = [f"{pin}: {math.degrees(one(frame.positions)):.2f} deg" for pin, one in self._shown.angles.items()]
-        text = f"Transmission angle now: {', '.join(angles)}" if angles else ""
+        angles = [f"{pin}: {math.degrees(one(frame.positions)):.1f} deg" for pin, one in self._shown.angles.items()]
+        text = f"**Transmission angle** now: {', '.join(angles)}. {DEFINITION}" if angles else ""
         if text != self._now.content:
             self._now.content = text
+
+    def _offer(self, _: Any) -> None:
+        if self._drive.value != NONE and self._offered != NONE:
+            if self._point.value == NONE:
+                self._point.value = self._offered
+            self._offered = NONE
+
+    def _changes(self) -> str:
+        """The values that are not those of the file, in its units."""
+        values = self._session.frame.values
+        changed = [
+            f"{one.label} = {values[one.key] / one.factor:.4g} {one.unit}".strip()
+            for one in self._settings
+            if one.kind == "value" and not math.isclose(values[one.key], one.value * one.factor, abs_tol=1e-12)
+        ]
+        return ", ".join(changed) or "as in the file"
 
     def _analyze(self, wanted: Wanted) -> None:
         try:
@@ -140,6 +182,7 @@ class KinematicsTab:
 
 
 def _as_markdown(line: str) -> str:
-    """A line of a report that is too wide for the panel: its head in bold, and what it says."""
+    """A line of a report that is too wide for the panel: its head in bold, and what it says, angles to 0.1 deg."""
+    line = re.sub(r"-?\d+\.\d+(?= deg)", lambda number: f"{float(number[0]):.1f}", line)
     head, _, text = line.partition("  ")
     return f"**{head}** {text.strip()}" if head and text else line.strip()

@@ -122,11 +122,11 @@ class Page:
         with tabs.add_tab("Plots"):
             self._plots = PlotsTab(gui, session, dark=self._dark)
         with tabs.add_tab("Kinematics"):
-            self._kinematics = KinematicsTab(gui, session, self._scene, size)
+            self._kinematics = KinematicsTab(gui, session, self._scene, settings, size)
         with tabs.add_tab("Show"):
             ShowTab(gui, session, self._scene, css, dark=self._dark, darken=self._darken)
         with tabs.add_tab("Keep"):
-            self._keep = KeepTab(gui, session, dark=self._dark)
+            self._keep = KeepTab(gui, session, self._scene, dark=self._dark)
         with tabs.add_tab("Help"):
             self._help = HelpTab(gui, self._check, of_node=session.of_node)
 
@@ -183,14 +183,15 @@ class Page:
 
     def _status(self, frame: Frame) -> str:
         pace = f"running at {frame.rate:.3g} × real time" if frame.running else "paused"
-        if frame.pull is not None:  # in place of the account, so that the panel keeps its height
+        if frame.pull is not None:
             force, most = (float(f"{one:.3g}") for one in (np.linalg.norm(frame.pull[2]), frame.pull[3]))
             account = f"pulled with {force:g} N of at most {most:g} N"
         elif self.session.bench.positions_only:
             account = "positions only"
         else:
             account = f"energy residual {frame.energies[6]:.1e} J"
-        lines = [f"t = {frame.time:.3f} s · {pace} · {account}"]
+        # Always two lines, so that the tabs below stay where they are.
+        lines = [f"t = {frame.time:.3f} s · {pace}  \n{account}"]
         if frame.message:
             lines.append(f"> {frame.message}")
         if self._problem:

@@ -25,9 +25,16 @@ Dragged = Callable[[int, str, str, Array, Array], None]  # page, phase, part, po
 
 
 class Bodies:
-    """The nodes of viser's scene that move with parts."""
+    """The nodes of viser's scene that move with parts.
 
-    def __init__(self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None) -> None:
+    In a file (`in_file`), forms that are not shown any more stay as hidden nodes: its player shows a node that is
+    replaced only after the parts have moved, whereas it shows and hides those that it has drawn at once.
+    """
+
+    def __init__(
+        self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None, *, in_file: bool = False
+    ) -> None:
+        self._hidden: dict[str, list[tuple[Primitive, Any]]] | None = {} if in_file else None
         self._scene, self._extent, self._dragged = scene, extent, dragged
         self._names = (*model.part_names, GROUND)
         self._source = model.mechanism.source.file
@@ -51,23 +58,38 @@ class Bodies:
             if not new.hole:
                 path = f"/parts/{new.part}/{new.kind}_{'_'.join(new.path)}"
                 old, self._forms[path] = before.pop(path, None), new
-                if old is None or not (_same_form(old.form, new.form) and _same_pose(old.pose, new.pose)):
-                    self._add(path, new)  # it takes the place of a node of this name
+                if old is None or not _same(old, new):
+                    self._draw(path, new)
         for gone in before:
-            self._scene.remove_by_name(gone)
+            if self._hidden is None:
+                self._scene.remove_by_name(gone)
+            else:
+                _show_only(None, self._hidden[gone])
+
+    def _draw(self, path: str, primitive: Primitive) -> None:
+        """Draw a primitive in place of the one of this path."""
+        if self._hidden is None:
+            self._add(path, primitive)  # it takes the place of a node of this name
+            return
+        drawn = self._hidden.setdefault(path, [])
+        if not any(_same(one, primitive) for one, _ in drawn):
+            drawn.append((primitive, self._add(f"{path}_{len(drawn)}", primitive)))
+        _show_only(primitive, drawn)
 
     def _can_draw(self, mesh: Mesh) -> bool:
         path = mesh_path(mesh.file, self._source)
         return path is not None and not reason_not_to_draw(path)
 
-    def _add(self, path: str, primitive: Primitive) -> None:
+    def _add(self, path: str, primitive: Primitive) -> Any:
+        """Add the nodes of a primitive; returns the first, which has the others below it."""
         handles = self._nodes(path, primitive)
-        if self._dragged is not None and primitive.part != GROUND:
+        if self._dragged is not None and primitive.part != GROUND and not isinstance(primitive.form, Lines):
             for handle in handles:
                 handle.on_drag("left")(self._drag_of(primitive.part, self._dragged))
+        return handles[0]
 
     def _nodes(self, path: str, primitive: Primitive) -> list[Any]:
-        """Add the nodes of a primitive; those that can be taken hold of."""
+        """Add the nodes of a primitive."""
         pose, add = primitive.pose, self._scene
         place = {"position": pose.position, "wxyz": to_quaternion(pose.rotation), "color": primitive.color}
         match primitive.form:
@@ -102,8 +124,7 @@ class Bodies:
             case Lines(strips, radius):
                 segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in strips])
                 color, width = place.pop("color"), 2.0 * radius or THIN * LINE_WIDTH * self._extent.size
-                add.add_line_segments(path, segments.astype(np.float32), color, thickness=width, **place)
-                return []
+                return [add.add_line_segments(path, segments.astype(np.float32), color, thickness=width, **place)]
             case Mesh() as mesh:
                 file = mesh_path(mesh.file, self._source)
                 assert file is not None
@@ -131,6 +152,15 @@ class Bodies:
 def _places(poses: Array) -> tuple[Array, Array]:
     positions, rotations = unpack_poses(poses)
     return positions, quaternions(rotations)
+
+
+def _show_only(primitive: Primitive | None, drawn: list[tuple[Primitive, Any]]) -> None:
+    for one, handle in drawn:
+        handle.visible = primitive is not None and _same(one, primitive)
+
+
+def _same(one: Primitive, other: Primitive) -> bool:
+    return _same_form(one.form, other.form) and _same_pose(one.pose, other.pose)
 
 
 def _same_pose(one: Pose, other: Pose) -> bool:

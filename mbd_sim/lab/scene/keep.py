@@ -38,20 +38,36 @@ def write_html(mechanism: Mechanism, path: Path, duration: float, *, dark: bool)
     path.write_text(motion_html(simulation.model, points, dark=dark), encoding="utf-8")
 
 
-def motion_html(model: Model, points: list[tuple[float, RunPoint]], *, dark: bool) -> str:
-    """The motion through points of a run, with their times in s, and the plots of coordinates and energies."""
+def mechanisms_at(model: Model, points: list[tuple[float, RunPoint]]) -> list[Mechanism]:
+    """The mechanism at each point of a run, with the live values that it had there."""
+    found: dict[tuple[tuple[str, float], ...], Mechanism] = {}
+    mechanisms = []
+    for _, point in points:
+        values = tuple(point.live.items())
+        if values not in found:
+            found[values] = with_values(model.mechanism, dict(values)) if values else model.mechanism
+        mechanisms.append(found[values])
+    return mechanisms
+
+
+def motion_html(model: Model, points: list[tuple[float, RunPoint]], *, dark: bool, page: Scene | None = None) -> str:
+    """The motion through points of a run, with their times in s, and the plots of coordinates and energies.
+
+    :param page: a scene whose choice of traces and paths is taken over.
+    """
     server = started(Gate("127.0.0.1"), "127.0.0.1", 0)
     try:
         extent = extent_of(model)
-        scene = Scene(server.scene, model, extent, None, dark=dark)
+        scene = Scene(server.scene, model, extent, None, dark=dark, in_file=True)
+        if page is not None:
+            scene.look_like(page)
         aim(server.initial_camera, extent)
+        mechanisms = mechanisms_at(model, points)
+        scene.draw_ahead([*mechanisms, *mechanisms[:1]])
         serializer = server.get_scene_serializer()
-        before, mechanism, live = points[0][0] if points else 0.0, model.mechanism, dict[str, float]()
-        for time, point in points:
+        before = points[0][0] if points else 0.0
+        for (time, point), mechanism in zip(points, mechanisms, strict=True):
             serializer.insert_sleep(max(time - before, 0.0))
-            if dict(point.live) != live:
-                live = dict(point.live)
-                mechanism = with_values(model.mechanism, live)
             before = time
             scene.show(_frame(model, mechanism, time, point))
         html: str = serializer.as_html(dark_mode=dark)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +23,8 @@ from mbd_sim.pictures.shapes.joints import pulls, weight
 from mbd_sim.pictures.shapes.primitives import Connector, connectors
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH
 from mbd_sim.simulation.model.model import Model
+
+KEPT = (150, 150, 150)  # color of paths that were kept
 
 
 @dataclass
@@ -48,11 +51,14 @@ class _Between:
 class Scene:
     """A mechanism in the scene of a server of viser."""
 
-    def __init__(self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None, *, dark: bool) -> None:
+    def __init__(
+        self, scene: Any, model: Model, extent: Extent, dragged: Dragged | None, *, dark: bool, in_file: bool = False
+    ) -> None:
         """Build all nodes.
 
         :param scene: the `scene` of viser's server.
         :param dragged: called in a thread of viser while a part is dragged.
+        :param in_file: for a file that plays it, see `Bodies`.
         """
         self._scene, self._model, self._extent = scene, model, extent
         self._mechanism, self._last_time, self.shown = model.mechanism, np.inf, Shown()
@@ -60,14 +66,19 @@ class Scene:
         self._last_poses = np.empty((0, 12))
         self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
         add_ground(scene, model.mechanism, extent, dark=dark)
-        self._bodies = Bodies(scene, model, extent, dragged)
+        self._bodies = Bodies(scene, model, extent, dragged, in_file=in_file)
         self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
         self._lines: dict[tuple[str, str], _Between] = {}
         self._connect(model.mechanism)
         self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._add_arrows(dark)
         self.traces = Traces(scene, model.mechanism, extent.size)
-        self._path = scene.add_line_segments("/path", NOWHERE, palette.CURVE, thickness=0.6 * LINE_WIDTH * extent.size)
+        self._path, self._kept_paths = (
+            scene.add_line_segments(name, NOWHERE, color, thickness=0.6 * LINE_WIDTH * extent.size)
+            for name, color in (("/path", palette.CURVE), ("/kept_paths", KEPT))
+        )
+        self._kept: list[tuple[Array, str]] = []
+        self._labels: list[Any] = []
 
     def show(self, frame: Frame) -> None:
         """Move everything to a frame; nothing is sent for one that looks like the last one."""
@@ -94,9 +105,42 @@ class Scene:
             return False
         return frame.time == self._last_time
 
+    def look_like(self, other: Scene) -> None:
+        """Show the traces and paths that were chosen in another scene of the mechanism."""
+        self.shown = replace(other.shown)
+        self.traces.choose(other.traces.chosen)
+        self._path.points = other._path.points.copy()
+        for points, label in other._kept:
+            self._keep(points, label)
+
+    def draw_ahead(self, mechanisms: Iterable[Mechanism]) -> None:
+        """Draw the bodies of mechanisms with other values, of which the last one stays shown."""
+        for mechanism in mechanisms:
+            self._bodies.reshape(mechanism)
+
     def draw_path(self, points: Array) -> None:
         """Draw a line through points (n, 3) that do not move."""
         self._path.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) else NOWHERE
+
+    def keep_path(self, label: str) -> None:
+        """Keep the present path in gray, under a label, so that later ones can be compared with it."""
+        if len(self._path.points):
+            self._keep(self._path.points.copy(), label)
+
+    def clear_kept_paths(self) -> None:
+        """Remove the paths that were kept."""
+        self._kept.clear()
+        self._kept_paths.points = NOWHERE
+        for label in self._labels:
+            label.remove()
+        self._labels.clear()
+
+    def _keep(self, segments: Array, label: str) -> None:
+        """Draw segments (n, 2, 3) in gray, with a label at their highest point."""
+        self._kept.append((segments, label))
+        self._kept_paths.points = np.concatenate([one for one, _ in self._kept])
+        top = segments[np.argmax(segments[:, 0, 2]), 0]
+        self._labels.append(self._scene.add_label(f"/kept_paths/{len(self._labels)}", label, position=top))
 
     def _reshape(self, mechanism: Mechanism) -> None:
         """Draw a mechanism with other values, such as lengths."""

@@ -66,7 +66,7 @@ class Animation:
         start = self._start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
         axes = np.column_stack([self._view.right, self._view.up])
-        self._traced = traced_points(self._mechanism, traces)
+        self._names, self._traced = traces, traced_points(self._mechanism, traces)
         self._paths: list[list[Array]] = [[] for _ in traces]
         shown = _reachable_poses(model) if configurations is None else configurations
         projected = [
@@ -120,13 +120,22 @@ class Animation:
         for path, point in zip(self._paths, self._traced_points(poses), strict=True):
             path.append(point)
 
-    def frames(self, samples: Sequence[tuple[float, Mapping[str, Pose]]], rate: float) -> Iterator[NDArray[np.uint8]]:
+    def frames(
+        self,
+        samples: Sequence[tuple[float, Mapping[str, Pose]]],
+        rate: float,
+        mechanisms: Sequence[Mechanism] = (),
+    ) -> Iterator[NDArray[np.uint8]]:
         """The frames of a motion, `rate` of them for each second of it, with the time as caption.
 
         :param samples: times in s and poses; those between two frames extend the traced paths.
+        :param mechanisms: at each of the samples, if its values, such as lengths, change.
         """
         begin, drawn = samples[0][0], 0
-        for time, poses in samples:
+        for number, (time, poses) in enumerate(samples):
+            if mechanisms and mechanisms[number] is not self._mechanism:
+                self._mechanism = mechanisms[number]
+                self._traced = traced_points(self._mechanism, self._names)
             if (time - begin) * rate >= drawn - NEARLY:
                 drawn += 1
                 yield self.frame(poses, f"t = {time:.2f} s")

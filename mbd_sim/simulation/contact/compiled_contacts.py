@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.ir.python_functions import packed
+from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.simulation.contact.compiled import search, step
 from mbd_sim.simulation.contact.compiled.contacts import Contacts
@@ -38,7 +40,7 @@ class EnergiesAtImpacts:
 class CompiledContacts:
     """The contacts of a mechanism for the compiled functions, with memory for their results.
 
-    Where they are not simple, as with friction that depends on loads of joints, only the search for events is compiled.
+    Where energies are needed that the kernel does not read alone, only the search for events is compiled.
     """
 
     def __init__(
@@ -54,7 +56,6 @@ class CompiledContacts:
     ) -> None:
         self._model, self._kernel, layout = model, kernel, model.layout
         self._observable = "elongations" not in kernel.readers  # whether the kernel reads all energies
-        pairs = [(*rows, -1)[:2] for rows, _ in model.frictions]
         self._contacts = Contacts(
             simple=False,
             advance=kernel.code.address("advance_to_event"),
@@ -63,6 +64,7 @@ class CompiledContacts:
             terms=kernel.reader_address("contact_terms"),
             response=kernel.reader_address("contact_response"),
             restitution=kernel.reader_address("restitution"),
+            joint_loads=kernel.reader_address("joint_loads") if model.loaded else 0,
             energies=0,
             energies_take_inputs=kernel.reads_inputs["energies"],
             driven=driven,
@@ -82,43 +84,48 @@ class CompiledContacts:
             tolerance=tolerance,
             unit_speed=model.units.speed,
             unit_rate=model.units.rate,
-            friction_rows=np.array(pairs, dtype=np.int64).ravel(),
-            friction_gaps=np.array([-1 if gap is None else gap for _, gap in model.frictions], dtype=np.int64),
+            unit_force=model.units.force,
+            **_friction(model),
             clutches=model.clutches.astype(np.int64),
             slots=model.slots.astype(np.int64),
             row_speeds=model.speeds,
             row_loads=model.loads,
             gap_units=model.gap_units,
         )
-        self._events, self._counts = np.zeros((step.CAPACITY, step.FIELDS)), np.zeros(2, dtype=np.int64)
         self.observe(False)
+
+    @cached_property
+    def _results(self) -> tuple[Array, NDArray[np.int64]]:
+        """Memory of the events and their counts; most members of ensembles never need it."""
+        return np.zeros((step.CAPACITY, step.FIELDS)), self.marks(2)
 
     def observe(self, observed: bool) -> None:
         """Say whether energies at impacts have to be known to others."""
         needed = observed or self._contacts.driven
         energies = self._kernel.reader_address("energies") if needed else 0
-        simple = not self._model.loaded and (self._observable or not needed)
+        simple = self._observable or not needed
         self._contacts = replace(self._contacts, energies=energies, simple=simple)
         self.packed = packed(self._contacts)
         self._address = self.packed.ctypes.data
-        self._results = self._events.ctypes.data, self._counts.ctypes.data
 
     def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> tuple[int, int]:
         """The number of steps that were taken, and why they have ended: see `step.advance`."""
-        addresses = y.ctypes.data, inputs.ctypes.data
-        done = library().advance(self._address, *addresses, first, h, n, estimate.ctypes.data, *self._results)
-        return done, int(self._counts[1])
+        addresses, (events, counts) = (y.ctypes.data, inputs.ctypes.data), self._results
+        results = estimate.ctypes.data, events.ctypes.data, counts.ctypes.data
+        done = library().advance(self._address, *addresses, first, h, n, *results)
+        return done, int(counts[1])
 
     def switch(
         self, time: float, y: Array, inputs: Array, old: Array, opening: NDArray[np.int64],
         yielding: NDArray[np.int64], elastic: bool, reached: NDArray[np.int64],
     ) -> int:  # fmt: skip
         """See `step.switch`; y and the modes among the inputs are to be restored where it is not simple."""
-        self._counts[0] = 0
+        events, counts = self._results
+        counts[0] = 0
         marks = opening.ctypes.data, yielding.ctypes.data
         addresses = y.ctypes.data, inputs.ctypes.data, old.ctypes.data
-        found = library().switch(self._address, time, *addresses, *marks, elastic, reached.ctypes.data, *self._results)
-        return int(found)
+        results = reached.ctypes.data, events.ctypes.data, counts.ctypes.data
+        return int(library().switch(self._address, time, *addresses, *marks, elastic, *results))
 
     @staticmethod
     def marks(n: int) -> NDArray[np.int64]:
@@ -158,16 +165,38 @@ class CompiledContacts:
     def events(self) -> list[ContactEvent | EnergiesAtImpacts]:
         """What happened in the last call."""
         found: list[ContactEvent | EnergiesAtImpacts] = []
-        model = self._model
-        for time, change, index, *numbers in self._events[: int(self._counts[0])].tolist():
+        model, (events, counts) = self._model, self._results
+        for time, change, index, *numbers in events[: int(counts[0])].tolist():
             if change == step.ENERGIES:
                 found.append(EnergiesAtImpacts(time, *numbers))
-                continue
-            name = (
-                model.names[int(index)] if change not in (step.STICKS, step.SLIDES) else model.friction_name(int(index))
-            )
-            found.append(ContactEvent(time, name, CHANGES[change], *numbers))
+            else:
+                is_friction = change in (step.STICKS, step.SLIDES)
+                name = model.friction_name(int(index)) if is_friction else model.names[int(index)]
+                found.append(ContactEvent(time, name, CHANGES[change], *numbers))
         return found
+
+
+def _friction(model: OneSidedModel) -> dict[str, Any]:
+    """The fields of `Contacts` for friction and for the loads of joints."""
+    components = np.array(model.load_components, dtype=np.int64)
+    ends = np.cumsum(components * (1 + model.layout.rows))
+    loads = {element: number for number, element in enumerate(model.loaded)}
+
+    def integers(values: Iterable[int]) -> NDArray[np.int64]:
+        return np.array([*values], dtype=np.int64)
+
+    return {
+        "friction_rows": integers(row for rows, _ in model.frictions for row in (*rows, -1)[:2]),
+        "friction_gaps": integers(-1 if gap is None else gap for _, gap in model.frictions),
+        "loaded": len(loads),
+        "loads_size": int(ends[-1]) if loads else 0,
+        "friction_loads": integers(loads.get(element, -1) for element in range(len(model.frictions))),
+        "load_elements": integers(model.loaded),
+        "load_components": components,
+        "load_offsets": ends - components * (1 + model.layout.rows),
+        "singles": int(np.sum(components == 1)),
+        "single_loads": np.flatnonzero(components == 1),
+    }
 
 
 def advance_members(

@@ -23,7 +23,6 @@ from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSys
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
-from mbd_sim.dynamics.math.evaluation import all_evaluated
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.simulation.contact.features.pairs import FeaturePairs
 from mbd_sim.simulation.contact.records import ContactState, with_friction
@@ -76,8 +75,8 @@ class OneSidedModel:
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
     `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,). `loaded` are
-    the indices of the friction elements that depend on the load of a joint. `slots` (gaps,) says which gaps are slots;
-    these belong to the pairs of `features`.
+    the indices of the friction elements that depend on the load of a joint, which have some `load_components`.
+    `slots` (gaps,) says which gaps are slots; these belong to the pairs of `features`.
     """
 
     __repr__ = short_repr
@@ -121,7 +120,8 @@ class OneSidedModel:
             first, accuracy = self.span.start, tolerance * one_sided.units.length
             closed, features = (first + part.start for part in (self.layout.closed, self.layout.features))
             self.features = FeaturePairs(one_sided, closed, features, kernel, part_names, accuracy)
-        self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
+        self.load_components = functions.load_components
+        self._single = [number for number, components in enumerate(self.load_components) if components == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
         counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)
         ends = list(accumulate(counts))  # of the time and of all readings
@@ -220,11 +220,11 @@ class OneSidedModel:
         n, frictions = self.layout.rows, len(self.frictions)
         found = self._read("contact_terms", n * (n + 1) + 2 * frictions, np.array([time]), y, inputs)
         matrix, free, sizes = np.split(found, [n * n, n * (n + 1)])
-        loads = {
-            index: (unloaded.ravel(), by_force)
-            for index, function in zip(self.loaded, self._functions.loads, strict=True)
-            for unloaded, by_force in [all_evaluated(function, time, y, inputs)]
-        }
+        loads, first = dict[int, tuple[Array, Array]](), 0
+        numbers = self._read("joint_loads", sum(self.load_components) * (1 + n), np.array([time]), y, inputs)
+        for index, k in zip(self.loaded, self.load_components, strict=True):
+            unloaded, by_force = np.split(numbers[first : first + k * (1 + n)], [k])
+            loads[index], first = (unloaded, by_force.reshape(n, k).T), first + k * (1 + n)
         return OneSidedTerms(matrix.reshape(n, n).T, free, sizes.reshape(2, frictions).T, loads)
 
     def set_signs(self, terms: OneSidedTerms, forces: Array, modes: Array) -> None:
@@ -299,16 +299,18 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
     """The system for `compile_kernel`, from the functions of the one-sided rows among the equations."""
     layout = functions.equations.layout
     rows = [element.rows[0] for element in functions.equations.frictions if element.joint is not None]
-    loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, functions.loads, strict=True))
+    loads = tuple(Load(row, k) for row, k in zip(rows, functions.load_components, strict=True))
     slips = [element.rows for element in functions.equations.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
+    def factored(function: ca.Function, pattern: ca.Sparsity | None) -> FactoredSystem:
+        if pattern is None:
+            return FactoredSystem(function, None)
+        places = pattern.row()
+        return FactoredSystem(function, [places[first:beyond] for first, beyond in pairwise(pattern.colind())])
+
     def pair(solved: SolvedPair) -> tuple[FactoredSystem, ca.Function]:
-        if solved.pattern is None:
-            return FactoredSystem(solved.system, None), solved.result
-        ends, places = solved.pattern.colind(), solved.pattern.row()
-        columns = [places[first:beyond] for first, beyond in pairwise(ends)]
-        return FactoredSystem(solved.system, columns), solved.result
+        return factored(solved.system, solved.pattern), solved.result
 
     return OneSidedSystem(
         gaps=layout.gaps,
@@ -319,10 +321,11 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         readings=functions.readings,
         open_start=functions.open_start,
         event_readers={
-            "contact_terms": functions.terms,
             "contact_response": functions.response,
             "restitution": functions.restitution,
+            "joint_loads": functions.loads,
         },
+        terms=factored(functions.terms, functions.terms_pattern),
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,

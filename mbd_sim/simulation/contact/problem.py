@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.ir.python_functions import packed
+from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.simulation.contact.compiled.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
 from mbd_sim.simulation.contact.compiled.library import called
 from mbd_sim.simulation.contact.complementarity import least_solution, pivots, product, solve

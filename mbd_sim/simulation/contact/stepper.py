@@ -109,6 +109,11 @@ class OneSidedStepper:
         return self._contacts.packed
 
     @property
+    def is_compiled(self) -> bool:
+        """Whether `advance_members` can take its steps: nobody sees the events, and no features change."""
+        return self._observer is None and self._model.features is None
+
+    @property
     def observer(self) -> ContactObserver | None:
         """Who sees the events."""
         return self._observer

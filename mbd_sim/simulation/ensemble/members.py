@@ -56,15 +56,16 @@ def find_modes_of_members(
 def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int) -> Advance:
     """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive.
 
-    Those that are observed, or have a step that compiled code leaves to others, are advanced by their steppers.
+    Those that are observed, or have changing features or a step that compiled code leaves to others, are advanced by
+    their steppers.
     """
     contacts = np.array([stepper.packed for stepper in steppers])
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
         rows = {name: array[:, :, 0] for name, array in arrays.items()}
-        unobserved = [member for member in groups if steppers[member].observer is None]
-        left = advance_members(contacts, rows, np.array(unobserved, dtype=np.int64), first, h, steps)
-        for member in sorted({*groups} - {*unobserved} | {*left}):
+        compiled = [member for member in groups if steppers[member].is_compiled]
+        left = advance_members(contacts, rows, np.array(compiled, dtype=np.int64), first, h, steps)
+        for member in sorted({*groups} - {*compiled} | {*left}):
             y, inputs, estimate, alive = (rows[name][member] for name in ("y", "inputs", "estimates", "alive"))
             if alive[0]:
                 own, history = inputs[:inputs_size], inputs[inputs_size:]

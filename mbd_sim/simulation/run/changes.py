@@ -18,6 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
@@ -200,7 +201,8 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
             if depth_in_m > limit * one_sided.units.length:
                 first, second = contact.names
                 text = f"'{first}' is {depth_in_m:.4g} m inside '{second}'"
-                found.append(Penetration(("contacts", contact.name), text))
+                remedy = RAISE if isinstance(contact.second, Face) else ""
+                found.append(Penetration(("contacts", contact.name), text, remedy))
     return found
 
 

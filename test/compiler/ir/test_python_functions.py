@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
-from mbd_sim.compiler.ir.python_functions import (
+from mbd_sim.compiler.ir.python_functions import emit_function
+from mbd_sim.compiler.ir.python_kinds import (
     Array,
     External,
     Integers,
-    emit_function,
     integers,
     name_of,
     packed,

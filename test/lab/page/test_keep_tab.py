@@ -1,13 +1,52 @@
 """What the page keeps: a recording, a picture, an animation, and the motion as a page."""
 
 import io
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from mbd_sim import load_mechanism
+from mbd_sim.lab.page.keep_tab import PICTURE, KeepTab
+from mbd_sim.lab.scene.scene import Scene
+from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.recordings.run.verification import verify
+from test.lab.scene.recording_scene import RecordingScene
 from test.waiting import PATIENCE, wait_until
+
+
+@pytest.mark.parametrize(
+    ("button", "file", "begins"),
+    [
+        ("picture", "four_bar.png", b"\x89PNG"),
+        ("motion", "four_bar.html", b"<!"),
+        ("animation", "four_bar.gif", b"GIF"),
+    ],
+)
+def test_what_is_being_made_is_said_and_then_its_name(button, file, begins):
+    pytest.importorskip("viser")
+    session, told = OwnSession(Bench.of(load_mechanism("four_bar")), running=False), []
+    for _ in range(3):
+        session.step(20)
+    session.ask = lambda _, request: request(SimpleNamespace(tell=told.append))
+    model = session.bench.simulation.model
+    scene = Scene(RecordingScene(), model, extent_of(model), None, dark=False)
+    scene.traces.choose("coupler.P")
+    gui = MagicMock()
+    gui.add_dropdown.side_effect = lambda *_, initial_value, **__: SimpleNamespace(value=initial_value)
+    tab = KeepTab(gui, session, scene, dark=False)
+    client = MagicMock()
+    client.get_render.return_value = np.zeros((*PICTURE[::-1], 3), dtype=np.uint8)
+    getattr(tab, f"_send_{button}")(SimpleNamespace(client=client))
+    (name, data), _ = client.send_file_download.call_args
+    assert name == file
+    assert data.startswith(begins)
+    assert button in told[0]
+    assert told[1:] == [f"saved as `{file}`, where the browser puts downloads"]
 
 
 @pytest.fixture

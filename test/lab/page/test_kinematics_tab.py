@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import load_mechanism
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.lab.page.kinematics_tab import NONE, Wanted, analyze
+from mbd_sim.lab.page.kinematics_tab import NONE, Wanted, _as_markdown, analyze, coupler_point
 from test.waiting import wait_until
 
 BASE, CRANK, COUPLER, ROCKER = 1.5, 0.5, 1.4, 1.2
@@ -47,10 +47,33 @@ def test_other_lengths_give_another_path_and_impossible_ones_a_reason():
     assert "there is no part" in analyze(Wanted(longer, "crank_pivot", "no.tip", 1.0)).text
 
 
+@pytest.mark.parametrize(
+    ("name", "point"),
+    [("four_bar", "coupler.P"), ("double_rod", "lower.tip"), ("bounce", NONE), ("slider_crank", NONE)],
+)
+def test_the_point_that_is_offered_has_a_curve_of_its_own(name, point):
+    assert coupler_point(load_mechanism(name)) == point
+
+
+def test_the_shipped_linkage_has_a_true_coupler_curve():
+    """The curve is no arc about one of the pivots, unlike the paths of all other points of the linkage."""
+    path = analyze(Wanted(load_mechanism("four_bar"), "crank_pivot", "coupler.P", 1.0)).path[:, [0, 2]]
+    for pivot in ((0.0, 0.0), (BASE, 0.0)):
+        assert np.ptp(np.linalg.norm(path - pivot, axis=1)) > 0.3
+
+
+def test_the_panel_rounds_angles_to_a_tenth_of_a_degree():
+    line = "Transmission angle  rocker_pin: from 44.4153 deg at crank_pivot = 0 deg to 90 deg at slide = 0.123456 m"
+    shown = _as_markdown(line)
+    assert shown.startswith("**Transmission angle** rocker_pin: from 44.4 deg at crank_pivot = 0 deg")
+    assert shown.endswith("0.123456 m")
+
+
 def test_the_page_follows_the_lengths(opened):
     opened.tab("Kinematics")
     tab, scene = opened.lab.page._kinematics, opened.lab.page._scene
     opened.select("Drive", "crank_pivot", tab._drive)
+    wait_until(lambda: tab._point.value == "coupler.P", "the point that is offered")
     opened.select("Path of", "coupler.tip", tab._point)
     wait_until(lambda: tab._shown.transmission and len(scene._path.points) == 360, "the analysis")
     opened.page.get_by_text("Transmission angle now").first.wait_for()
@@ -58,6 +81,12 @@ def test_the_page_follows_the_lengths(opened):
     before = scene._path.points.copy()  # viser changes it in place
     opened.lab.page._preparer.ask("parameters.rocker", 1.3)
     wait_until(lambda: np.any(scene._path.points != before), "the path of the other linkage")
+    opened.button("Keep this curve")
+    wait_until(lambda: [label for _, label in scene._kept] == ["rocker = 1.3 m"], "the kept curve")
+    assert np.array_equal(scene._kept_paths.points, scene._path.points)
+    opened.page.get_by_text("rocker = 1.3 m").first.wait_for()
+    opened.button("Clear the kept curves")
+    wait_until(lambda: not len(scene._kept_paths.points), "no kept curve")
     opened.lab.page._preparer.ask("parameters.rocker", 1.2)
     opened.select("Path of", "none", tab._point)
     wait_until(lambda: not len(scene._path.points), "no path")

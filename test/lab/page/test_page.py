@@ -1,6 +1,7 @@
 """The page in a real browser, without a network: taking hold, several pages, a saved file, a phone."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -91,6 +92,14 @@ def test_a_first_view_that_a_slow_browser_applies_late_is_corrected(opened):
     update(None)
     assert camera.position == (9.0, 9.0, 9.0)
     page._closed(SimpleNamespace(client_id=-1))
+
+
+def test_the_status_has_two_lines_whatever_happens(opened):
+    """With one line while it is paused and two in a run, the tabs below would jump."""
+    frame = opened.frame
+    pull = frame.poses[0, :3], frame.poses[0, :3], np.array([12.0, 0.0, 0.0]), 30.0
+    for shown in (frame, replace(frame, running=True, rate=0.998), replace(frame, running=True, pull=pull)):
+        assert len(opened.lab.page._status(shown).splitlines()) == 2
 
 
 def test_no_other_address_was_asked_for(opened):

@@ -68,6 +68,21 @@ def test_the_path_of_a_point_is_its_circle(session, drawn):
     assert radii == pytest.approx(np.full(len(radii), 0.5), abs=1e-6)
 
 
+def test_kept_paths_stay_under_their_labels_until_they_are_cleared(drawn):
+    nodes, scene = drawn
+    scene.keep_path("nothing is drawn yet")
+    for size, label in ((1.0, "as in the file"), (2.0, "crank = 0.3 m")):
+        scene.draw_path(size * np.eye(3))
+        scene.keep_path(label)
+    scene.draw_path(np.empty((0, 3)))
+    assert nodes.nodes["/kept_paths"].points.shape == (4, 2, 3)
+    labels = [node for node in nodes.nodes.values() if node.kind == "add_label"]
+    assert [label.points for label in labels] == ["as in the file", "crank = 0.3 m"]
+    scene.clear_kept_paths()
+    assert len(nodes.nodes["/kept_paths"].points) == 0
+    assert not [node for node in nodes.nodes.values() if node.kind == "add_label"]
+
+
 def test_arrows_and_arcs_grow_with_what_they_show():
     nodes = RecordingScene()
     arrows = Arrows(nodes, "loads", (0, 0, 0), 2.0, (10.0, 4.0))

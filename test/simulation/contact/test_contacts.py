@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import DivergedError, MechanismError, Simulation
-from mbd_sim.compiler.ir.python_functions import Array
+from mbd_sim.compiler.ir.python_kinds import Array
 from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.compiled import forces, library, search
 from mbd_sim.simulation.contact.compiled.contacts import Contacts

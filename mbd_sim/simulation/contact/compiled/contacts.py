@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_functions import Array, External, Integers
+from mbd_sim.compiler.ir.python_kinds import Array, External, Integers
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING
 
 ADVANCE = External("int", ("Array", "Array", "int", "float", "int", "Array"))
@@ -21,12 +21,15 @@ class Contacts:
 
     Where the contacts are not `simple`, all events are left to the caller of compiled functions.
 
-    Addresses: `advance` to the next event, `part_step`, `readings`, `terms`, `response`, `restitution`, and `energies`,
-    which is 0 where these need not be known at impacts: where nothing is `driven`, and nobody observes them. States
-    have `size` numbers, the speeds are those from `first_speed` on, and the losses follow `first_loss`. The modes are
-    the inputs from `first_mode` on, and those from their number `first_feature` on are the features of slots. Friction
-    element k has the rows 2 k and 2 k + 1 of `friction_rows`, the second of which is -1 along one direction, and the
-    gap `friction_gaps` k or -1.
+    Addresses: `advance` to the next event, `part_step`, `readings`, `terms`, `response`, `restitution`, `joint_loads`,
+    and `energies`, which is 0 where these need not be known at impacts: where nothing is `driven`, and nobody observes
+    them. States have `size` numbers, the speeds are those from `first_speed` on, and the losses follow `first_loss`.
+    The modes are the inputs from `first_mode` on, and those from their number `first_feature` on are the features of
+    slots. Friction element k has the rows 2 k and 2 k + 1 of `friction_rows`, the second of which is -1 along one
+    direction, and the gap `friction_gaps` k or -1. If it depends on one of the `loaded` joints, that is number
+    `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
+    without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
+    `singles` have one component and a guard each, after all others.
     """
 
     simple: bool
@@ -36,6 +39,7 @@ class Contacts:
     terms: int
     response: int
     restitution: int
+    joint_loads: int
     energies: int
     energies_take_inputs: bool
     driven: bool
@@ -55,8 +59,17 @@ class Contacts:
     tolerance: float
     unit_speed: float
     unit_rate: float
+    unit_force: float
     friction_rows: Integers
     friction_gaps: Integers
+    loaded: int
+    loads_size: int
+    friction_loads: Integers
+    load_elements: Integers
+    load_components: Integers
+    load_offsets: Integers
+    singles: int
+    single_loads: Integers
     clutches: Integers
     slots: Integers
     row_speeds: Array

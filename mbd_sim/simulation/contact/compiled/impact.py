@@ -5,7 +5,7 @@ See `mbd_sim.simulation.contact.impact` for the law.
 
 from __future__ import annotations
 
-from mbd_sim.compiler.ir.python_functions import Array, Integers, integers, zeros
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.contacts import (
     READ_INPUTS,
     READ_RESPONSE,

@@ -13,10 +13,21 @@ import numpy as np
 
 from mbd_sim.compiler.code.host_module import new_module
 from mbd_sim.compiler.code.machine_code import compile_once
-from mbd_sim.compiler.ir.python_functions import emit_function, name_of, prototype, signature_of
-from mbd_sim.simulation.contact.compiled import contacts, forces, impact, linear, members, modes, search, step
+from mbd_sim.compiler.ir.python_functions import emit_function
+from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
+from mbd_sim.simulation.contact.compiled import (
+    candidate_forces,
+    contacts,
+    forces,
+    impact,
+    linear,
+    members,
+    modes,
+    search,
+    step,
+)
 
-MODULES: tuple[ModuleType, ...] = contacts, forces, impact, linear, members, modes, search, step
+MODULES: tuple[ModuleType, ...] = candidate_forces, contacts, forces, impact, linear, members, modes, search, step
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
@@ -63,13 +74,13 @@ def _emitted() -> str:
 
 def _contents() -> Iterator[str]:
     """What the code is made from: the functions, with their modules, and all constants."""
-    sources = {"mbd_sim.compiler.ir.python_functions": ""}
+    sources = {f"mbd_sim.compiler.ir.{name}" for name in ("python_functions", "python_kinds", "builder", "module")}
     for module in MODULES:
         for name, value in sorted(vars(module).items()):
             if isinstance(value, (int, float)):
                 yield f"{module.__name__}.{name} = {value!r}"
             elif inspect.isfunction(value):
                 yield f"{module.__name__}.{name}: {name_of(value)}"
-                sources[value.__module__] = ""
+                sources.add(value.__module__)
     for source in sorted(sources):
         yield inspect.getsource(sys.modules[source])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from mbd_sim.compiler.ir.python_functions import Array, Integers, integers, zeros
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 
 SINGULAR = 1e-11  # of the largest entry, below which a pivot counts as zero
 ZERO_ENTRY = 1e-12  # relative size below which an entry of the tableau counts as zero

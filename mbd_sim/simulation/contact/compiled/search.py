@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_functions import Array, Integers, integers, zeros
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.contacts import (
     PART_STEP,
     Contacts,

@@ -5,7 +5,8 @@ Whatever is not simple, such as contacts that share their forces, is left to the
 
 from __future__ import annotations
 
-from mbd_sim.compiler.ir.python_functions import Array, Integers, integers, zeros
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+from mbd_sim.simulation.contact.compiled.candidate_forces import read_terms, terms_size
 from mbd_sim.simulation.contact.compiled.contacts import (
     ADVANCE,
     READ,
@@ -19,7 +20,7 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     slides,
 )
 from mbd_sim.simulation.contact.compiled.impact import impact
-from mbd_sim.simulation.contact.compiled.modes import RESTING, find_modes, is_touching, read_terms, terms_size
+from mbd_sim.simulation.contact.compiled.modes import RESTING, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.search import slides_in_space, stage
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
@@ -140,6 +141,9 @@ def switch(
     read(c, t, y, inputs, readings)
     for guard in range(c.guards):
         reached[guard] = readings[guard_at(c, guard)] <= c.tolerance
+    for k in range(c.singles):
+        if reached[c.gaps + c.frictions + k]:
+            inputs[c.first_mode + 2 * c.rows + c.single_loads[k]] *= -1.0
     for gap in range(c.gaps):
         is_closed = inputs[c.first_mode + gap] != 0.0
         touched[gap] = reached[gap] and not is_closed

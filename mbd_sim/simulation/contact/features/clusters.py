@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.dynamics.contact.cluster_rows import BALL, RIM, RIM_POINT, PlacedBody
+from mbd_sim.dynamics.contact.cluster_rows import BALL, RIM, RIM_POINT, ClusterBody
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, protrusion, rim_directions, withdrawn
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Face
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
@@ -23,7 +23,7 @@ class ClusterOnPlane:
     iterates = False
 
     def __init__(self, cluster: Cluster, face: Face, slots: int) -> None:
-        self.bodies, self._slots, self._face = _placed_bodies(cluster), slots, face
+        self.bodies, self._slots, self._face = _cluster_bodies(cluster), slots, face
         numbers = np.array([body.numbers for body in self.bodies])
         kinds, self._radii, self._lengths = numbers[:, 0], numbers[:, 1], numbers[:, 2]
         self._points, self._axes, self._directions = numbers[:, 3:6], numbers[:, 6:9], numbers[:, 9:12]
@@ -54,7 +54,7 @@ class ClusterOnPlane:
         """That of the lowest body in m."""
         return float(self.gaps(one, other).min())
 
-    def touching(self, one: Pose, other: Pose, tolerance: float) -> list[PlacedBody]:
+    def touching(self, one: Pose, other: Pose, tolerance: float) -> list[ClusterBody]:
         """The bodies whose gaps are zero up to the tolerance; of too many, those that are farthest from each other."""
         gaps = self.gaps(one, other)
         found = np.flatnonzero(gaps <= max(tolerance, float(gaps.min()) + DEEPER * tolerance))
@@ -71,16 +71,16 @@ class ClusterOnPlane:
         return numbers
 
 
-def _placed_bodies(cluster: Cluster) -> list[PlacedBody]:
-    found: list[PlacedBody] = []
+def _cluster_bodies(cluster: Cluster) -> list[ClusterBody]:
+    found: list[ClusterBody] = []
     zero = np.zeros(3)
     for body in cluster.bodies:
         key = len(found) + 1
         if isinstance(body, Ball):
-            found.append(PlacedBody(BALL, body.at.point, body.radius, zero, 0.0, zero, key))
+            found.append(ClusterBody(BALL, body.at.point, body.radius, zero, 0.0, zero, key))
             continue
-        found.append(PlacedBody(RIM, body.at.point, body.radius, body.axis, 0.0, zero, key))
+        found.append(ClusterBody(RIM, body.at.point, body.radius, body.axis, 0.0, zero, key))
         for direction in rim_directions(body.axis) if body.first else ():
             key = len(found) + 1
-            found.append(PlacedBody(RIM_POINT, body.at.point, body.radius, body.axis, body.length, direction, key))
+            found.append(ClusterBody(RIM_POINT, body.at.point, body.radius, body.axis, body.length, direction, key))
     return found

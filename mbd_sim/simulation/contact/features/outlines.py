@@ -31,6 +31,7 @@ from mbd_sim.simulation.contact.features.narrow_phase import Bounds
 from mbd_sim.simulation.contact.features.polytopes import dots, turned
 
 REACH = 0.05  # of the size of the smaller outline, distance up to which pieces are looked at one by one
+DEEP = 0.3  # of that size, depth up to which pieces of outlines that touch nowhere can penetrate each other
 BORDER = 0.5  # of the tolerance, by which a point may be beyond the end of its piece
 SAME = 8.0  # tolerances, up to which two points are one
 PARALLEL = 1e-6  # sine of the angle up to which two normals are one
@@ -59,6 +60,7 @@ class OutlinePair:
         self._tables = table_of(first.outline), table_of(second.outline)
         self._scale = min(table.size for table in self._tables)
         self._latest: tuple[PlaneMotion, tuple[_Found | None, float]] | None = None  # is asked for several times
+        self._is_roller = any(len(table) == 1 for table in self._tables)  # which can be inside in a single step
         self._samples = np.array([body.outline.pieces[0].start for body in self._bodies])  # a point of each
         self._circles = _circle(self._tables[0]), _circle(self._tables[1])
         self.bounds = _sphere(first, *self._circles[0]), _sphere(second, *self._circles[1])
@@ -66,13 +68,21 @@ class OutlinePair:
     def distance(self, one: Pose, other: Pose) -> float:
         """See `NarrowPhase`."""
         place = self._place(one, other)
-        found, apart = self._near(place)
-        if found is not None:
-            valid, gaps = found.at.margins >= -SURE * self._scale, found.at.gaps
-            apart = min(apart, float(np.min(gaps[valid & (gaps >= 0.0)], initial=np.inf)))
-            if inside := self._penetrating(found, place, np.flatnonzero(valid & (gaps < 0.0)).tolist()):
-                return min(float(gaps[row]) for row in inside)
-        return -apart if self._is_within(place) else apart
+        found, beyond = self._near(place)
+        distance = min(self._least(found, place), beyond)
+        if distance < 0.0 or (distance <= REACH * self._scale and not self._is_roller):
+            return distance
+        deeper = self._least(self._near_pairs(place, DEEP * self._scale)[0], place)
+        return deeper if deeper < 0.0 else -distance if self._is_within(place) else distance
+
+    def _least(self, found: _Found | None, place: PlaneMotion) -> float:
+        """The least gap in m of some pairs, negative if any of them penetrate each other; infinite without any."""
+        if found is None:
+            return math.inf
+        valid, gaps = found.at.margins >= -SURE * self._scale, found.at.gaps
+        inside = self._penetrating(found, place, np.flatnonzero(valid & (gaps < 0.0)).tolist())
+        apart = float(np.min(gaps[valid & (gaps >= 0.0)], initial=np.inf))
+        return min((float(gaps[row]) for row in inside), default=apart)
 
     def touching(self, one: Pose, other: Pose, tolerance: float) -> list[PieceFeatures]:
         """See `NarrowPhase`.
@@ -126,14 +136,13 @@ class OutlinePair:
         """The pairs of pieces that may be near each other; and a distance below which no other pair is."""
         if self._latest is not None and self._latest[0] == place:
             return self._latest[1]
-        found = self._near_pairs(place)
+        found = self._near_pairs(place, REACH * self._scale)
         self._latest = place, found
         return found
 
-    def _near_pairs(self, place: PlaneMotion) -> tuple[_Found | None, float]:
+    def _near_pairs(self, place: PlaneMotion, reach: float) -> tuple[_Found | None, float]:
         one, other = self._tables
         (center, radius), (other_center, other_radius) = self._circles
-        reach = REACH * self._scale
         lines = place.points(one.middles) - other_center, other.middles - place.points(center[None])
         apart = (
             np.hypot(*lines[0].T) - one.spreads - other_radius,

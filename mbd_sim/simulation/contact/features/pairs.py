@@ -30,6 +30,7 @@ PATH = 1.05  # of the straight line, the path of a body in a step
 AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
+DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
 
 
@@ -185,7 +186,8 @@ class FeaturePairs:
             path = PATH * float(known.paths(motion.poses(0.0), motion.poses(end))[index])
             return None if closed else self._passed(path, distance, end, last)
         start = distance(0.0)
-        offset = self._tolerance + max(0.0, -start) if closed or start <= self._tolerance else 0.0
+        spare = self._tolerance if closed else DEEPER * self._tolerance
+        offset = spare + max(0.0, -start) if closed or start <= self._tolerance else 0.0
 
         def value(s: float) -> float:
             return min(distance(s) + offset, margin(s) + self._tolerance)

@@ -256,11 +256,12 @@ class PolytopePair:
         self.bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
 
     def _placed(self, one: Pose, other: Pose) -> tuple[_Placed, _Placed]:
-        """Both bodies; those of the last poses are kept."""
-        if self._last is None or self._last[0] is not one or self._last[1] is not other:
+        """Both bodies; those of the last poses are kept, for all threads together."""
+        last = self._last
+        if last is None or last[0] is not one or last[1] is not other:
             placed = _Placed(self._first, one, other.position), _Placed(self._second, other, other.position)
-            self._last = one, other, placed
-        return self._last[2]
+            last = self._last = one, other, placed
+        return last[2]
 
     def distance(self, one: Pose, other: Pose) -> float:
         """See `NarrowPhase`."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.dynamics.constraints.rows import perpendiculars
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS, protrusion
 from mbd_sim.dynamics.contact.smooth_rows import (
     FIXED_FIRST,
@@ -111,28 +112,61 @@ class SmoothPair:
         a, b = self._placed(one, other)
         simple = np.vstack([_faces(a, b)[1], _across_sides(a, b)[1], turned(b.rotation, STARTS)])
         apart = self._separation(a, b, simple)
-        if apart <= -ROUND_OFF * self._near and self._keys:
+        known = apart > ROUND_OFF * self._near or self._is_on_face(a, b, apart)
+        if self._keys and not known:
             pairs = _pairs(self._keys, a, b)
             apart = max(apart, self._separation(a, b, _iterated(a, b, pairs, _starts(a, b, pairs))))
-        return min(apart, self._flat_distance(a, b, apart))
+        return self._with_flat_rims(a, b, apart)
 
-    def _flat_distance(self, a: PlacedBody, b: PlacedBody, apart: float) -> float:
-        """The least gap of points of rims that lie nearly flat on a face; infinite if there are none.
+    def _with_flat_rims(self, a: PlacedBody, b: PlacedBody, apart: float) -> float:
+        """The distance where rims that lie nearly flat on a face protrude, from that of the bodies without this.
 
-        :param apart: the distance in m of both bodies without these.
+        Below `EXACT_TILT` the gaps of the points that carry them take its place: a rim is lower between its points.
         """
-        found = np.inf
+        gaps, flat = [apart], False
         for kind, body, other in ((POINT_FACE, a, b), (FACE_POINT, b, a)):
             if not (body.body.faces and body.body.curved.any() and len(other.normals)):
                 continue
             sign = 1.0 if kind == POINT_FACE else -1.0
-            fits = self._supports(a, b, sign * other.normals) >= apart - FLAT_TILT * body.body.reach
-            for face in np.flatnonzero(fits).tolist():
+            near = self._supports(a, b, sign * other.normals) >= apart - FLAT_TILT * body.body.reach
+            for face in np.flatnonzero(near).tolist():
                 normal = other.normals[face]
                 for code, place in _lying(body, other, face, normal):
-                    key = (kind, code, face, 0) if kind == POINT_FACE else (kind, face, code, 0)
                     if code % CODES < POINTS and other.inside(face, place) >= 0.0:
-                        found = min(found, self._meeting(a, b, key, sign * normal, place).gap)
+                        key = (kind, code, face, 0) if kind == POINT_FACE else (kind, face, code, 0)
+                        gaps.append(self._meeting(a, b, key, sign * normal, place).gap)
+                        flat |= _tilt(body, code // CODES, normal)[1] < EXACT_TILT
+                if flat:
+                    gaps += self._beneath(a, b, kind, normal)
+        return min(gaps[1:] if flat else gaps)
+
+    def _is_on_face(self, a: PlacedBody, b: PlacedBody, apart: float) -> bool:
+        """Whether a corner is within the border of a face that it touches, up to round-off."""
+        if abs(apart) > ROUND_OFF * self._near:
+            return False
+        return any(
+            place is None and (found := self._meeting(a, b, each, normal)).margin >= 0.0 and found.gap <= apart
+            for key, normal in zip(*_faces(a, b), strict=True)
+            for each, place in self._members(a, b, key, normal)
+        )
+
+    def _beneath(self, a: PlacedBody, b: PlacedBody, kind: int, normal: Array) -> list[float]:
+        """The gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
+        body, other, sign = (a, b, 1.0) if kind == POINT_FACE else (b, a, -1.0)
+        face = int(np.argmin(dots(body.normals, normal)))
+        back = (FACE_POINT, CORNER_FACE + 1) if kind == POINT_FACE else (POINT_FACE, CORNER_FACE)
+        outward, found = -sign * body.normals[face], []
+        points = [
+            (code, place) for code, place in _lying(other, body, face, body.normals[face]) if code % CODES >= POINTS
+        ]
+        for code, place in points:
+            key = (back[0], face, code, 0) if kind == POINT_FACE else (back[0], code, face, 0)
+            found.append(self._meeting(a, b, key, outward, place).gap)
+        for corner in np.flatnonzero(~other.body.curved).tolist():
+            key = (back[1], face, corner, 0) if kind == POINT_FACE else (back[1], corner, face, 0)
+            meeting = self._meeting(a, b, key, outward)
+            if meeting.margin >= 0.0:
+                found.append(meeting.gap)
         return found
 
     def _separation(self, a: PlacedBody, b: PlacedBody, normals: Array) -> float:
@@ -155,7 +189,7 @@ class SmoothPair:
         a, b = self._placed(one, other)
         found = [*self._stationary(a, b)]
         apart = self._separation(a, b, np.vstack([normals for _, normals in found]))
-        lowest = min(apart, self._flat_distance(a, b, apart), 0.0) - SUPPORT * tolerance
+        lowest = min(self._with_flat_rims(a, b, apart), 0.0) - SUPPORT * tolerance
         meetings: list[tuple[Key, _Encounter]] = []
         for keys, normals in found:
             supports = self._supports(a, b, normals) if len(normals) else ()
@@ -337,10 +371,7 @@ def _lying(one: PlacedBody, other: PlacedBody, face: int, normal: Array) -> Iter
     for corner in range(len(shape.corners)) if shape.curved.any() else ():
         radius, tilt = _tilt(one, corner, normal) if shape.curved[corner] else (0.0, 1.0)
         if tilt <= FLAT_TILT and one.lead([corner], -other.normals[face]) >= 0.0:
-            axis = shape.faces[0].normal
-            first = cross(axis, np.eye(3)[int(np.argmin(np.round(np.abs(axis), 9)))])
-            first = first / np.sqrt(dots(first, first))
-            second = cross(axis, first)
+            first, second = perpendiculars(shape.directions[0] if len(shape.directions) else shape.faces[-1].normal)
             for number, (x, y) in enumerate(CIRCLE.tolist()):
                 arm = turned(one.rotation, radius * (x * first + y * second))
                 yield CODES * corner + number, one.corners[corner] + arm
@@ -510,7 +541,8 @@ def _newton_step(one: Array, other: Array, gradient: Array, bend: Array, scale: 
         return np.asarray((scale * scale)[:, 0] * dots(left, product))
 
     drop = scale[:, 0] * height
-    h11, h22, h12 = curvature(one, one) - drop, curvature(other, other) - drop, curvature(one, other)
+    h11, h12 = curvature(one, one) - drop, curvature(one, other)
+    h22 = np.where(dots(other, other) > 0.5, curvature(other, other) - drop, -1.0)
     determinant = h11 * h22 - h12 * h12
     good = (h11 < 0.0) & (determinant > 0.0)
     safe = np.where(good, determinant, 1.0)

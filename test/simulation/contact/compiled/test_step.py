@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.compiler.ir.python_functions import Array, Integers
+from mbd_sim.compiler.ir.python_kinds import Array, Integers
 from mbd_sim.simulation.contact.compiled import library, step
 from mbd_sim.simulation.contact.compiled.contacts import Contacts
 from mbd_sim.simulation.contact.stepper import OneSidedStepper

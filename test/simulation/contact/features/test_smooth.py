@@ -1,0 +1,118 @@
+"""The narrow phase of round bodies beside convex programs, and its rows beside their own derivatives."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement, product
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.files.builders.contacts import BLOCK
+from mbd_sim.mechanism.elements.contacts import Barrel, Egg, Solid, Taper
+from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from test.oracles.convex_distance import distance
+
+HERE, UP, ROD_RADIUS = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0]), 0.1
+KINDS = ("ellipsoid", "cylinder", "disc", "cone", "block", "rod")
+PAIRS = [pair for pair in combinations_with_replacement(KINDS, 2) if set(pair) - {"block", "rod"}]
+SMOOTH = [pair for pair in PAIRS if "ellipsoid" in pair or pair == ("cylinder", "cylinder")]
+
+
+def body(kind, sizes):
+    match kind:
+        case "ellipsoid":
+            return Egg(HERE, np.eye(3), tuple(sizes))
+        case "cylinder":
+            return Barrel(HERE, UP, sizes[0], sizes[1])
+        case "disc":
+            return Barrel(HERE, UP, sizes[0], 0.0)
+        case "cone":
+            return Taper(HERE, UP, sizes[0], sizes[1])
+        case "block":
+            corners = [0.5 * np.array(signs) * sizes for signs in product((-1, 1), repeat=3)]
+            return Solid(HERE, np.array(corners), BLOCK, 0.0)
+    ends = np.outer([-0.5, 0.5], [0.0, 0.0, sizes[0]])
+    return Solid(HERE, ends, (), ROD_RADIUS)
+
+
+def scene(kinds, seed):
+    """Two bodies at random places, the sizes that count for each, and the sum of the radii of rods."""
+    chance = np.random.default_rng([seed, *map(KINDS.index, kinds)])
+    sizes = [chance.uniform(0.2, 1.0, 3) for _ in kinds]
+    places = [Pose(0.9 * chance.normal(size=3) - [1.0, 0, 0], Rotation.random(rng=chance).as_matrix())]
+    places.append(Pose(0.3 * chance.normal(size=3) + [1.0, 0, 0], Rotation.random(rng=chance).as_matrix()))
+    count = {"ellipsoid": 3, "cylinder": 2, "disc": 1, "cone": 2, "block": 3, "rod": 1}
+    known = [(kind, size[: count[kind]], pose) for kind, size, pose in zip(kinds, sizes, places, strict=True)]
+    bodies = [body(kind, size) for kind, size in zip(kinds, sizes, strict=True)]
+    return bodies, known, ROD_RADIUS * kinds.count("rod")
+
+
+@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+@pytest.mark.parametrize("seed", range(3))
+def test_distances_are_not_more_than_those_of_the_nearest_points(kinds, seed):
+    """Equal to them where the surfaces are smooth; sharp corners may be farther apart than is told, but not nearer."""
+    (first, second), (one, other), radius = scene(kinds, seed)
+    apart = distance(one, other) - radius
+    found = SmoothPair(first, second, 1).distance(one[2], other[2])
+    if apart < 1e-3:
+        return
+    assert 0.0 < found <= apart + 1e-5
+    toward = other[2].position - one[2].position
+    touching = Pose(one[2].position + toward * _fraction(first, second, one[2], other[2], toward), one[2].rotation)
+    assert abs(SmoothPair(first, second, 1).distance(touching, other[2])) < 1e-9
+    assert distance((one[0], one[1], touching), other) - radius == pytest.approx(0.0, abs=1e-4)
+
+
+def _fraction(first, second, one, other, toward):
+    """How far a body can move toward the other one, in units of `toward`, by bisection of the narrow phase."""
+    pair, low, high = SmoothPair(first, second, 1), 0.0, 1.0
+    for _ in range(45):
+        middle = 0.5 * (low + high)
+        moved = Pose(one.position + middle * toward, one.rotation)
+        low, high = (middle, high) if pair.distance(moved, other) > 0.0 else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize("kinds", SMOOTH, ids="-".join)
+def test_a_row_has_the_gap_of_the_narrow_phase_and_the_rate_of_it(kinds):
+    """Also after the bodies have moved, with the hint of before."""
+    (first, second), (one, other), _ = scene(kinds, 5)
+    pair = SmoothPair(first, second, 1)
+    toward = other[2].position - one[2].position
+    part = _fraction(first, second, one[2], other[2], toward)
+    at = Pose(one[2].position + part * toward, one[2].rotation)
+    (features,) = pair.touching(at, other[2], 1e-9)
+    symbols = ca.SX.sym("pose", 12)
+    frames = (
+        SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3)),
+        SymbolicPose(ca.DM(other[2].position), ca.DM(other[2].rotation)),
+    )
+    touch = smooth_touch((first, second), ca.SX(ca.DM(features.numbers)), frames, 1.0)
+    normal = touch.iterated.value
+    values = ca.Function(
+        "row", [symbols], [touch.iterated.inserted(touch.distance), normal, touch.iterated.inserted(touch.point)]
+    )
+    spin, slide = np.array([0.3, -0.2, 0.4]), np.array([0.1, 0.2, -0.3])
+
+    def moved(time):
+        turn = Rotation.from_rotvec(spin * time).as_matrix()
+        return Pose(at.position + slide * time, turn @ at.rotation)
+
+    def flat(pose):
+        return np.concatenate([pose.position, pose.rotation.T.ravel()])
+
+    gap, found, point = (np.array(value).ravel() for value in values(flat(at)))
+    assert abs(gap[0]) < 1e-9
+    later, _, _ = values(flat(moved(0.02)))
+    if float(later) > 0.0:
+        assert float(later) == pytest.approx(pair.distance(moved(0.02), other[2]), abs=1e-11)
+    step = 1e-5
+    rate = (float(values(flat(moved(step)))[0]) - float(values(flat(moved(-step)))[0])) / (2.0 * step)
+    assert found @ (slide + np.cross(spin, point - at.position)) == pytest.approx(rate, abs=1e-8)
+    assert pair.margin(at, other[2], features.numbers) > 0.0
