@@ -22,6 +22,9 @@ is paused, the mechanism follows the pointer with its loops closed.
 `ranges` are their ends. *Copy as YAML* has what to write into the file. Save the file in any editor: the page follows,
 and what has the same names goes on.
 
+**Control:** a mechanism has a controller if its file gives it `actuators` with a `servo`. Its commands and gains are in
+*Change*. The shipped `cart_servo` has one for exercises: `mbd_sim lab cart_servo`.
+
 **Curves of points:** *Show* has the trace of any point. *Kinematics* draws the whole path of a point while a joint
 turns, which follows changed lengths. *Keep this curve* leaves it in gray, to compare it with that of other lengths.
 There are dead points, limit positions and the transmission angle too.

@@ -19,6 +19,10 @@ from mbd_sim.pictures.shapes.palette import Color
 POINTS = 400
 HEIGHT = 170  # pixels
 MOST_CURVES = 8
+NO_READING = "Reading: none chosen"
+ELECTRIC = {"voltage": "V", "current": "A"}
+TURNING = {**ELECTRIC, "position": "rad", "velocity": "rad/s", "effort": "N·m"}  # of an actuator; the rest are powers
+SLIDING = {**ELECTRIC, "position": "m", "velocity": "m/s", "effort": "N"}
 ENERGY = slice(1, 8)  # of a row of samples
 
 Reading = Callable[[Bench], float]
@@ -32,11 +36,16 @@ def readings_of(bench: Bench) -> dict[str, Reading]:
     for name in simulation.contacts():
         found[f"contact force {name} (N)"] = partial(_of_contact, name, "normal")
         found[f"gap {name} (m)"] = partial(_of_contact, name, "gap")
+    turns = {one.name: one.port.rotation for one in simulation.mechanism.actuators}
     for name, state in simulation.actuators().items():
         for quantity in _numbers(state):
-            found[f"{quantity} of {name}"] = partial(_of_actuator, name, quantity)
+            unit = (TURNING if turns[name] else SLIDING).get(quantity, "W")
+            found[f"{quantity.replace('_', ' ')} of {name} ({unit})"] = partial(_of_actuator, name, quantity)
     for sensor in simulation.mechanism.sensors:
-        found[f"sensor {sensor.name}"] = partial(_measured, sensor.name)
+        measured, *_ = sensor.quantities
+        found[f"{measured.name.replace('_', ' ')} of sensor {sensor.name} ({measured.unit})"] = partial(
+            _measured, sensor.name
+        )
     return found
 
 
@@ -74,13 +83,11 @@ class PlotsTab:
         count = len(self._names)
         self._positions = slice(8, 8 + count)
         self._speeds = slice(8 + count, 8 + 2 * count)
-        rotates = [c.rotation for joint in mechanism.joints.values() if not joint.drive for c in joint.kind.coordinates]
+        rotates = [mechanism.coordinate(name).rotation for name in self._names]
         self._degrees = np.where(rotates, 180.0 / math.pi, 1.0)
-        curves = min(count, MOST_CURVES)
-        colors = [_css(color, dark) for color in palette.series_colors(mechanism)[:curves]]
-        labels = [f"{name} ({'deg' if turns else 'm'})" for name, turns in zip(self._names, rotates, strict=True)][
-            :curves
-        ]
+        shown = range(min(count, MOST_CURVES))
+        colors = [_css(color, dark) for color in palette.series_colors(mechanism)[: len(shown)]]
+        units = ["deg" if turns else "m" for turns in rotates]
         energies = [
             ("kinetic", palette.KINETIC),
             ("potential", palette.POTENTIAL),
@@ -90,33 +97,39 @@ class PlotsTab:
         ]
         energy_colors = [_css(color, dark) for _, color in energies]
         self._energy = _plot(gui, "Energies (J)", [name for name, _ in energies], energy_colors)
-        self._motion = _plot(gui, "Coordinates", labels, colors)
-        self._rates = _plot(gui, "Speeds (deg/s, m/s)", labels, colors)
-        self._reading = _plot(gui, "Reading", ["chosen reading"], [_css(palette.PARTS[0], dark)])
+        self._motion, self._rates = dict[str, Any](), dict[str, Any]()
+        self._of_unit = {unit: [n for n in shown if units[n] == unit] for unit in dict.fromkeys(units[: len(shown)])}
+        for title, suffix, plots in (("Coordinates", "", self._motion), ("Speeds", "/s", self._rates)):
+            for unit, which in self._of_unit.items():
+                labels, own = [self._names[n] for n in which], [colors[n] for n in which]
+                plots[unit] = _plot(gui, f"{title} ({unit}{suffix})", labels, own)
+        self._reading_color = _css(palette.PARTS[0], dark)
+        self._reading = _plot(gui, NO_READING, ["chosen reading"], [self._reading_color])
         self._phase = gui.add_uplot(
             (np.zeros(1), np.zeros(1)),
             ({"label": "position"}, {"label": "speed", "stroke": colors[0] if colors else "gray", "width": 1.5}),
-            title=f"Phase portrait: {labels[0] if labels else ''}",
+            title=f"Phase portrait: {self._names[0]} ({units[0]}, {units[0]}/s)" if count else "Phase portrait",
             scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
             height=HEIGHT + 60,
         )
-        self._curves = curves
 
     def _add_choice(self, gui: Any) -> None:
         """What the plot of a reading shows."""
-        readings = readings_of(self._session.bench)
-        chosen = gui.add_dropdown("Reading", ("none", *readings), initial_value="none")
+        self._readings = readings_of(self._session.bench)
+        chosen = gui.add_dropdown("Reading", ("none", *self._readings), initial_value="none")
+        chosen.on_update(lambda _: self.choose(chosen.value))
 
-        def choose(_: Any) -> None:
-            reading = readings.get(chosen.value)
+    def choose(self, name: str) -> None:
+        """Plot a reading from now on, by its name; `none`: no more."""
+        reading = self._readings.get(name)
+        self._reading.title = NO_READING if reading is None else name
+        self._reading.series = _series([name], [self._reading_color])
 
-            def request(session: Session) -> None:
-                session.reading = reading
-                session.samples.rows.clear()
+        def request(session: Session) -> None:
+            session.reading = reading
+            session.samples.rows.clear()
 
-            self._session.ask("reading", request)
-
-        chosen.on_update(choose)
+        self._session.ask("reading", request)
 
     def show(self, _: Frame) -> None:
         """Draw the newest samples."""
@@ -128,9 +141,10 @@ class PlotsTab:
         self._energy.data = (time, *(np.ascontiguousarray(one) for one in chosen))
         positions = table[:, self._positions] * self._degrees
         speeds = table[:, self._speeds] * self._degrees
-        if self._curves:
-            self._motion.data = (time, *_columns(positions[:, : self._curves]))
-            self._rates.data = (time, *_columns(speeds[:, : self._curves]))
+        for unit, which in self._of_unit.items():
+            self._motion[unit].data = (time, *_columns(positions[:, which]))
+            self._rates[unit].data = (time, *_columns(speeds[:, which]))
+        if self._of_unit:
             self._phase.data = (positions[:, 0].copy(), speeds[:, 0].copy())
         self._reading.data = (time, table[:, -1].copy())
 
@@ -140,16 +154,18 @@ def _columns(table: Array) -> list[Array]:
 
 
 def _plot(gui: Any, title: str, labels: list[str], colors: list[str]) -> Any:
-    series = (
-        {"label": "t (s)"},
-        *({"label": n, "stroke": c, "width": 1.5} for n, c in zip(labels, colors, strict=True)),
-    )
+    series = _series(labels, colors)
     blank = tuple(np.zeros(1) for _ in series)
     if len(series) < 2:
         series, blank = (*series, {"label": ""}), (np.zeros(1), np.zeros(1))
     return gui.add_uplot(
         blank, series, title=title, scales={"x": {"time": False, "auto": True}, "y": {"auto": True}}, height=HEIGHT
     )
+
+
+def _series(labels: list[str], colors: list[str]) -> tuple[Any, ...]:
+    curves = ({"label": n, "stroke": c, "width": 1.5} for n, c in zip(labels, colors, strict=True))
+    return ({"label": "t (s)"}, *curves)
 
 
 def _css(color: Color, dark: bool) -> str:

@@ -20,9 +20,8 @@ from mbd_sim.simulation.run.simulation import BaseSimulation
 from mbd_sim.simulation.run.state import RunPoint
 
 PLOT = '<div style="position:fixed;left:12px;bottom:52px;width:min(34vw,420px);z-index:9">{}</div>'
-
-
 PICTURES = 30.0  # per second of the motion
+MOST_CURVES = 8
 
 
 def write_html(mechanism: Mechanism, path: Path, duration: float, *, dark: bool) -> None:
@@ -110,21 +109,26 @@ def _plots(model: Model, points: list[tuple[float, RunPoint]], dark: bool) -> st
     ink = "#dddddd" if dark else "#222222"
     colors = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor"), ink)
     with rc_context({**colors, "font.size": 8}):
-        figure = Figure(figsize=(4.2, 3.4), layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True)
+        names = model.coordinate_names
+        rotates = [model.mechanism.coordinate(name).rotation for name in names]
+        units = list(dict.fromkeys(rotates[:MOST_CURVES]))  # a plot for each
+        figure = Figure(figsize=(4.2, 1.7 * (len(units) + 1)), layout="constrained")
+        *upper, lower = figure.subplots(len(units) + 1, 1, sharex=True, squeeze=False)[:, 0]
         times = [time for time, _ in points]
         places = np.array([model.coordinates(point.state) for _, point in points]).reshape(len(points), -1)
         energies = np.array([tuple(model.energies(t, p.state, p.start_energy, p.inputs)) for t, p in points])
-        for name, column in list(zip(model.coordinate_names, places.T, strict=True))[:8]:
-            upper.plot(times, column, label=name, linewidth=1)
+        for axes, turning in zip(upper, units, strict=True):
+            axes.set_ylabel("deg" if turning else "m")
+            for name, rotation, column in list(zip(names, rotates, places.T, strict=True))[:MOST_CURVES]:
+                if rotation == turning:
+                    axes.plot(times, np.degrees(column) if turning else column, label=name, linewidth=1)
         for name, column in zip(
             ("kinetic", "potential", "dissipated"), energies.reshape(len(points), -1).T, strict=False
         ):
             lower.plot(times, column, label=name, linewidth=1)
-        upper.set_ylabel("rad, m")
         lower.set_ylabel("J")
         lower.set_xlabel("t (s)")
-        for axes in (upper, lower):
+        for axes in (*upper, lower):
             axes.patch.set_alpha(0.0)
             axes.legend(fontsize=6, frameon=False, labelcolor=ink)
         text = io.StringIO()

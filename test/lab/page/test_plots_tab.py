@@ -1,5 +1,11 @@
-"""The plots are drawn, with a chosen reading."""
+"""The plots are drawn, one for each unit, with a chosen reading."""
 
+import pytest
+
+from mbd_sim import load_mechanism
+from mbd_sim.lab.lab import Lab
+from mbd_sim.lab.page.plots_tab import readings_of
+from mbd_sim.lab.session.bench import Bench
 from test.waiting import wait_until
 
 DRAWN = "[...document.querySelectorAll('.uplot canvas')].filter(e => e.checkVisibility() && e.width > 100).length"
@@ -23,3 +29,30 @@ def test_a_reading_is_chosen(opened):
     simulation = opened.lab.session.bench.simulation
     force = simulation.reactions()["crank_pin"].force
     assert abs(opened.lab.session.samples.rows[-1][-1] - (force @ force) ** 0.5) < 1e-12
+
+
+def test_meters_and_degrees_are_drawn_apart_and_the_reading_has_its_name():
+    """On one axis, the way of a cart was a flat line below the angle of its pendulum."""
+    with Lab(load_mechanism("cart_servo"), port=0, running=True) as lab:
+        plots = lab.page._plots
+        titles = [plot.title for plot in (*plots._motion.values(), *plots._rates.values())]
+        assert titles == ["Coordinates (m)", "Coordinates (deg)", "Speeds (m/s)", "Speeds (deg/s)"]
+        assert plots._phase.title == "Phase portrait: rail (m, m/s)"
+        wait_until(lambda: len(plots._motion["deg"].data[0]) > 3, "the samples")
+        lab.session.pause()
+        angle = plots._motion["deg"]
+        assert [one["label"] for one in angle.series] == ["t (s)", "pin"]
+        assert len(angle.data) == 2
+        assert max(angle.data[1]) == pytest.approx(30.0, abs=2.0)
+        plots.choose("effort of motor (N)")
+        assert plots._reading.title == "effort of motor (N)"
+        assert plots._reading.series[1]["label"] == "effort of motor (N)"
+        plots.choose("none")
+        assert plots._reading.title == "Reading: none chosen"
+
+
+def test_every_reading_has_a_unit():
+    for name in ("motor_drive", "hydraulic_scissor_lift", "balancing_pendulum", "cart_servo", "bounce"):
+        for reading in readings_of(Bench.of(load_mechanism(name))):
+            assert reading.endswith(")"), (name, reading)
+    assert "velocity of drive (rad/s)" in readings_of(Bench.of(load_mechanism("motor_drive")))
