@@ -18,7 +18,7 @@ from mbd_sim import Ensemble, Simulation
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 
 STEPS, MANY = 3000, 100
-METHODS = ("tsitouras8", "rk4")  # the default of mechanisms with contacts, and a short one
+METHODS = ("tsitouras8", "rk4")  # methods of one step, a long and a short one
 OPEN = {  # changes that keep everything open
     "bounce": {"h": 1e6},
     "stops": {"lim": 100.0},
