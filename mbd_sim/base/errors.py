@@ -178,6 +178,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def listed(names: Sequence[str], max_count: int = 12) -> str:
-    """The names separated by commas; beyond `max_count` only their number."""
-    shown = ", ".join(names[:max_count])
-    return shown if len(names) <= max_count else f"{shown}, … ({len(names) - max_count} more)"
+    """The names separated by commas; if there are more than one beyond `max_count`, only their number."""
+    if len(names) <= max_count + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:max_count])}, … ({len(names) - max_count} more)"

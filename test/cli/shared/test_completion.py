@@ -44,7 +44,7 @@ def completions(line, folder):
         ("mbd_sim run double_rod --method tsit", {"tsitouras8"}),
         ("mbd_sim run double_rod --out my", {"my_runs/"}),
         ("mbd_sim kinematics four_bar --drive crank_pi", {"crank_pin=", "crank_pivot="}),
-        ("mbd_sim kinematics four_bar --point coupler", {"coupler", "coupler.tip"}),
+        ("mbd_sim kinematics four_bar --point coupler", {"coupler", "coupler.P", "coupler.tip"}),
         ("mbd_sim run four_bar --poses crank,ro", {"crank,rocker"}),
         ("mbd_sim check four_bar --set joints.crank_pin.po", {"joints.crank_pin.position="}),
         ("mbd_sim plot four_bar --coordinates rocker_p", {"rocker_pivot"}),

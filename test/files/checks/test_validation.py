@@ -8,7 +8,7 @@ from test.generators.mechanism_texts import PENDULUM, changed, problem_of, probl
 
 MASS, SHAPE, POINTS = "    mass: m\n", "{type: rod, to: [0, 0, -l]}", "{tip: [0, 0, -l]}"
 AXIS, END = "    axis: [0, -1, 0]\n", "    position: 90 deg\n"
-SHAPES = "block, capsule, cone, cylinder, disc, ellipsoid, hull, particle, plate, ring, rod, sphere"
+SHAPES = "block, capsule, cone, cylinder, disc, ellipsoid, hull, outline, particle, plate, ring, rod, sphere"
 
 # What is replaced by what, then the line, key, message and remedy of the only problem that this makes.
 MISTAKES = {
