@@ -7,6 +7,7 @@ is. A command and a call of `~/step` could overtake each other; therefore the co
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ from mbd_sim.base.geometry.pose import Array
 
 # Hz, of what is published at the end of a command's steps in any case; 0 would stop it altogether
 SELDOM = 1e-3
+UNANSWERED = 2.0  # s, after which a request is sent again
 
 
 class LockstepError(MbdSimError):
@@ -119,7 +121,7 @@ class Lockstep:
 
     def reset(self) -> State:
         """Reset to the start state and to time zero."""
-        self._call(Trigger, "reset")
+        self._call(Trigger, "reset", repeats=False)  # a late repetition would undo the first commands
         return self._state(0, "the start state")
 
     def step(self, efforts: Sequence[float] | Array) -> State:
@@ -182,14 +184,27 @@ class Lockstep:
                 )
             self._executor.spin_once(timeout_sec=0.05)
 
-    def _call(self, kind: Any, name: str, **fields: Any) -> Any:
+    def _call(self, kind: Any, name: str, *, repeats: bool = True, **fields: Any) -> Any:
+        """Call a service.
+
+        :param repeats: call again where no answer comes: DDS drops it if the simulator has not discovered us yet.
+        """
         if name not in self._clients:
             self._clients[name] = self._node.create_client(kind, f"{self._simulator}/{name}")
         client = self._clients[name]
         self._wait_for(client.service_is_ready, f"its service '{name}'")
-        future = client.call_async(kind.Request(**fields))
-        self._wait_for(future.done, f"its service '{name}'")
-        return future.result()
+        answers, sent = list[Any](), -math.inf
+
+        def is_answered() -> bool:
+            nonlocal sent
+            now = time.monotonic()
+            if not answers or (repeats and now > sent + UNANSWERED):
+                answers.append(client.call_async(kind.Request(**fields)))
+                sent = now
+            return any(answer.done() for answer in answers)
+
+        self._wait_for(is_answered, f"its service '{name}'")
+        return next(answer for answer in answers if answer.done()).result()
 
     def _get_parameters(self, names: list[str]) -> dict[str, Any]:
         values = self._call(GetParameters, "get_parameters", names=names).values
