@@ -15,7 +15,7 @@ from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, Egg, Face, Rim
+from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, EllipsoidBody, Face, Rim
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, unique_name
@@ -134,6 +134,6 @@ def _gap(body: ContactBody, face: Face, pose: Pose) -> float:
             return height - radius
         case Rim(radius=radius, axis=axis):
             return height - radius * float(np.linalg.norm(np.cross(normal, pose.rotation @ axis)))
-        case Egg(radii=radii, axes=axes):
+        case EllipsoidBody(radii=radii, axes=axes):
             return height - float(np.linalg.norm(np.array(radii) * ((pose.rotation @ axes).T @ normal)))
     return height

@@ -22,15 +22,15 @@ from mbd_sim.mechanism.elements.contacts import (
     Barrel,
     Cam,
     Cluster,
+    ConeBody,
     Contact,
     ContactBody,
-    Egg,
+    EllipsoidBody,
     Face,
     PlanarBody,
     Rim,
     RimPoint,
     Solid,
-    Taper,
 )
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -155,9 +155,9 @@ def _arms(body: ContactBody) -> list[tuple[float, Array]]:
             return []
         case Cam():
             return [(_radius(body), body.axes[:, 0])]
-        case Egg(radii=radii, axes=axes):
+        case EllipsoidBody(radii=radii, axes=axes):
             return list(zip(radii, axes.T, strict=True))
-        case Rim() | RimPoint() | Barrel() | Taper():
+        case Rim() | RimPoint() | Barrel() | ConeBody():
             return [(body.radius, body.axis)]
         case _:
             assert_never(body)
@@ -175,7 +175,7 @@ def _radius(body: ContactBody) -> float:
             return float(ca.evalf(ca.SX(function_of(body.profile, {CAM_ANGLE: ca.SX(0)}))))
         case Face() | PlanarBody():
             return 0.0
-        case Egg():
+        case EllipsoidBody():
             return min(body.radii)
         case Cluster(bodies=bodies):
             return max(each.radius for each in bodies)

@@ -26,7 +26,17 @@ from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
-from mbd_sim.mechanism.elements.contacts import FIRST_RIM, Ball, Barrel, Cam, Contact, Egg, Face, Rim, RimPoint
+from mbd_sim.mechanism.elements.contacts import (
+    FIRST_RIM,
+    Ball,
+    Barrel,
+    Cam,
+    Contact,
+    EllipsoidBody,
+    Face,
+    Rim,
+    RimPoint,
+)
 
 POINTS = 6  # of a rim that carry it; in a plane mechanism the two in its plane
 FLAT_TILT = 0.02  # sine of the tilt below which a disc lies flat
@@ -124,7 +134,7 @@ def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: in
             return _rim_on_face(rim, face, first, second, can_lie_flat(rim, face, still) and contact.rigid)
         case RimPoint() as rim, Face() as face:
             return _rim_point_on_face(rim, face, first, second)
-        case Egg() as body, Face() as face:
+        case EllipsoidBody() as body, Face() as face:
             return _ellipsoid_on_face(body, face, first, second)
         case Ball() as ball, Ball() as other:
             line = first.position - second.position
@@ -210,7 +220,7 @@ def _rim_point_on_face(rim: RimPoint, face: Face, first: SymbolicPose, second: S
     return Touch(ca.dot(normal, point - second.position) - lift, normal, point, _along(second, face))
 
 
-def _ellipsoid_on_face(body: Egg, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
+def _ellipsoid_on_face(body: EllipsoidBody, face: Face, first: SymbolicPose, second: SymbolicPose) -> Touch:
     """The lowest point is at -A D² Aᵀ n / h from the center, with the radii D along A and h = |D Aᵀ n|."""
     normal, axes = _turned(second, face.normal), ca.sparsify(first.rotation @ constant(body.axes))
     radii = ca.vertcat(*body.radii)

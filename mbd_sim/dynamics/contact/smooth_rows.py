@@ -23,7 +23,7 @@ from mbd_sim.dynamics.constraints.rows import IteratedNormal
 from mbd_sim.dynamics.contact.shapes import Touch, protrusion
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
-from mbd_sim.mechanism.elements.contacts import Barrel, ContactBody, Egg, Solid, Taper
+from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
 
 SMOOTH_SIZE = 31  # numbers of a slot, of which the last one is the key
 NEWTON_STEPS = 3
@@ -69,10 +69,10 @@ class SmoothFeatures:
 def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
     """K of the corner of a body, in ground's axes, from its number among the `rims`."""
     match body:
-        case Egg():
+        case EllipsoidBody():
             axes = ca.sparsify(frame.rotation @ constant(body.axes)) @ ca.diag(ca.vertcat(*body.radii))
             return rim * (axes @ axes.T)
-        case Barrel() | Taper():
+        case Barrel() | ConeBody():
             axis = ca.sparsify(frame.rotation @ constant(body.axis))
             return rim * rim * (ca.SX.eye(3) - axis @ axis.T)
         case _:
@@ -128,7 +128,7 @@ def smooth_touch(
 
 def _lift(body: ContactBody, frame: SymbolicPose, normal: ca.SX, radius: ca.SX) -> ca.SX:
     """How far in m a point of a rim of a `radius` protrudes; 0 for other points."""
-    if not isinstance(body, Barrel | Taper):
+    if not isinstance(body, Barrel | ConeBody):
         return ca.SX(1, 1)
     axis = ca.sparsify(frame.rotation @ constant(body.axis))
     aside = normal - axis * ca.dot(axis, normal)

@@ -24,7 +24,7 @@ from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor, EffortMotor, FluidCylinder, Gas, Oil, Servo
 from mbd_sim.mechanism.elements.constraints import ContactLaw, Play
-from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cushion, Egg, Rim
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cushion, EllipsoidBody, Rim
 from mbd_sim.mechanism.elements.forces import Bushing, Spring
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Limits, Part
 from mbd_sim.mechanism.elements.sensors import AnySensor, RangeFinder
@@ -277,7 +277,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     c.Clutch: ("static",),
     Ball: ("radius",),
     Rim: ("radius", "length"),
-    Egg: ("radii",),
+    EllipsoidBody: ("radii",),
     Barrel: ("radius",),
     RangeFinder: ("normal",),
     Cushion: ("stiffness", "damping", "friction", "regularization"),

@@ -33,16 +33,16 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    ConeBody,
     Contact,
     ContactBody,
     Curved,
     Cushion,
-    Egg,
+    EllipsoidBody,
     Face,
     PlanarBody,
     Rim,
     Solid,
-    Taper,
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
@@ -64,7 +64,7 @@ MOST_SLOTS = 8  # of a pair: two faces with four corners each
 ROUND_SLOTS = 6  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
 
 
-def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
+def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball | Rim | EllipsoidBody | PlanarBody]]:
     """What of a shape, or of a point, can touch a plane, each with a name: balls, rims, corners, tip and outline."""
     if isinstance(shape, Pose):
         return [("", Ball(Attachment(part, np.array(shape.position)), 0.0))]
@@ -73,7 +73,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
     def at(*offset: float) -> Attachment:
         return Attachment(part, pose.position + pose.rotation @ array(offset))
 
-    def corners(*size: float) -> list[tuple[str, Ball | Rim | Egg | PlanarBody]]:
+    def corners(*size: float) -> list[tuple[str, Ball | Rim | EllipsoidBody | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
         return [
             (
@@ -107,7 +107,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
         case schema.CapsuleSpec(radius=r, length=length):
             return [(f"end {SIDES[side]}", Ball(at(0.0, 0.0, 0.5 * side * length), r)) for side in SIDES]
         case schema.EllipsoidSpec(radii=radii):
-            return [("", Egg(at(0.0, 0.0, 0.0), pose.rotation, radii))]
+            return [("", EllipsoidBody(at(0.0, 0.0, 0.0), pose.rotation, radii))]
         case schema.HullSpec():
             found, _ = hull_of(shape)
             return [(f"corner {number}", Ball(at(*corner), 0.0)) for number, corner in enumerate(found, start=1)]
@@ -183,9 +183,9 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
         case schema.CylinderSpec(radius=r, length=length):
             return Barrel(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
         case schema.ConeSpec(radius=r, length=length):
-            return Taper(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
+            return ConeBody(Attachment(part, pose.position), pose.rotation[:, 2], r, length)
         case schema.EllipsoidSpec(radii=radii):
-            return Egg(Attachment(part, pose.position), pose.rotation, radii)
+            return EllipsoidBody(Attachment(part, pose.position), pose.rotation, radii)
         case schema.OutlineSpec():
             raise ValueError("an outline touches in its plane")
         case _:
@@ -512,7 +512,7 @@ def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: b
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0
-    if isinstance(first, Egg) or isinstance(second, Egg):
+    if isinstance(first, EllipsoidBody) or isinstance(second, EllipsoidBody):
         return 1
     if not isinstance(first, Solid) or not isinstance(second, Solid):
         vertices = [len(each.vertices) for each in (first, second) if isinstance(each, Solid)]

@@ -55,7 +55,7 @@ class RimPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Egg:
+class EllipsoidBody:
     """An ellipsoid with its center at `at` and `radii` in m along the columns of `axes` (3, 3)."""
 
     at: Attachment
@@ -74,7 +74,7 @@ class Barrel:
 
 
 @dataclass(frozen=True, eq=False)
-class Taper:
+class ConeBody:
     """A cone around `axis`, which leads to its tip, of a `length` in m; half of its height is at `at`."""
 
     at: Attachment
@@ -154,8 +154,8 @@ class Cluster:
     names: tuple[str, ...] = ()
 
 
-Curved = Barrel | Taper | Egg  # those that touch with changing features
-ContactBody = Cluster | Ball | Rim | RimPoint | Egg | Barrel | Taper | Face | Cam | Solid | PlanarBody
+Curved = Barrel | ConeBody | EllipsoidBody  # those that touch with changing features
+ContactBody = Cluster | Ball | Rim | RimPoint | EllipsoidBody | Barrel | ConeBody | Face | Cam | Solid | PlanarBody
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,16 @@ from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-from mbd_sim.mechanism.elements.contacts import Barrel, Cluster, Contact, Egg, Face, PlanarBody, Solid, Taper
+from mbd_sim.mechanism.elements.contacts import (
+    Barrel,
+    Cluster,
+    ConeBody,
+    Contact,
+    EllipsoidBody,
+    Face,
+    PlanarBody,
+    Solid,
+)
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.clearances import Clearances
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
@@ -44,8 +53,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
         case PlanarBody() as first, PlanarBody() as second:
             return OutlinePair(first, second, contact.slots, contact.names)
         case (
-            (Solid() | Barrel() | Taper() | Egg()) as first,
-            (Solid() | Barrel() | Taper() | Egg()) as second,
+            (Solid() | Barrel() | ConeBody() | EllipsoidBody()) as first,
+            (Solid() | Barrel() | ConeBody() | EllipsoidBody()) as second,
         ):
             return SmoothPair(first, second, contact.slots)
         case one, other:

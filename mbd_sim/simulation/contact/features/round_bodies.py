@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.mechanism.elements.contacts import Barrel, Curved, Egg, Solid, Taper
+from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Curved, EllipsoidBody, Solid
 from mbd_sim.simulation.contact.features.polytopes import cross, dots, turned
 
 TINY = 1e-60
@@ -64,9 +64,9 @@ def round_body(body: Curved | Solid) -> RoundBody:
         case Barrel(radius=r, length=length):
             rims = ((-0.5 * length, r), (0.5 * length, r)) if length else ((0.0, r),)
             return _revolved(body.at.point, body.axis, rims)
-        case Taper(radius=r, length=length):
+        case ConeBody(radius=r, length=length):
             return _revolved(body.at.point, body.axis, ((-0.5 * length, r), (0.5 * length, 0.0)))
-        case Egg():
+        case EllipsoidBody():
             gram = sum(
                 (radius**2 * np.outer(axis, axis) for radius, axis in zip(body.radii, body.axes.T, strict=True)),
                 np.zeros((3, 3)),

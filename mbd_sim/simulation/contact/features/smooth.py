@@ -24,7 +24,7 @@ from mbd_sim.dynamics.contact.smooth_rows import (
     TWO_SIDES,
     SmoothFeatures,
 )
-from mbd_sim.mechanism.elements.contacts import Curved, Egg, Solid
+from mbd_sim.mechanism.elements.contacts import Curved, EllipsoidBody, Solid
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
 from mbd_sim.simulation.contact.features.polytopes import BORDER, SUPPORT, TURNED, cross, dots, turned
 from mbd_sim.simulation.contact.features.round_bodies import PlacedBody, RoundBody, round_body, times
@@ -393,7 +393,7 @@ def _lying(one: PlacedBody, other: PlacedBody, face: int, normal: Array) -> Iter
 
 def _rim(shape: RoundBody, corner: int, record: Curved | Solid) -> float:
     """The radius of a rim; 1 for an ellipsoid."""
-    return 1.0 if isinstance(record, Egg) else float(np.sqrt(shape.grams[corner].trace() / 2.0))
+    return 1.0 if isinstance(record, EllipsoidBody) else float(np.sqrt(shape.grams[corner].trace() / 2.0))
 
 
 def _can_meet(one: RoundBody, i: int, other: RoundBody, j: int) -> bool:

@@ -13,7 +13,7 @@ from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.files.builders.contacts import BLOCK
-from mbd_sim.mechanism.elements.contacts import Barrel, Egg, Solid, Taper
+from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
 from test.oracles.convex_distance import distance
@@ -27,13 +27,13 @@ SMOOTH = [pair for pair in PAIRS if "ellipsoid" in pair or pair == ("cylinder", 
 def body(kind, sizes):
     match kind:
         case "ellipsoid":
-            return Egg(HERE, np.eye(3), tuple(sizes))
+            return EllipsoidBody(HERE, np.eye(3), tuple(sizes))
         case "cylinder":
             return Barrel(HERE, UP, sizes[0], sizes[1])
         case "disc":
             return Barrel(HERE, UP, sizes[0], 0.0)
         case "cone":
-            return Taper(HERE, UP, sizes[0], sizes[1])
+            return ConeBody(HERE, UP, sizes[0], sizes[1])
         case "block":
             corners = [0.5 * np.array(signs) * sizes for signs in product((-1, 1), repeat=3)]
             return Solid(HERE, np.array(corners), BLOCK, 0.0)
