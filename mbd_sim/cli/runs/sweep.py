@@ -71,11 +71,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "velocities.elbow, losses.friction, or events.impact for the number of impacts",
     )
     add_method_and_step(parser, "from the file")
+    formats = ".csv, .parquet or .npz"
     parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="write a table with a row per run: .csv, .parquet or .npz (default: print it)",
+        "--out", type=Path, metavar="FILE", help=f"write a table of the runs: {formats} (default: print it)"
     )
     parser.add_argument(
         "--histories",
