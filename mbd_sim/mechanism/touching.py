@@ -37,7 +37,7 @@ def shape_names(part: Part) -> list[str]:
 
 def touching_pairs(mechanism: Mechanism) -> tuple[list[TouchingPair], list[str]]:
     """The pairs of shapes in contact, each once, and the names of contacts of points, cams, or inside others."""
-    places = _places(mechanism.parts)
+    places = dict(_named_places(mechanism.parts))
     found: dict[tuple[str, str, str], TouchingPair] = {}
     others: dict[str, None] = {}
     for contact in mechanism.contacts:
@@ -49,10 +49,6 @@ def touching_pairs(mechanism: Mechanism) -> tuple[list[TouchingPair], list[str]]
             pair = TouchingPair(contact, places[first], second)
             found.setdefault((contact.name, first, contact.names[1]), pair)
     return list(found.values()), list(others)
-
-
-def _places(parts: Mapping[str, Part]) -> dict[str, tuple[str, int]]:
-    return dict(_named_places(parts))
 
 
 def _named_places(parts: Mapping[str, Part]) -> Iterator[tuple[str, tuple[str, int]]]:

@@ -85,7 +85,7 @@ def balanced(balance: RestBalance, guess: Rest) -> Rest | None:
         step, neutral = _newton_step(slopes.matrix[:, :-1], remaining)
         back = neutral.T @ (neutral @ -slopes.along(balance.from_start(rest))[:-1]) if drawn else np.zeros_like(step)
         whole = slopes.whole(np.append(step + back, 0.0))
-        moved = balance.moved(rest, whole * _shortening(balance, whole))
+        moved = balance.moved(rest, whole * min(1.0, LARGEST_TURN / max(balance.turned_by(whole), 1e-300)))
         if moved is None:
             return None
         if size <= BALANCED and back.any() and not np.linalg.norm(balance.at(moved)) <= BALANCED:
@@ -183,10 +183,6 @@ def _newton_step(matrix: Array, remaining: Array) -> tuple[Array, Array]:
     count = int(np.sum(values > FLAT * max(1.0, float(np.max(values, initial=0.0)))))
     step = -axes[:count].T @ (left[:, :count].T @ remaining / values[:count])
     return np.asarray(step), axes[count:]
-
-
-def _shortening(balance: RestBalance, step: Array) -> float:
-    return min(1.0, LARGEST_TURN / max(balance.turned_by(step), 1e-300))
 
 
 ATTEMPTS = 12  # other configurations from which equilibria are sought

@@ -69,7 +69,7 @@ def dc_motor(motor: DcMotor, command: ca.SX, current: ca.SX, speed: ca.SX) -> Mo
     if is_absent(motor.inductance):
         voltage = _voltage(motor, command, ca.SX(1, 1), back_emf, motor.resistance)
         current = (voltage - back_emf) * (1.0 / motor.resistance)
-        if _is_ideal(motor):  # the quotient would round
+        if motor.control != "voltage" and not is_finite(motor.voltage_limit):  # the quotient would round
             current = _wanted_current(motor, command)
         rate = None
     else:
@@ -78,11 +78,6 @@ def dc_motor(motor: DcMotor, command: ca.SX, current: ca.SX, speed: ca.SX) -> Mo
         rate = (voltage - drop) * (1.0 / motor.inductance)
     torque, loss = _geared(motor, motor.torque_constant * current, omega)
     return MotorOutput(motor.gear * torque, voltage, current, rate, motor.resistance * current**2, loss)
-
-
-def _is_ideal(motor: DcMotor) -> bool:
-    """Whether the current is the commanded one at any speed."""
-    return motor.control != "voltage" and not is_finite(motor.voltage_limit)
 
 
 def _wanted_current(motor: DcMotor, command: ca.SX) -> ca.SX:

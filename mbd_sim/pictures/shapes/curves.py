@@ -111,7 +111,7 @@ def _grid(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach:
 
     meridians = [meridian(point)]
     levels = [cut(at, up) for at in _evenly_spaced(meridians[0], LEVEL_LINES)]
-    longest = max(levels, key=_length)
+    longest = max(levels, key=lambda line: float(np.sum(np.linalg.norm(np.diff(line, axis=0), axis=1))))
     if len(longest) > 2 and np.array_equal(longest[0], longest[-1]):
         for at in _evenly_spaced(longest, MERIDIANS):
             if all(_distance(line, at) > STEP * reach for line in meridians):
@@ -212,10 +212,6 @@ def _evenly_spaced(line: Array, count: int) -> list[Array]:
 
 def _distance(line: Array, at: Array) -> float:
     return float(np.min(np.linalg.norm(line - at, axis=1)))
-
-
-def _length(line: Array) -> float:
-    return float(np.sum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
 
 
 def _reach(point: Array, base: Pose) -> float:

@@ -24,7 +24,6 @@ from mbd_sim.simulation.run.moving_points import named_frame
 from mbd_sim.studies.kinematic_analysis.curve import (
     Kind,
     SingularPoint,
-    TracedCurve,
     require_reached,
     require_regular,
     sampled,
@@ -409,17 +408,13 @@ def _first(system: KinematicSystem, line: DriveLine, mode: int | None, *, follow
         return system.start, 0.0
     approach = DriveLine(system, given, line.start)
     curve = traced_curve(approach, approach.forward(system.start, 0.0, 1.0), through=False)
-    if not _is_complete(curve):
+    if curve.singular or curve.points[-1].s != 1.0:
         along = (given - line.start) @ (line.stop - line.start) / float(np.sum((line.stop - line.start) ** 2))
         off = np.abs(line.drives(float(along)) - given) / system.scale[system.u_driven]
         if follow and 0.0 <= along <= 1.0 and np.max(off) <= 1e-12:
             return system.start, float(along)
         require_reached(system, approach, curve)
     return curve.points[-1].q, 0.0
-
-
-def _is_complete(curve: TracedCurve) -> bool:
-    return not curve.singular and curve.points[-1].s == 1.0
 
 
 def _directions(s: Array) -> Array:

@@ -166,16 +166,12 @@ def _singular(motion: DrivenMotion) -> Iterator[str]:
 def _limits(motion: DrivenMotion) -> Iterator[str]:
     for name in grounded_outputs(motion):
         found = [
-            f"{'greatest' if one.greatest else 'least'} {_shown(motion, name, one.value)} at "
+            f"{'greatest' if one.greatest else 'least'} {value_shown(one.value, rotation=motion.is_rotation(name))} at "
             f"{motion.drive_name} = {shown(motion.mechanism, motion.drive_name, one.drive)}"
             for one in limit_positions(motion, name)
         ]
         if found:
             yield _row("Limit positions", f"{name}: {'; '.join(found)}")
-
-
-def _shown(motion: DrivenMotion, name: str, value: float) -> str:
-    return value_shown(value, rotation=motion.is_rotation(name))
 
 
 def _advantage(motion: DrivenMotion, name: str) -> str:
