@@ -26,8 +26,8 @@ from mbd_sim.mechanism.contents import channel_names, require_two_sided
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.mechanism.values.names import readings, reference
+from mbd_sim.studies.algebra.samples import with_forces_alone
 from mbd_sim.studies.optimization.parameter_inputs import ParameterInputs, parameter_inputs
-from mbd_sim.studies.symbolic.algebra.samples import with_forces_alone
 
 REFUSED = "cannot be given as CasADi functions"
 SMOOTH = "Remove them, or use smooth ones: stops and contacts with a 'stiffness', friction without 'sticking'."
