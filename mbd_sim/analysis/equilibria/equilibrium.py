@@ -17,7 +17,7 @@ import numpy as np
 from mbd_sim.analysis.equilibria.rest_balance import Rest, RestBalance, RestSlopes, displacement_between
 from mbd_sim.analysis.linear.linearization import linearize, size_of_zeros
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
@@ -193,7 +193,7 @@ TIMES = (0.0, 0.137, 0.71, 1.9)  # in natural units, at which accelerations are 
 CHANGED = 1e-9  # of what is compared, or of its natural unit, that counts as a change
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Equilibrium:
     """Coordinates q (nq,) and `states` of actuators (s,) in which a mechanism can stay at rest.
 
@@ -208,8 +208,6 @@ class Equilibrium:
     displacement: Array
     distance: float
     growth: float
-
-    __repr__ = short_repr
 
     @property
     def stable(self) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import of_vector, product
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.elements.sensors import (
     ORIENTATION,
     Accelerometer,
@@ -177,7 +177,7 @@ INDEX = "index"  # the value of an encoder beside its position
 _AXES = 9  # numbers of a rotation matrix
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SensorReading:
     """A measurement: the time in s and the number of its sample, and the values of its quantities by name.
 
@@ -188,8 +188,6 @@ class SensorReading:
     time: float
     sample: int
     values: Mapping[str, Array]
-
-    __repr__ = short_repr
 
     def __getitem__(self, quantity: str) -> Array:
         return self.values[quantity]

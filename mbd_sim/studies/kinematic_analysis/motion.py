@@ -15,7 +15,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
@@ -34,15 +34,13 @@ from mbd_sim.studies.kinematic_analysis.modes import modes_at
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem, coordinate_columns, coordinate_index, is_rotation
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PointMotion:
     """`position`, `velocity` and `acceleration` (n, 3) of a point in ground's axes, in m and s."""
 
     position: Array
     velocity: Array
     acceleration: Array
-
-    __repr__ = short_repr
 
 
 class PointFunctions:

@@ -17,7 +17,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
 from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.terms import term_function
@@ -297,15 +297,13 @@ def without_forces(mechanism: Mechanism) -> Mechanism:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Sensitivity:
     """Derivatives by the parameters, for each row of a motion: (n, ..., np); nan at dead points and change points."""
 
     position: Array
     velocity: Array
     acceleration: Array
-
-    __repr__ = short_repr
 
 
 class MotionSensitivity:

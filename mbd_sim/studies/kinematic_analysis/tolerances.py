@@ -6,14 +6,13 @@ Sensitivities and tolerances are given as columns of a table and as lines of a r
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
 from mbd_sim.base.errors import InputError, counted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
 from mbd_sim.studies.kinematic_analysis.parametric import MotionSensitivity
@@ -24,7 +23,7 @@ Distribution = Literal["normal", "uniform"]
 DEVIATIONS = 3.0  # standard deviations in a tolerance, for normal distributions
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Deviation:
     """The deviation of a quantity from its nominal value, in each row of a motion: (n,) or (n, 3).
 
@@ -39,8 +38,6 @@ class Deviation:
     deviation: Array
     least: Array
     greatest: Array
-
-    __repr__ = short_repr
 
 
 class ToleranceAnalysis:

@@ -11,7 +11,7 @@ import sympy as sp
 
 from mbd_sim.base.errors import MbdSimError, listed
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.constraints.start import given_start
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
@@ -45,7 +45,7 @@ from mbd_sim.studies.symbolic.sensors import SymbolicSensor, TracedSensors, symb
 MAX_SPEEDS = 6
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SymbolicEquations:
     """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
 
@@ -74,8 +74,6 @@ class SymbolicEquations:
     built_in: Mapping[str, str] = field(default_factory=dict)
     sensors: tuple[SymbolicSensor, ...] = ()
     sides: tuple[Any, ...] = ()
-
-    __repr__ = short_repr
 
     @property
     def q(self) -> tuple[Any, ...]:
@@ -291,7 +289,7 @@ def _require_formulas(mechanism: Mechanism) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SympyModel:
     """M u' + h = Q + Gᵀ λ, with q' = N(q) u, in SymPy; SI units.
 
@@ -325,8 +323,6 @@ class SympyModel:
     G: Any
     b: Any
     sensors: Mapping[str, Mapping[str, Any]]
-
-    __repr__ = short_repr
 
     @property
     def L(self) -> Any:  # noqa: N802

@@ -11,7 +11,6 @@ The characteristic polynomial is given where it is short enough to be read.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -19,7 +18,7 @@ import sympy as sp
 from mbd_sim.analysis.equilibria.equilibrium import nearest_equilibrium
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.mechanism.contents import has_one_sided
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
@@ -61,7 +60,7 @@ def characteristic_polynomial(blocks: Sequence[Any], s: Any, gradient: Any, fact
 SOLUTION_ROUND_OFF = 1e-13  # of values at an equilibrium in SI units
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SymbolicLinearization:
     """M δu' + C δu + K δq + E δs = δτ + W δw + Gᵀ δλ, δs' = A δq + B δu + S δs + V δw, G δu = 0 about an equilibrium.
 
@@ -97,8 +96,6 @@ class SymbolicLinearization:
     loads: tuple[Any, ...] = ()
     state_values: tuple[Any, ...] = ()
     rolling: bool = False
-
-    __repr__ = short_repr
 
 
 @interruptible_tracing()

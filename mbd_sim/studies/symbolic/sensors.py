@@ -13,7 +13,7 @@ import sympy as sp
 
 from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.actuators.forces import actuator_forces, add_effort, port_motion
 from mbd_sim.dynamics.actuators.functions import MOTOR_READINGS, actuator_functions
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, constraint_equations, joined
@@ -55,7 +55,7 @@ SAME = 1e-9
 DIRECTION_ROUND_OFF = 1e-15  # of entries of a unit vector
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SymbolicSensor:
     """What a sensor measures, without its errors and its delay.
 
@@ -70,8 +70,6 @@ class SymbolicSensor:
     sensor: AnySensor
     values: Mapping[str, Any]
     reason: str = ""
-
-    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
