@@ -18,8 +18,8 @@ from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, EllipsoidBody, Face, Rim
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.touching import first_of, welded
 from mbd_sim.mechanism.values.names import in_quotes, unique_name
-from mbd_sim.mechanism.welded import first_of, welded
 
 FLOOR, FRICTION = "floor", 1.0
 MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it

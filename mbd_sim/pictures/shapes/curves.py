@@ -11,8 +11,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
-from mbd_sim.dynamics.math.evaluation import all_evaluated
-from mbd_sim.dynamics.math.expressions import function_of
+from mbd_sim.dynamics.math.expressions import all_evaluated, function_of
 from mbd_sim.mechanism.elements.constraints import Surface, is_one_sided
 
 EquationPair = Callable[[Array], tuple[Array, Array]]  # from a point (3,): two values (2,), gradients (2, 3)

@@ -15,19 +15,22 @@ from typing import Any
 from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
 
-from mbd_sim.recordings.mcap.contents import Contents, Span, chunk_index_of, counts_of
-from mbd_sim.recordings.mcap.repair import chunk_records, read_data_section, read_summary, strictly_read
-from mbd_sim.recordings.mcap.scanner import (
+from mbd_sim.recordings.mcap.contents import (
     MAGIC,
     PARSE_ERRORS,
     RECORD_HEADER,
     BrokenRecordError,
     ByteSource,
+    Contents,
     FileBytes,
+    Span,
     attachment_is_intact,
+    chunk_index_of,
+    counts_of,
     data_stream,
     scan_messages,
 )
+from mbd_sim.recordings.mcap.repair import chunk_records, read_data_section, read_summary, strictly_read
 from mbd_sim.recordings.messages.cdr import Block, DamagedError, Message, ReadingError, RecordedFile, RecordedTopic
 
 

@@ -22,8 +22,15 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
 
-from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, attachment_index, chunk_index, encoded
-from mbd_sim.recordings.mcap.scanner import MAGIC, Definitions
+from mbd_sim.recordings.mcap.contents import (
+    MAGIC,
+    Contents,
+    Definitions,
+    FileStatistics,
+    attachment_index,
+    chunk_index,
+    encoded,
+)
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, RecordedTopic
 from mbd_sim.recordings.messages.definitions import Topic
 

@@ -23,13 +23,13 @@ from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     Box,
     Cone,
     Cylinder,
     Ellipsoid,
+    Prism,
     Ring,
     Rod,
     Sphere,

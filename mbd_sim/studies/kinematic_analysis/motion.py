@@ -17,7 +17,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.moving_points import named_frame

@@ -19,7 +19,7 @@ from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
-from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.dynamics.math.expressions import all_evaluated, evaluated
 from mbd_sim.dynamics.terms import term_function
 from mbd_sim.mechanism.contents import require_two_sided
 from mbd_sim.mechanism.elements.parts import GROUND

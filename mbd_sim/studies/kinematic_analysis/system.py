@@ -26,8 +26,7 @@ from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.start import assemble, rheonomic
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import trace
-from mbd_sim.dynamics.math.evaluation import evaluated
-from mbd_sim.dynamics.math.expressions import require_smooth
+from mbd_sim.dynamics.math.expressions import evaluated, require_smooth
 from mbd_sim.dynamics.math.rank import least_solution
 from mbd_sim.files.checks.bare_angles import bare_argument_remark
 from mbd_sim.files.checks.override import number_at

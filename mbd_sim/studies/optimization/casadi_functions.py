@@ -21,7 +21,7 @@ from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.layouts.actuators import require_continuous
-from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+from mbd_sim.integrators.explicit import EXPLICIT, Tableau
 from mbd_sim.mechanism.contents import channel_names, require_two_sided
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism

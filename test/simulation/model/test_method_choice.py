@@ -16,8 +16,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.simulation.model import spectrum
 from mbd_sim.simulation.model.builder import partial_system
-from mbd_sim.simulation.model.method_choice import choose_method
-from mbd_sim.simulation.model.spectrum import fastest_mode, is_slower
+from mbd_sim.simulation.model.method_choice import choose_method, fastest_mode, is_slower
 from test.simulation.run.test_advice import RIGID, STIFF
 
 # The inertia of the finger is that of a bead; its friction and damping are those of a gear motor, as in many URDFs.
