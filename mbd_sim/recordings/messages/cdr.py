@@ -12,8 +12,8 @@ The types that runs consist of are decoded as fast as `verify` needs it, all oth
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -192,6 +192,15 @@ class RecordedTopic:
     encoding: str
     count: int
     hash: str = ""
+
+
+def topics_by_name(topics: Iterable[RecordedTopic]) -> dict[str, RecordedTopic]:
+    """Topics by name; one that stands several times, as in several files, counts the messages of all."""
+    found: dict[str, RecordedTopic] = {}
+    for topic in topics:
+        earlier = found[topic.name].count if topic.name in found else 0
+        found[topic.name] = replace(topic, count=topic.count + earlier)
+    return found
 
 
 @dataclass(frozen=True)

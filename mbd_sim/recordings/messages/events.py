@@ -31,8 +31,8 @@ from mbd_sim.simulation.run.events import (
     EventKind,
     Payload,
 )
+from mbd_sim.simulation.run.run_point import RunPoint
 from mbd_sim.simulation.run.simulation import BaseSimulation
-from mbd_sim.simulation.run.state import RunPoint
 
 HISTORY, SAMPLES = "history", "samples"  # after the live values, in this order, if there are any
 LABELS = ("steps", "start_energy", "state", "inputs")  # before those of the live values

@@ -26,7 +26,7 @@ from mbd_sim.simulation.kernel.sensors import Arrival
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.state_records import Energies, Violation
 from mbd_sim.simulation.run.moving_points import named_frame
-from mbd_sim.simulation.run.state import RunPoint, joint_state_arrays, joint_state_names
+from mbd_sim.simulation.run.run_point import RunPoint, joint_state_arrays, joint_state_names
 
 
 class Due(Flag):
