@@ -227,8 +227,7 @@ class SensorModel:
         self.noises: list[Noise] = []
         self.errors: list[MeasurementErrors] = []
         self._layouts = [_Layout(sensor) for sensor in self.sensors]
-        sizes = len(model.start), len(model.inputs)
-        self._readers = [model.sensor_readers.bound(sensor.name, *sizes) for sensor in self.sensors]
+        self._functions = [model.on_request.sensor(sensor.name) for sensor in self.sensors]
         for sensor, timing in zip(self.sensors, self.timings, strict=True):
             counts = [len(quantity.components) for quantity in sensor.quantities]
             noise = Noise(mechanism.sensor_seed, sensor.name, sum(counts), sensor.sampling.drop_out)
@@ -245,7 +244,7 @@ class SensorModel:
     def _exact_values(self, number: int, time: float, sample: StateSample) -> Array:
         sensor, model = self.sensors[number], self._model
         given = model.with_contact_forces(time, sample.y, sample.inputs)
-        exact = self._readers[number].read(time, sample.y, given)
+        exact = self._functions[number].read(time, sample.y, given)
         match sensor:
             case ForceTorque():
                 return self._load(sensor, time, sample, exact)
