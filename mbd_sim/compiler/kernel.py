@@ -91,17 +91,13 @@ def compile_kernel(
     else:
         advance = _emit_guarded(module, system, method, program, needs, one_sided, like_branches)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
-    at_events: Mapping[str, ca.Function] = {}
     counts = {name: function.n_in() for name, function in readers.items()}
     if one_sided is not None:
-        from mbd_sim.compiler.steps.active_rows import emit_terms
+        from mbd_sim.compiler.steps.active_rows import emit_event_readers
 
-        emit_terms(module, one_sided, NOT_OPTIMIZED)
-        at_events = one_sided.event_readers
-        counts |= {"contact_terms": 3, **{name: function.n_in() for name, function in at_events.items()}}
-    for name, function in (*readers.items(), *at_events.items()):
-        lowered = lower(module, function, inline=True, as_interpreted=name in at_events)
-        export(module, f"read_{name}", lowered, NOT_OPTIMIZED)
+        counts |= emit_event_readers(module, one_sided, NOT_OPTIMIZED)
+    for name, function in readers.items():
+        export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
     signature = KernelSignature(
         readers=counts,
         instructions=instruction_count(program),

@@ -323,7 +323,7 @@ def derive(
         from mbd_sim.dynamics.one_sided_functions import OneSidedDynamics
 
         dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, rows, assembly.functions.size)
-        one_sided, motion = dynamics.functions(y_rates), dynamics.motion(rows.given_forces)
+        one_sided, motion = dynamics.functions(y_rates), dynamics.given_motion()
     linearized = JointLinearization(traced, mass_matrix, constraints, typical, assembly.dependent, forces)
     functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
     return _packaged(traced, assembly, forces, motion, functions, linearized, one_sided)

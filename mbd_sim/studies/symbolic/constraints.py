@@ -125,7 +125,11 @@ def contact_function(derived: Equations) -> ca.Function:
     readings = contact.read(t, y, inputs, ca.SX.zeros(rows, 1))
     velocity = readings[gaps : gaps + rows]
     at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
-    sizes = ca.reshape(contact.terms.call([t, y, inputs])[2][rows:], len(contact.equations.frictions), 2)
+    sizes = ca.reshape(
+        contact.terms.call([t, y, inputs, contact.slots.values(t, y, inputs)])[2][rows:],
+        len(contact.equations.frictions),
+        2,
+    )
     restitution = contact.restitution.call([inputs])[0]
     outputs = [readings[:gaps], ca.jacobian(velocity, u), at_rest, restitution, sizes]
     return ca.Function("contacts", [t, q, u, efforts, *given], [ca.sparsify(output) for output in outputs])

@@ -204,7 +204,7 @@ def _rows(traced: TracedMechanism, derived: Equations | None) -> ConstraintEquat
     if derived.one_sided is None:
         return rows
     contacts = derived.one_sided.equations
-    return joined(rows, contacts.equations.select(row_order(contacts)))
+    return joined(rows, contacts.combined.written.select(row_order(contacts)))
 
 
 def _reactions(
