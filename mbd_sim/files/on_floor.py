@@ -15,6 +15,7 @@ from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.checks.override import with_values
+from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, EllipsoidBody, Face, Rim
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -24,10 +25,11 @@ from mbd_sim.mechanism.welded import first_of, welded
 FLOOR, FRICTION = "floor", 1.0
 MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it
 UP = np.array([0.0, 0.0, 1.0])
+UPRIGHT = 1e-9  # by how much the square of what a base rises may differ from 1
 
 
 def on_floor(mechanism: Mechanism, changes: Mapping[str, Any] | None = None) -> Mechanism:
-    """The mechanism on the floor of its file, or else on a new one, and with each free base where it touches that.
+    """The mechanism on the floor of its file, or else on a new one, and with its bases where they touch that.
 
     Bases are lifted so that nothing is in the floor; to a new one they are also lowered. Where many shapes would touch,
     only parts at the ends of the tree do, which a remark says.
@@ -91,13 +93,13 @@ def _ends(joints: Iterable[Joint]) -> set[str]:
 
 
 def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
-    """The mechanism with its free bases moved along z, so that nothing is in a floor, and the lowest point on it."""
-    free = (joint for joint in mechanism.joints.values() if joint.type == "free" and not joint.drive)
-    bases = [joint for joint in free if joint.parent == GROUND]
+    """The mechanism with its bases moved along z, so that nothing is in a floor, and the lowest point on it."""
+    kinematics = Kinematics(mechanism)
+    poses = kinematics.poses()
+    bases = _bases(mechanism, poses)
     if not bases:
         return mechanism
-    kinematics = Kinematics(mechanism)
-    poses, carried = kinematics.poses(), _carriers(mechanism)
+    carried = _carriers(mechanism, bases)
     heights: dict[str, float] = {}
     for contact in filter(_is_floor, mechanism.contacts):
         face = contact.second
@@ -107,20 +109,51 @@ def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
                 base, lift = carried.get(body.at.part, ""), -_gap(body, face, poses[body.at.part]) / rise
                 heights[base] = max(lift, heights.get(base, -np.inf))
     changes: dict[str, Any] = {}
-    for joint in bases:
-        lift = heights.get(joint.name, 0.0)
+    for base, rises in bases.items():
+        lift = heights.get(base, 0.0)
         if lift > 0.0 or (lowers and lift < 0.0):
-            start = kinematics.start[kinematics.layout.q[joint.name]][:3]
-            position = start + joint.parent_pose.rotation.T @ (lift * UP)
-            changes[f"joints.{in_quotes(joint.name)}.position"] = [float(value) for value in position]
+            start = kinematics.start[kinematics.layout.q[base]][: 3 if len(rises) == 3 else None].copy()
+            start[: len(rises)] += lift * rises
+            moved = [float(value) for value in start]
+            changes[f"joints.{in_quotes(base)}.position"] = moved if len(moved) > 1 else moved[0]
     return with_values(mechanism, changes) if changes else mechanism
 
 
-def _carriers(mechanism: Mechanism) -> dict[str, str]:
-    """The joint nearest to ground that carries each part."""
+def _bases(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Array]:
+    """The joints that move what they carry straight up, and by how much of each displacement: (n,) for a rise of 1.
+
+    They are free joints on ground, and planar and prismatic ones that nothing holds or moves there, or on others that
+    only slide.
+    """
+    found: dict[str, Array] = {}
+    sliding = {GROUND: np.eye(3)}
+    ports = [actuator.port for actuator in mechanism.actuators]
+    moved = {port.coordinate for port in ports if isinstance(port, CoordinatePort)}
+    for joint in mechanism.tree_joints():
+        if joint.inboard not in sliding or joint.reversed or joint.drive:
+            continue
+        held = any(joint.stiffness) or any(joint.limits) or not moved.isdisjoint(joint.motion_names)
+        axes = sliding[joint.inboard] @ joint.parent_pose.rotation
+        if joint.type == "free":
+            along = np.eye(3)
+        elif joint.type == "planar" and not held:
+            along = np.array([joint.second, np.cross(joint.axis, joint.second)])
+        elif joint.type == "prismatic" and not held:
+            along = np.array([joint.axis])
+            sliding[joint.outboard_part] = poses[joint.outboard_part].rotation
+        else:
+            continue
+        rises: Array = along @ axes.T @ UP
+        if abs(float(rises @ rises) - 1.0) <= UPRIGHT:
+            found[joint.name] = rises
+    return found
+
+
+def _carriers(mechanism: Mechanism, bases: Mapping[str, Array]) -> dict[str, str]:
+    """The base nearest to ground that carries each part."""
     found: dict[str, str] = {}
     for joint in mechanism.tree_joints():
-        found[joint.outboard_part] = found.get(joint.inboard, joint.name)
+        found[joint.outboard_part] = found.get(joint.inboard) or (joint.name if joint.name in bases else "")
     return found
 
 
