@@ -105,6 +105,7 @@ class ModelParts:
         self.shapes: dict[int, str] = {}  # the parts of geoms that touch
         owners = {index: self.parts[int(m.jnt_bodyid[index])] for index in range(m.njnt)}
         self.joints = accepted_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
+        self.inward: dict[str, str] = {}  # the joints that lead to the parts
         self._used_parts = set(self.parts.values())
         for index in range(1, m.nbody):
             self._add_part(index)
@@ -199,6 +200,7 @@ class ModelParts:
             name = unique_name(f"{own}_fixed", {*self.joints.values(), *self.sections["joints"]})
             record = {"type": "fixed", "between": [self.point(inner, place, own), reference(own)]}
             self._add_joint(name, "body", index, record)
+            self.inward[own] = name
         for joint in joints:
             name, last = self.joints[joint], joint == joints[-1]
             outer = own if last else unique_name(f"{own}_{name}", self._used_parts)
@@ -210,6 +212,7 @@ class ModelParts:
             between = [self.point(inner, base, name), self.point(outer, anchor, name)]
             self._add_joint(name, "joint", joint, {"type": record.pop("type"), "between": between, **record})
             inner, place = outer, identity_pose()
+            self.inward[outer] = name
 
     def _add_joint(self, name: str, kind: str, index: int, record: dict[str, Any]) -> None:
         self.sections["joints"][name] = record

@@ -19,6 +19,7 @@ from mbd_sim.files.mjcf.couplings import add_equalities, add_tendon, tendon_of
 from mbd_sim.files.mjcf.forces import Actuators, add_armature, add_gravity_compensation, add_joint_forces
 from mbd_sim.files.mjcf.keyframes import add_start
 from mbd_sim.files.mjcf.parts import ModelParts
+from mbd_sim.files.mjcf.sensors import add_sensors
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import rows
 from mbd_sim.mechanism.values.names import accepted_names
@@ -26,7 +27,6 @@ from mbd_sim.mechanism.values.source import Source
 
 TIME_STEP = 0.002  # s, unless the model gives another one
 UNUSED = {
-    "sensor": "sensors, which are not read",
     "flex": "flexes, which have masses but no stiffness here",
     "skin": "skins, which are only seen",
     "camera": "cameras",
@@ -91,6 +91,7 @@ def mjcf_source(text: str, file: str) -> Source:
         _let_assembly_move(parts.sections["joints"])
     add_armature(parts, tendons, Actuators(parts, tendons))
     add_contacts(parts)
+    add_sensors(parts)
     note_left_out(model)
     return _source(model, parts)
 
