@@ -94,6 +94,7 @@ setup(
         "matplotlib>=3.8.4",
         "mcap>=1.5",
         "numpy>=2.0",
+        "platformdirs>=4.0; sys_platform != 'linux'",
         "pydantic>=2.14",
         "pyyaml>=6.0",
         "rerun-sdk>=0.38",
