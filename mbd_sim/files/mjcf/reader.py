@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.files.mjcf.collisions import PLANE
 from mbd_sim.files.mjcf.compiled_model import CompiledModel
 from mbd_sim.files.mjcf.contacts import add_contacts
 from mbd_sim.files.mjcf.couplings import add_equalities, add_tendon, tendon_of
@@ -41,8 +40,6 @@ def note_left_out(model: CompiledModel) -> None:
         for index in range(model.count(kind)):
             model.leave_out(sentence, kind, index)
     for geom in range(m.ngeom):
-        if m.geom_bodyid[geom] == 0 and m.geom_type[geom] != PLANE:
-            model.leave_out("geoms of the world, which are not drawn, and through which bodies pass", "geom", geom)
         if np.any(m.geom_fluid[geom][:1]) and (m.opt.density or m.opt.viscosity):
             model.leave_out("forces of the medium on ellipsoids", "geom", geom)
     for body in range(1, m.nbody):
