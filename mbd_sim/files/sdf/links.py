@@ -15,7 +15,7 @@ from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
 from mbd_sim.mechanism.values.names import is_name
 
 PRODUCTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-READ = ("pose", "inertial", "visual", "collision")  # elements of a link
+READ = ("pose", "inertial", "visual", "collision", "sensor")  # elements of a link
 
 
 def part_of(values: Values, link: Element, key: str) -> dict[str, Any]:

@@ -124,7 +124,7 @@ class Accelerometer(Sensor, kind="accelerometer", message_type="sensor_msgs/msg/
 
 @record
 class ForceTorque(Sensor, kind="force_torque", message_type="geometry_msgs/msg/WrenchStamped"):
-    """The load that a joint transmits to its second part, about and in the axes of the joint's frame `at` there."""
+    """The load that a joint transmits to its second part, about and in the axes of a frame `at` there."""
 
     joint: str
     at: PartFrame
