@@ -25,16 +25,14 @@ from mbd_sim.compiler.steps.adams import adams_step
 from mbd_sim.compiler.steps.emitter import Emit, Prepare, System, emit_samples
 from mbd_sim.compiler.steps.loop import emit_advance
 from mbd_sim.compiler.steps.runge_kutta import explicit_step
-from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.gauss import Gauss
+from mbd_sim.integrators.explicit import Adams, Tableau
+from mbd_sim.integrators.implicit import Gauss, Rosenbrock, RosenbrockW
 from mbd_sim.integrators.method import Method, Scales
-from mbd_sim.integrators.rosenbrock import Rosenbrock, RosenbrockW
-from mbd_sim.integrators.tableau import Tableau
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.steps.active_rows import OneSidedSystem
-    from mbd_sim.integrators.taylor import Taylor
+    from mbd_sim.integrators.explicit import Taylor
 
 
 INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop

@@ -21,7 +21,7 @@ import numpy as np
 from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
     ConstrainedMotion,
@@ -126,7 +126,7 @@ def derivative_function(
     return ca.Function(name, list(symbols), [ca.densify(ca.horzcat(*columns).T)], {"cse": True})
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Equations:
     """The functions that the compiler turns into machine code, and functions that are evaluated on request.
 
@@ -183,8 +183,6 @@ class Equations:
     one_sided: OneSidedFunctions | None = None
     cushions: CushionFunctions | None = None
     actuators: ActuatorFunctions | None = None
-
-    __repr__ = short_repr
 
     @property
     def inputs_without_commands(self) -> Array:
