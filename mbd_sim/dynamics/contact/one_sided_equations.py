@@ -15,9 +15,9 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
-from mbd_sim.dynamics.contact.combined_rows import CombinedRows, combined_rows
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
-from mbd_sim.dynamics.contact.slots import PartMotions, Slot, Slots, written_slot
+from mbd_sim.dynamics.contact.rows.combined_rows import CombinedRows, combined_rows
+from mbd_sim.dynamics.contact.rows.slots import PartMotions, Slot, Slots, written_slot
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
