@@ -124,7 +124,7 @@ setup(
         "platformdirs>=4.0; sys_platform != 'linux'",
         "pydantic>=2.14",
         "pyyaml>=6.0",
-        "rich>=13.7",
+        "rich>=13.3",
         "rosbags>=0.11",
         "zstandard>=0.21",
     ],
