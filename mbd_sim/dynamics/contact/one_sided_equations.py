@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
@@ -20,6 +21,7 @@ from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
@@ -205,8 +207,10 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
     still = still_axis(traced.poses)
-    along = _places(traced, still)
-    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, along)
+    along, rotations = _places(traced, still), _start_rotations(traced)
+    gaps, sticking = one_sided_rows(
+        traced.mechanism, bodies, time, traced.state.t, units.length, still, along, rotations
+    )
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
@@ -324,6 +328,18 @@ def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
         return {}
     parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
     return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
+
+
+def _start_rotations(traced: TracedMechanism) -> dict[str, Array]:
+    """The rotations (3, 3) of the parts and ground at the start of the file, before loops are closed."""
+    found = {GROUND: np.eye(3)}
+    if any(isinstance(body, PlanarBody) for each in traced.numeric.contacts for body in (each.first, each.second)):
+        symbols = [traced.state.t, traced.state.q, traced.parameters.symbols]
+        read = ca.Function("rotations", symbols, [ca.horzcat(*(pose.rotation for pose in traced.poses))])
+        start = given_start(traced.numeric, traced.layout)[0]
+        columns = np.array(read(0.0, start, traced.parameters.base))
+        found |= {link.joint.outboard: columns[:, 3 * k : 3 * k + 3] for k, link in enumerate(traced.links)}
+    return found
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:
