@@ -218,6 +218,9 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
     unable, prescribed = _unable_to_act(traced, equations, gaps)
     unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
+    if still is None:
+        own = [row for row in range(len(gaps), len(gaps) + len(slips)) if row not in unable]
+        unable |= _never_moved(traced, equations.select(own), own, gaps)
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions: list[FrictionElement] = []
@@ -303,6 +306,28 @@ def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple
         zero &= row_is_zero(other.scaled_gradient(time, q))
     still = [row for row in range(len(equations.rows)) if zero[row]]
     return {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
+
+
+def _never_moved(
+    traced: TracedMechanism, equations: ConstraintEquations, rows: Sequence[int], gaps: Sequence[Gap]
+) -> set[int]:
+    """Those of some rows, with these equations, that no coordinate changes but by round-off, which would divide forces.
+
+    That is slip across the plane of a mechanism that is not one of the planes of ground's axes.
+    """
+    if not rows:
+        return set()
+    random = np.random.default_rng(5)
+    numbers = ca.vertcat(ca.SX(0, 1), *(gap.numbers for gap in gaps if gap.numbers is not None))
+    values = ca.DM(random.normal(size=numbers.shape[0]))
+    gradient, *wrenches = ca.substitute([equations.gradient, *equations.wrenches], [numbers], [ca.SX(values)])
+    functions = constraint_functions(traced, replace(equations, gradient=gradient, wrenches=wrenches))
+    start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    zero = np.full(len(rows), True)
+    for time in (0.0, *later_times(traced.numeric)):
+        q = functions.displaced(start, scales * random.normal(size=len(scales)))
+        zero &= row_is_zero(functions.scaled_gradient(time, q))
+    return {row for row, never in zip(rows, zero, strict=True) if never}
 
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
