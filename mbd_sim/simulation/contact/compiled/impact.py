@@ -52,14 +52,13 @@ def impact(
 
 def is_jammed(c: Contacts, readings: Array, touching: Integers, impulses: Array) -> bool:
     """Whether an impulse is so large that it only divides by round-off: a drive presses where nothing can yield."""
-    fastest = 0.0
+    fastest, largest = 0.0, 0.0
     for gap in range(c.gaps):
         if touching[gap]:
             fastest = max(fastest, abs(readings[rate_at(c, gap)]) / c.row_speeds[gap])
     for row in range(c.rows):
-        if abs(impulses[row]) > JAMMED * fastest * c.row_loads[row] / c.unit_rate:
-            return True
-    return False
+        largest = max(largest, abs(impulses[row]) * c.unit_rate / c.row_loads[row])
+    return largest > JAMMED * fastest
 
 
 def slow_of(c: Contacts, e: Array, gap: int) -> float:
