@@ -88,7 +88,7 @@ class Controls:
 
 
 def keeps(opened):
-    """A recording under a name, a picture, a page and an animation, each looked at."""
+    """A recording under a name, a picture, a page and an animation; test_keep_tab has those of the others."""
     lab, name = opened.lab, opened.frame.mechanism.name
     opened.tab("Keep")
     opened.field("Recording").fill("mine.mcap")
@@ -129,7 +129,8 @@ def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd
         controls.use_all()
         unused = {handle.label for uuid, handle in controls.handles.items() if uuid not in controls.heard}
         assert unused <= {"Back to the file"}
-        keeps(opened)
+        if name == "robot":
+            keeps(opened)
         opened.tab("Show")
         opened.check("Dark")
         theme = "document.documentElement.dataset.mantineColorScheme"
