@@ -125,7 +125,7 @@ setup(
         "pydantic>=2.14",
         "pyyaml>=6.0",
         "rich>=13.0",
-        "rosbags>=0.10.8",
+        "rosbags>=0.11",
         "zstandard>=0.21",
     ],
     extras_require=EXTRAS
@@ -135,7 +135,7 @@ setup(
         "robots": ["drake>=1.30", "example-robot-data>=4", "pin>=3"],
         "test": [
             *ALL,
-            "fmpy>=0.3.20",
+            "fmpy>=0.3.26",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",

@@ -20,8 +20,8 @@ from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactB
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.touching import first_of, welded
 from mbd_sim.mechanism.values.names import in_quotes, unique_name
-from mbd_sim.mechanism.welded import first_of, welded
 
 FLOOR, FRICTION = "floor", 1.0
 MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it

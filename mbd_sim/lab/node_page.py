@@ -15,8 +15,7 @@ from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.link import PageOrder, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
 from mbd_sim.simulation.run.simulation import BaseSimulation
-from mbd_sim.studies.report.cached_report import cached_report
-from mbd_sim.studies.report.text import report_text
+from mbd_sim.studies.report.text import cached_report, report_text
 
 NICENESS = 10  # so that the node comes first where there is not enough processor time for both
 

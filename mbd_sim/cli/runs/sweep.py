@@ -15,6 +15,7 @@ from mbd_sim.cli.shared.common import (
     add_mechanism,
     add_method_and_step,
     add_quiet,
+    add_repeatable,
     positive_in,
     print_notes,
     seed_number,
@@ -42,15 +43,14 @@ MOST_ROWS, MOST_COLUMNS = 20, 6  # of the table that is printed where no file is
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--vary",
-        action="append",
-        default=[],
-        metavar="NAME=VALUES",
-        required=True,
-        help="vary a value of the file, such as parameters.l or joints.elbow.position, or a constant effort, such as "
+        "NAME=VALUES",
+        "vary a value of the file, such as parameters.l or joints.elbow.position, or a constant effort, such as "
         "efforts.elbow; repeatable. VALUES: 0.5:2:20 (20 values from 0.5 to 2), 0.5,1,2 (these values), or a "
         "distribution to sample: uniform(0.5, 2), loguniform(0.5, 2), normal(mean, deviation)",
+        required=True,
     )
     parser.add_argument("--draws", type=int, default=1, metavar="N", help="random samples per combination (default 1)")
     parser.add_argument("--seed", type=seed_number, default=0, help="seed of the random samples (default 0)")
@@ -61,12 +61,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"sampling interval of the results in seconds, at least one step (default: TIME / {SAMPLES})",
     )
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--quantity",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="also report a quantity of each run: its last, least, most and root-mean-square values; repeatable. "
+        "NAME",
+        "also report a quantity of each run: its last, least, most and root-mean-square values; repeatable. "
         "NAME: such as reactions.elbow.force, points.lower.tip.z, drives.crank.force, energies.kinetic, "
         "velocities.elbow, losses.friction, or events.impact for the number of impacts",
     )

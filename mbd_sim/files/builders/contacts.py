@@ -46,9 +46,9 @@ from mbd_sim.mechanism.elements.contacts import (
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.touching import first_of, free_parts, neighbor_groups, welded
 from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
-from mbd_sim.mechanism.welded import first_of, free_parts, neighbor_groups, welded
 
 SIDES = {-1: "-", 1: "+"}
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z

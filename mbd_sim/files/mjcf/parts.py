@@ -19,8 +19,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
 from mbd_sim.files.mjcf.collisions import PLANE, touching_geoms
 from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
-from mbd_sim.files.text.shape_entries import capsule, hull
-from mbd_sim.files.text.xml import rows
+from mbd_sim.files.text.xml import capsule, hull, rows
 from mbd_sim.mechanism.elements.parts import GROUND, MOST_CORNERS, PartFrame, is_frame_name
 from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.values.names import accepted_names, is_name, reference, unique_name

@@ -30,8 +30,15 @@ from mbd_sim.base.operating_system import (
     force_to_disk,
     free_bytes,
 )
-from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, attachment_index, chunk_index, encoded
-from mbd_sim.recordings.mcap.scanner import MAGIC, Definitions
+from mbd_sim.recordings.mcap.contents import (
+    MAGIC,
+    Contents,
+    Definitions,
+    FileStatistics,
+    attachment_index,
+    chunk_index,
+    encoded,
+)
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, RecordedTopic
 from mbd_sim.recordings.messages.definitions import Topic
 

@@ -43,7 +43,7 @@ from mbd_sim.simulation.run.arguments import (
 )
 from mbd_sim.simulation.run.changes import require_allowed_speeds
 from mbd_sim.simulation.run.moving_points import motion_of
-from mbd_sim.simulation.run.state import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
+from mbd_sim.simulation.run.run_point import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
 
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 

@@ -19,8 +19,8 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
+from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
