@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from mbd_sim.integrators.adams import ADAMS
-from mbd_sim.integrators.gauss import GAUSS
+from mbd_sim.integrators.explicit import ADAMS, EXPLICIT, TAYLOR
+from mbd_sim.integrators.implicit import GAUSS, ROSENBROCK, ROSENBROCK_W
 from mbd_sim.integrators.method import Method
-from mbd_sim.integrators.rosenbrock import ROSENBROCK, ROSENBROCK_W
-from mbd_sim.integrators.tableau import EXPLICIT
-from mbd_sim.integrators.taylor import TAYLOR
 
 METHODS: dict[str, Method] = {**EXPLICIT, **ADAMS, **TAYLOR, **ROSENBROCK, **ROSENBROCK_W, **GAUSS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,7 +15,9 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
+from mbd_sim.dynamics.contact.combined_rows import CombinedRows, combined_rows
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.contact.slots import PartMotions, Slot, Slots, written_slot
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
@@ -104,7 +106,7 @@ class FrictionElement:
 
 @dataclass(frozen=True, eq=False)
 class OneSidedEquations:
-    """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
+    """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction.
 
     `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
     the forces of those gaps that have a place. `are_lengths` (rows,) says of each row whether its position is in m.
@@ -112,12 +114,17 @@ class OneSidedEquations:
 
     gaps: tuple[Gap, ...]
     frictions: tuple[FrictionElement, ...]
-    equations: ConstraintEquations
+    combined: CombinedRows
     layout: OneSidedLayout
     numbers: ca.SX
     places: ca.SX
     units: NaturalUnits
     are_lengths: tuple[bool, ...]
+
+    @property
+    def equations(self) -> ConstraintEquations:
+        """The rows, with symbols for the values of slots."""
+        return self.combined.equations
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -210,35 +217,79 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
-    equations = equations_of_rows(traced, bodies, time, rows)
     measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
-    unable, prescribed = _unable_to_act(traced, equations, gaps)
-    unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
+    own = {index: [index] for index in range(len(gaps))}  # the rows of each gap
+    for number, (index, _) in enumerate(slips):
+        own[index].append(len(gaps) + number)
+    motions, slots = _written_slots(
+        traced, bodies, time, {index: [rows[row] for row in own[index]] for index in own}, gaps
+    )
+    in_slots = {row for index in slots for row in own[index]}
+    plain = [row for row in range(len(rows)) if row not in in_slots]
+    equations = equations_of_rows(traced, bodies, time, [rows[row] for row in plain])
+    unable = {plain[place] for place in _unable_to_act(traced, equations, len(gaps) - len(slots), len(sticking))}
+    unable |= {own[index][place] for index, slot in slots.items() for place in _idle(motions, slot)}
+    unable |= {row for index in own if index in unable for row in own[index]}
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions: list[FrictionElement] = []
     for index, gap in enumerate(gaps):
-        own = [len(gaps) + number for number, (owner, _) in enumerate(slips) if owner == index]
-        if own := [new_index[row] for row in own if row in new_index]:
+        if slip := [new_index[row] for row in own[index][1:] if row in new_index]:
             sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
-            element = FrictionElement(tuple(own), new_index[index], partial(_of_any_speed, sliding), static)
+            element = FrictionElement(tuple(slip), new_index[index], partial(_of_any_speed, sliding), static)
             frictions.append(element)
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
+    places = {index: [place for place, row in enumerate(own[index]) if row in new_index] for index in slots}
+    slots = {index: slot.select(places[index]) for index, slot in slots.items() if index in new_index}
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
-    slots = [gap.numbers for gap in gaps if gap.numbers is not None]
+    numbers = [gap.numbers for gap in gaps if gap.numbers is not None]
     loads = sum(element.joint is not None for element in frictions)
-    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in slots))
-    for row in prescribed:
-        equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
-    numbers = ca.vertcat(ca.SX.sym("contact", layout.features.start), *slots)
-    equations = equations.select(kept)
+    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in numbers))
+    inputs = ca.vertcat(ca.SX.sym("contact", layout.features.start), *numbers)
+    remaining = [place for place, row in enumerate(plain) if row in new_index]
+    combined = combined_rows(
+        equations.select(remaining),
+        [new_index[plain[place]] for place in remaining],
+        Slots(motions, [*slots.values()], time, units.length),
+        [[new_index[row] for row in own[index] if row in new_index] for index in slots],
+        [rows[row] for row in kept],
+    )
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
-    places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
+    points = placed_forces(placed, combined.equations.rows, inputs[layout.given], in_state)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
-    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
+    return OneSidedEquations(tuple(gaps), tuple(frictions), combined, layout, inputs, points, units, are_lengths)
+
+
+def _written_slots(
+    traced: TracedMechanism,
+    bodies: BodySymbols,
+    time: ca.SX,
+    rows: Mapping[int, Sequence[ConstraintRow]],
+    gaps: Sequence[Gap],
+) -> tuple[PartMotions, dict[int, Slot]]:
+    """The slots by the indices of their `gaps`, which have these `rows`, and the motions of their parts."""
+    links = {
+        index: bodies.moving(gap.contact.first.at.part, gap.contact.second.at.part)
+        for index, gap in enumerate(gaps)
+        if gap.numbers is not None and gap.contact is not None
+    }
+    motions = PartMotions(traced, tuple(sorted({link for own in links.values() for link in own})))
+    found = {}
+    for index, own in links.items():
+        numbers, parts = gaps[index].numbers, [motions.links.index(link) for link in own]
+        assert numbers is not None
+        found[index] = written_slot(rows[index], numbers, parts, motions, bodies, time)
+    return motions, found
+
+
+def _idle(motions: PartMotions, slot: Slot) -> list[int]:
+    """The rows of a slot that no coordinate changes; but not a gap that changes nevertheless: only drives change it."""
+    gradient = slot.gradient(motions)
+    idle = [row for row in range(gradient.shape[0]) if not gradient[row, :].nnz()]
+    return [row for row in idle if row or not slot.velocity[0].nnz()]
 
 
 def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
@@ -265,22 +316,17 @@ def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
     return any(not mechanism.coordinate(name).rotation for name in row.factors)
 
 
-def _unable_to_act(
-    traced: TracedMechanism, equations: ConstraintEquations, gaps: Sequence[Gap]
-) -> tuple[set[int], list[int]]:
-    """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; their slip.
+def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int, sticking: int) -> set[int]:
+    """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; idle slip.
 
-    Rows of slip come after those of the `gaps`, slots without any coordinate are among them. The second result are gaps
-    that only drives or time change: no force opens them once they close.
+    The gaps come first, and sticking friction last. Of those that only drives or time change, the gradients become
+    exactly zero: no force opens them once they close.
     """
-    slots = [row for row, gap in enumerate(gaps) if gap.numbers is not None]
-    fixed = [row for row in slots if not equations.gradient[row, :].nnz()]
-    driven = [row for row in fixed if equations.velocity[row, :].nnz()]
-    slips = [row for row in range(len(gaps), len(equations.rows)) if not equations.gradient[row, :].nnz()]
-    others = [row for row in range(len(gaps)) if row not in slots]
-    unable, prescribed = _unchanged(traced, equations.select(others)) if others else (set[int](), list[int]())
-    found = {*fixed, *slips, *(others[row] for row in unable)} - {*driven}
-    return found, [*driven, *(others[row] for row in prescribed)]
+    slips = range(gaps, len(equations.rows) - sticking)
+    unable, prescribed = _unchanged(traced, equations.select(range(gaps))) if gaps else (set[int](), list[int]())
+    for row in prescribed:
+        equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
+    return unable | {row for row in slips if not equations.gradient[row, :].nnz()}
 
 
 def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple[set[int], list[int]]:

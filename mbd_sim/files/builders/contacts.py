@@ -46,9 +46,9 @@ from mbd_sim.mechanism.elements.contacts import (
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.touching import first_of, free_parts, neighbor_groups, welded
 from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
-from mbd_sim.mechanism.welded import first_of, free_parts, neighbor_groups, welded
 
 SIDES = {-1: "-", 1: "+"}
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
@@ -226,8 +226,7 @@ class _ContactBuilder:
         points = context.points_by_part
         self._names = {name: known and dict.fromkeys(known) for name, known in points.items()}
         for name, spec in parts.items():
-            shapes = dict.fromkeys(shape.name for shape in touching_shapes(spec) if shape.name)
-            self._names[name] = {**shapes, **dict.fromkeys(spec.points)}
+            self._names[name] = {**dict.fromkeys(_shape_names(touching_shapes(spec))), **dict.fromkeys(spec.points)}
 
     def build(self, name: str, spec: ContactSpec) -> list[Contact]:
         before = len(self._context.problems)
@@ -473,8 +472,9 @@ class _ContactBuilder:
             return []
         spec = self._parts.get(part)
         shapes = [] if spec is None else touching_shapes(spec)
-        if named := [shape for shape in shapes if name and shape.name == name]:
-            return [_TouchingShape(part, reference, named[0])]
+        names = _shape_names(shapes)
+        if name in names and ((shape := shapes[names.index(name)]).name or spec is None or name not in spec.points):
+            return [_TouchingShape(part, reference, shape)]
         if spec is None and part != GROUND:
             return []
         if name is not None:
@@ -487,9 +487,18 @@ class _ContactBuilder:
         if len(chosen) == 1:
             return [_TouchingShape(part, part, chosen[0])]
         return [
-            _TouchingShape(part, f"{part}.{shape.name or f'shape{number}'}", shape)
-            for number, shape in enumerate(chosen, start=1)
+            _TouchingShape(part, f"{part}.{name}", shape)
+            for name, shape in zip(_shape_names(chosen), chosen, strict=True)
         ]
+
+
+def _shape_names(shapes: Sequence[AnyShapeSpec]) -> list[str]:
+    """The names of shapes; those without one are called by their places, from `shape1` or `hole1` on."""
+    kinds = ["hole" if shape.hole else "shape" for shape in shapes]
+    return [
+        shape.name or f"{kind}{kinds[: place + 1].count(kind)}"
+        for place, (shape, kind) in enumerate(zip(shapes, kinds, strict=True))
+    ]
 
 
 def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.contents import one_sided_names
 from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
     AppliedForce,
@@ -18,8 +19,8 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
+from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
@@ -42,21 +43,24 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
         return None
     method = model.method.one_step
     meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
-    fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
+    mode = fastest_mode(model.equations, *((0.0, model.start) if meaningless else (time, y)), inputs)
+    fastest, name = mode.rate, next(iter(model.mechanism.coordinate_names[mode.speed :]), "")
     stiff = step * fastest > method.stability_limit
     better = step * (TARGET / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
     if stiff:
         better = min(better, MARGIN * method.stability_limit / fastest)
     proposals = []
     may_be_stiff = not method.for_stiff and _may_become_stiff(model)
-    if stiff or (not math.isfinite(estimate) and may_be_stiff):
+    if one_sided_names(model.mechanism):  # which no method for stiff mechanisms treats
+        proposals += [f"less damping and stiffness, or more inertia, at {name}"] if stiff else []
+    elif stiff or (not math.isfinite(estimate) and may_be_stiff):
         proposals.append("method rosenbrock")
     elif method.order < 8 and method.explicit:
         proposals.append("method tsitouras8")
     if not proposals or better * USELESS >= step:
         proposals.insert(0, f"step {round_down(better):g}")
     size = f"is estimated at {estimate:.1g}" if math.isfinite(estimate) else "is unbounded"
-    rates = f", which has rates of {fastest:.1g}/s" if stiff else ""
+    rates = f", which has rates of {fastest:.1g}/s at {name}" if stiff else ""
     return (
         f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
         f"Try {' or '.join(proposals)}."

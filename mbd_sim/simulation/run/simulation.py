@@ -33,7 +33,7 @@ from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, re
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, RunListener, RunReports
 from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs
 from mbd_sim.simulation.run.present_state import PresentState
-from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layout
+from mbd_sim.simulation.run.run_point import RunLayout, RunPoint, require_same_layout
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.contact.records import ContactObserver

@@ -5,8 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from mbd_sim.studies.symbolic.algebra.formulas import Factor, Formula, ParameterSamples, formulas
-from mbd_sim.studies.symbolic.algebra.polynomial import Exact
+from mbd_sim.studies.algebra.formulas import Factor, Formula, ParameterSamples, formulas
+from mbd_sim.studies.algebra.polynomial import Exact
 
 START = np.array([1.3, 0.7, 0.4])
 

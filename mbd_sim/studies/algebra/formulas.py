@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.studies.symbolic.algebra.polynomial import Exact, exact
+from mbd_sim.studies.algebra.polynomial import Exact, exact
 
 Kind = Literal["power", "sin", "cos"]
 ROUNDING = 1e-13  # of a value, relative to the largest of its terms

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbd_sim.studies.symbolic.algebra.polynomial import Exact, exact
+from mbd_sim.studies.algebra.polynomial import Exact, exact
 
 
 @pytest.mark.parametrize(

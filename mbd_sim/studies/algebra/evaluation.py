@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import casadi as ca
 import sympy as sp
 
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.studies.symbolic.algebra.formulas import Factor, Formula
-from mbd_sim.studies.symbolic.algebra.polynomial import Algebra, Exact, Polynomial, exact, in_sympy
-from mbd_sim.studies.symbolic.algebra.samples import SymbolicValues
+from mbd_sim.studies.algebra.formulas import Factor, Formula
+from mbd_sim.studies.algebra.polynomial import Algebra, Exact, Polynomial, exact, in_sympy
+from mbd_sim.studies.algebra.samples import SymbolicValues
 
 MAX_FACTORED = 12  # terms under a square root up to which it is factored
 ONE: Polynomial = {(): Fraction(1)}
@@ -90,12 +91,11 @@ def exact_expression(value: float) -> Any:
 
 def expression(algebra: Algebra, p: Polynomial) -> Any:
     """A polynomial as a SymPy expression."""
-    return sp.Add(
-        *(
-            sp.Mul(ratio(value), *_factors({algebra.expressions[number]: exponent for number, exponent in monomial}))
-            for monomial, value in p.items()
-        )
-    )
+    terms = []
+    for monomial, value in p.items():
+        factors = _factors({algebra.expressions[number]: exponent for number, exponent in monomial})
+        terms.append(sp.Mul(sp.Rational(value), *factors))
+    return sp.Add(*terms)
 
 
 def _factors(exponents: dict[Any, int]) -> list[Any]:
@@ -108,14 +108,8 @@ def _factors(exponents: dict[Any, int]) -> list[Any]:
     return [sp.Pow(base, exponent) for base, exponent in exponents.items()]
 
 
-def ratio(value: Fraction) -> Any:
-    """A fraction as a SymPy number."""
-    return sp.Rational(value.numerator, value.denominator)
-
-
 def _apply(algebra: Algebra, operation: int, values: list[Polynomial]) -> Polynomial:
-    def written(p: Polynomial) -> Any:
-        return expression(algebra, p)
+    written = partial(expression, algebra)
 
     match operation, values:
         case ca.OP_ASSIGN, [x, *_]:

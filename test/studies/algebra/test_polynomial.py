@@ -6,9 +6,9 @@ from math import prod
 import pytest
 import sympy as sp
 
-from mbd_sim.studies.symbolic.algebra import polynomial
-from mbd_sim.studies.symbolic.algebra.evaluation import expression
-from mbd_sim.studies.symbolic.algebra.polynomial import Algebra, TooLargeError
+from mbd_sim.studies.algebra import polynomial
+from mbd_sim.studies.algebra.evaluation import expression
+from mbd_sim.studies.algebra.polynomial import Algebra, TooLargeError
 
 HALF = Fraction(1, 2)
 

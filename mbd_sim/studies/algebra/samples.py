@@ -1,7 +1,7 @@
 """The parameters of a file as symbols, and the numbers of its equations as formulas of them.
 
 The builders of a mechanism compute with numbers. So the parameters are varied, the numbers are sampled for several of
-their values, and a formula is found for each number that changes, see `mbd_sim.studies.symbolic.algebra.formulas`. A
+their values, and a formula is found for each number that changes, see `mbd_sim.studies.algebra.formulas`. A
 number without such a formula becomes a symbol of its own.
 """
 
@@ -32,9 +32,9 @@ from mbd_sim.files.builders.joints import REGULARIZATION
 from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.laws import Expressed, PowerLaw, Varying
-from mbd_sim.studies.symbolic.algebra.formulas import MAX_TERMS, Factor, Formula, ParameterSamples, formulas
-from mbd_sim.studies.symbolic.algebra.names import key_name, symbol_latex
-from mbd_sim.studies.symbolic.algebra.polynomial import Exact, exact
+from mbd_sim.studies.algebra.formulas import MAX_TERMS, Factor, Formula, ParameterSamples, formulas
+from mbd_sim.studies.algebra.names import key_name, symbol_latex
+from mbd_sim.studies.algebra.polynomial import Exact, exact
 
 Numbers = Callable[[Mechanism], Array]
 NumbersOfVariants = Callable[[Mechanism, NDArray[np.bool_]], Array]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import CommandError, Ensemble, MechanismError, Simulation
-from mbd_sim.simulation.run.state import integrated_energies, joint_state_arrays, joint_state_names, recorded_state
+from mbd_sim.simulation.run.run_point import integrated_energies, joint_state_arrays, joint_state_names, recorded_state
 from test.record_contents import contents
 
 OPTIONS = {"live": ["gravity[2]", "joints.*.damping"], "wrenches": ["lower"]}

@@ -5,9 +5,9 @@ import pytest
 
 from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.files.load import load_mechanism
+from mbd_sim.studies.algebra import samples
+from mbd_sim.studies.algebra import samples as symbolic_values
 from mbd_sim.studies.optimization import parameter_inputs
-from mbd_sim.studies.symbolic.algebra import samples
-from mbd_sim.studies.symbolic.algebra import samples as symbolic_values
 
 
 def sampled(name, module, of_variants):

@@ -314,8 +314,7 @@ def in_sympy(number: Exact) -> Any:
     """An exact number in SymPy."""
     import sympy as sp
 
-    ratio = sp.Rational(number.ratio.numerator, number.ratio.denominator)
-    return ratio * sp.sqrt(number.radicand) * sp.pi**number.pi
+    return sp.Rational(number.ratio) * sp.sqrt(number.radicand) * sp.pi**number.pi
 
 
 def _fraction(value: float, tolerance: float) -> Fraction | None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import of_vector
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.state_records import Energies
 
@@ -47,7 +47,7 @@ _NAMES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class RunPoint:
     """A run at a step boundary: everything that the rest of it depends on besides later commands.
 
@@ -67,8 +67,6 @@ class RunPoint:
     history: Array = field(default_factory=lambda: np.empty(0))
     error_estimate: float = 0.0
     layout: RunLayout | None = None
-
-    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,8 @@
-"""Adams–Bashforth–Moulton methods as data (Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*)."""
+"""Explicit methods as data: Runge–Kutta, Adams–Bashforth–Moulton and Taylor methods.
+
+Runge–Kutta and Adams methods: Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*. The Taylor method:
+Jorba & Zou, *Experimental Mathematics* 14, 2005.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,111 @@ from math import comb, prod
 from typing import ClassVar
 
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.integrators.method import Coefficients, Method
-from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+from mbd_sim.integrators.coefficients import dop853, tsitouras8, verner7
+from mbd_sim.integrators.method import Coefficients, ErrorEstimate, Method
+
+
+@dataclass(frozen=True)
+class Tableau(Method):
+    """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_{j<i} a_ij k_j); `a` holds the rows below the diagonal.
+
+    `stability_limit` is the smaller of the limits along the real and the imaginary axis, or the other one if that is
+    zero.
+    """
+
+    a: tuple[Coefficients, ...]
+    b: Coefficients
+    c: Coefficients
+    estimate: ErrorEstimate
+
+    __repr__ = short_repr
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of the accelerations per step."""
+        return len(self.b)
+
+
+EXPLICIT: dict[str, Tableau] = {
+    method.name: method
+    for method in (
+        # The second stage of Euler's method serves the estimate only.
+        Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), ErrorEstimate((-0.5, 0.5)), stability_limit=2.0),
+        Tableau(
+            "midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), ErrorEstimate((-1.0, 1.0), (1.0,)), stability_limit=2.0
+        ),
+        Tableau(
+            "rk4",
+            4,
+            ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
+            (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0),
+            (0.0, 0.5, 0.5, 1.0),
+            ErrorEstimate((1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0), (1.0,)),
+            stability_limit=2.8,
+        ),
+        Tableau(
+            "verner7",
+            7,
+            verner7.A,
+            verner7.B,
+            verner7.C,
+            ErrorEstimate(verner7.FINE, verner7.COARSE),
+            stability_limit=4.6,
+        ),
+        Tableau(
+            "tsitouras8",
+            8,
+            tsitouras8.A,
+            tsitouras8.B,
+            tsitouras8.C,
+            ErrorEstimate(tsitouras8.FINE, tsitouras8.COARSE),
+            stability_limit=2.9,
+        ),
+        Tableau(
+            "dop853", 8, dop853.A, dop853.B, dop853.C, ErrorEstimate(dop853.E5, dop853.E3, 0.01), stability_limit=6.0
+        ),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Taylor(Method):
+    """y(t + τ) = Σ c_k τᵏ up to k = `order`, with the Taylor coefficients c_k of the solution at t.
+
+    An expansion holds for as many whole steps as fit into the longest τ with rᵏ τᵏ ≤ `tolerance` at k = `order`, but
+    for `most_steps` at most. r is the largest |c_k|^(1/k) of the last `compared` orders, since in symmetric motions
+    some of them vanish, with |c| = Σ_i |c_i| / (s_i + |y_i|). If τ is shorter than a step, the step is divided, into
+    `most_parts` at most. If it is shorter still, or the constraints are ill-conditioned, the step is taken by
+    `otherwise`. `stability_limit` is the largest h |λ| at which it is not: e^(λ τ) has r = |λ| / (k!)^(1/k).
+    """
+
+    keeps_history: ClassVar[bool] = True
+    uses_series: ClassVar[bool] = True
+
+    tolerance: float
+    otherwise: Tableau
+    compared: int = 4
+    most_steps: int = 256
+    most_parts: int = 32
+
+    __repr__ = short_repr
+
+    @property
+    def stages(self) -> int:
+        """The evaluations of the accelerations in a step that is taken by `otherwise`."""
+        return self.otherwise.stages
+
+    @property
+    def one_step(self) -> Tableau:
+        """The other method."""
+        return self.otherwise
+
+    def history_size(self, size: int, inputs_size: int) -> int:
+        """The numbers of `mbd_sim.compiler.taylor.step`: four, then the state, the inputs and the coefficients."""
+        return 4 + inputs_size + (2 + self.order) * size
+
+
+TAYLOR: dict[str, Taylor] = {"taylor": Taylor("taylor", 20, 1e-16, EXPLICIT["tsitouras8"], stability_limit=40.0)}
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbd_sim.studies.symbolic.algebra.evaluation import expression
-from mbd_sim.studies.symbolic.algebra.polynomial import Algebra, quotient, without_denominators
+from mbd_sim.studies.algebra.evaluation import expression
+from mbd_sim.studies.algebra.polynomial import Algebra, quotient, without_denominators
 
 ONE = {(): Fraction(1)}
 
