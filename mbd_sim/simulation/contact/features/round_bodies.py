@@ -140,7 +140,7 @@ class PlacedBody:
         """From corners (k,) to their farthest points (k, 3) along normals (k, 3)."""
         own = turned(self.rotation.T, normals)
         found = times(self.body.grams[corners], own)
-        size = np.sqrt(dots(own, found) + TINY)
+        size = np.sqrt(np.maximum(dots(own, found), 0.0) + TINY)
         return turned(self.rotation, found / size[..., None])
 
     def bends(self, corners: NDArray[np.intp], normals: Array) -> Array:
@@ -148,7 +148,7 @@ class PlacedBody:
         own = turned(self.rotation.T, normals)
         grams = self.body.grams[corners]
         found = times(grams, own)
-        size = np.sqrt(dots(own, found) + TINY)
+        size = np.sqrt(np.maximum(dots(own, found), 0.0) + TINY)
         arm = found / size[..., None]
         inner = (grams - arm[..., :, None] * arm[..., None, :]) / size[..., None, None]
         half = np.stack([turned(self.rotation, inner[..., row, :]) for row in range(3)], axis=-2)
@@ -158,7 +158,7 @@ class PlacedBody:
         """How far in m all corners (k, corners) reach along normals (k, 3)."""
         own = turned(self.rotation.T, normals)[:, None]
         squares = dots(own, times(self.body.grams, own))
-        return np.asarray(dots(self.corners, normals[:, None]) + np.sqrt(squares + TINY))
+        return np.asarray(dots(self.corners, normals[:, None]) + np.sqrt(np.maximum(squares, 0.0) + TINY))
 
     def inside(self, face: int, point: Array) -> float:
         """How far in m a point (3,) is inside the border of a face, seen along its normal."""
