@@ -7,6 +7,7 @@ The same text also runs as Python, with the same results to the last bit: each o
 - Variables keep their kind. `a[i]` is an element, and `a[i:]` the array from there on.
 - `zeros(n)` and `integers(n)` are new arrays, on the stack of the function, and therefore not within loops.
 - An `External` calls machine code whose address is its first argument.
+- Numbers that are divided with `//` or `%` are not negative.
 """
 
 from __future__ import annotations
@@ -272,10 +273,10 @@ class _Translation:
 
     def _binary(self, operation: str, left: _Typed, right: _Typed) -> _Typed:
         kind = "float" if "float" in (left.kind, right.kind) or operation == "Div" else "int"
-        names = {"Add": "add", "Sub": "sub", "Mult": "mul", "Div": "div", "Mod": "rem"}
-        if operation not in names:
+        names = {"Add": "add", "Sub": "sub", "Mult": "mul", "Div": "div", "FloorDiv": "div", "Mod": "rem"}
+        if operation not in names or (operation == "FloorDiv" and kind == "float"):
             raise self._unknown(operation)
-        prefix = "f" if kind == "float" else "u" if operation == "Mod" else ""
+        prefix = "f" if kind == "float" else "u" if operation in ("FloorDiv", "Mod") else ""
         x, y = self._as(kind, left), self._as(kind, right)
         return _Typed(kind, self._b.binary(f"{prefix}{names[operation]}", x, y))
 
@@ -375,6 +376,8 @@ class _Translation:
         if name in ("abs", "math.sqrt"):
             intrinsic = "llvm.fabs" if name == "abs" else "llvm.sqrt"
             return _Typed("float", self._b.intrinsic(intrinsic, self._as("float", arguments[0])))
+        if name == "int":
+            return _Typed("int", self._b.convert("fptosi", self._as("float", arguments[0]), INT))
         if name == "math.isfinite":
             difference = self._b.fsub(arguments[0].value, arguments[0].value)
             return _Typed("bool", self._b.fcmp_ordered("==", difference, number(0.0)))

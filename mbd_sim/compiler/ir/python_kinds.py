@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
 import numpy as np
@@ -76,12 +76,15 @@ def name_of(function: Callable[..., Any]) -> str:
 
 
 def packed(record: Any) -> NDArray[np.int64]:
-    """The fields of a record as compiled functions read them; the arrays among them must outlive it."""
+    """The fields of a record as compiled functions read them. It must outlive them, since it keeps what they point to."""
     slots = np.zeros(len(fields(record)), dtype=np.int64)
     for slot, field in enumerate(fields(record)):
         value = getattr(record, field.name)
         if field.type == "float":
             slots.view(np.float64)[slot] = value
+        elif is_dataclass(value):
+            slots[slot] = packed(value).ctypes.data
         else:
             slots[slot] = value.ctypes.data if field.type in ELEMENTS else int(value)
+    object.__setattr__(record, "_packed", slots)
     return slots

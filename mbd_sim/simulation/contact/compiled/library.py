@@ -26,8 +26,21 @@ from mbd_sim.simulation.contact.compiled import (
     search,
     step,
 )
+from mbd_sim.simulation.contact.compiled.features import polytopes, vectors
 
-MODULES: tuple[ModuleType, ...] = candidate_forces, contacts, forces, impact, linear, members, modes, search, step
+MODULES: tuple[ModuleType, ...] = (
+    candidate_forces,
+    contacts,
+    forces,
+    impact,
+    linear,
+    members,
+    modes,
+    polytopes,
+    search,
+    step,
+    vectors,
+)
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
@@ -47,6 +60,9 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     linear.best_conditioned,
     linear.independent,
     linear.lemke,
+    polytopes.polytope_distance,
+    polytopes.polytope_margin,
+    polytopes.polytope_touching,
 )
 
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
-from mbd_sim.base.geometry.pose import Array, Pose
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
+from mbd_sim.compiler.ir.python_kinds import packed
+from mbd_sim.simulation.contact.compiled.library import called
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,3 +65,55 @@ class NarrowPhase(Protocol):
 
     def renewed(self, one: Pose, other: Pose, numbers: Array) -> Array:
         """The numbers of a closed slot after a step, with what its row iterates from; the same ones without any."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundFeatures:
+    """What touches at a slot, see `SlotFeatures`."""
+
+    numbers: Array
+
+    @property
+    def key(self) -> int:
+        """The last of the numbers."""
+        return int(self.numbers[-1])
+
+
+class CompiledPhase:
+    """A narrow phase whose functions are compiled: `polytope_distance` of the kind `polytope`, and so on.
+
+    :param record: of both bodies, for these functions.
+    :param slot_size: the numbers of a slot.
+    """
+
+    def __init__(
+        self, kind: str, record: Any, bounds: tuple[Bounds, Bounds], slots: int, slot_size: int, *, iterates: bool
+    ) -> None:
+        self.kind, self.bounds, self.iterates = kind, bounds, iterates
+        self._record, self.packed = record, packed(record)
+        self._sizes = slots, slot_size
+
+    def distance(self, one: Pose, other: Pose) -> float:
+        """See `NarrowPhase`."""
+        return float(called(f"{self.kind}_distance", self.packed, _packed(one), _packed(other)))
+
+    def touching(self, one: Pose, other: Pose, tolerance: float) -> list[FoundFeatures]:
+        """See `NarrowPhase`."""
+        slots = np.zeros(self._sizes)
+        count = called(f"{self.kind}_touching", self.packed, _packed(one), _packed(other), tolerance, slots)
+        return [FoundFeatures(numbers.copy()) for numbers in slots[:count]]
+
+    def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
+        """See `NarrowPhase`."""
+        return float(called(f"{self.kind}_margin", self.packed, _packed(one), _packed(other), numbers))
+
+    def renewed(self, one: Pose, other: Pose, numbers: Array) -> Array:
+        """See `NarrowPhase`."""
+        found = numbers.copy()
+        if self.iterates:
+            called(f"{self.kind}_renew", self.packed, _packed(one), _packed(other), found)
+        return found
+
+
+def _packed(pose: Pose) -> Array:
+    return pack_poses(pose.position[None], pose.rotation[None])[0]

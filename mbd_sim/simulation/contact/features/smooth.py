@@ -26,7 +26,8 @@ from mbd_sim.dynamics.contact.smooth_rows import (
 )
 from mbd_sim.mechanism.elements.contacts import Curved, EllipsoidBody, Solid
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
-from mbd_sim.simulation.contact.features.polytopes import BORDER, SUPPORT, TURNED, cross, dots, turned
+from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, SUPPORT, TURNED
+from mbd_sim.simulation.contact.features.polytopes import cross, dots, turned
 from mbd_sim.simulation.contact.features.round_bodies import PlacedBody, RoundBody, round_body, times
 
 KINDS = CORNER_FACE, FACE_CORNER, SIDE_SIDE, SIDE_CORNER, CORNER_SIDE, CORNER_CORNER, POINT_FACE, FACE_POINT = range(8)
