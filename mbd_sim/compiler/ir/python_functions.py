@@ -72,6 +72,7 @@ class _Translation:
         self._first = self._b.block
         self._loops: list[tuple[BasicBlock, BasicBlock]] = []  # where `continue` and `break` lead
         self._names: dict[str, tuple[str, Value]] = {}
+        self._records: dict[str, Any] = {}  # those of fields of other records, by their kind
         parsed = _definitions(function.__module__)[function.__name__]
         self._parsed, self._line = parsed, parsed.lineno
         for parameter, kind, value in zip(parsed.args.args, kinds, self.function.args, strict=True):
@@ -246,9 +247,11 @@ class _Translation:
         if ast.unparse(expression) == "math.inf":
             return self._constant(math.inf)
         record = self._value(expression.value)
-        names = {field.name: (slot, field.type) for slot, field in enumerate(fields(self._globals[record.kind]))}
+        known = self._globals.get(record.kind) or self._records[record.kind]
+        names = {field.name: (slot, field.type) for slot, field in enumerate(fields(known))}
         slot, kind = names[expression.attr]
         assert isinstance(kind, str)
+        self._records.setdefault(kind, vars(sys.modules[known.__module__]).get(kind))
         address = self._b.gep(record.value, integer(slot), INT)
         if kind == "bool":
             return _Typed(kind, self._b.trunc(self._b.load(address, typ=INT), BOOL))

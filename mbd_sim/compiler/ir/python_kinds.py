@@ -76,7 +76,7 @@ def name_of(function: Callable[..., Any]) -> str:
 
 
 def packed(record: Any) -> NDArray[np.int64]:
-    """The fields of a record as compiled functions read them. It must outlive them, since it keeps what they point to."""
+    """The fields of a record as compiled functions read them; what they point to lives as long as the record."""
     slots = np.zeros(len(fields(record)), dtype=np.int64)
     for slot, field in enumerate(fields(record)):
         value = getattr(record, field.name)

@@ -26,7 +26,7 @@ from mbd_sim.simulation.contact.compiled import (
     search,
     step,
 )
-from mbd_sim.simulation.contact.compiled.features import polytopes, vectors
+from mbd_sim.simulation.contact.compiled.features import normals, polytopes, round_bodies, smooth, vectors
 
 MODULES: tuple[ModuleType, ...] = (
     candidate_forces,
@@ -36,8 +36,11 @@ MODULES: tuple[ModuleType, ...] = (
     linear,
     members,
     modes,
+    normals,
     polytopes,
+    round_bodies,
     search,
+    smooth,
     step,
     vectors,
 )
@@ -63,6 +66,10 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     polytopes.polytope_distance,
     polytopes.polytope_margin,
     polytopes.polytope_touching,
+    smooth.smooth_distance,
+    smooth.smooth_margin,
+    smooth.smooth_renew,
+    smooth.smooth_touching,
 )
 
 
