@@ -64,6 +64,11 @@ def prototype(result: str, arguments: Sequence[str]) -> Any:
     return ctypes.CFUNCTYPE(returned, *(_C_TYPES.get(kind, ctypes.c_void_p) for kind in arguments))
 
 
+def address_of(function: Any) -> int:
+    """The address of a C function."""
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
 def signature_of(function: Callable[..., Any]) -> tuple[str, list[str]]:
     """The kinds of the result and of the parameters of a function."""
     kinds = dict(function.__annotations__)

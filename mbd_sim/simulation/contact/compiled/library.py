@@ -24,9 +24,11 @@ from mbd_sim.simulation.contact.compiled import (
     members,
     modes,
     search,
+    slip,
     step,
+    trial,
 )
-from mbd_sim.simulation.contact.compiled.features import normals, polytopes, round_bodies, smooth, vectors
+from mbd_sim.simulation.contact.compiled.features import normals, pairs, polytopes, round_bodies, smooth, vectors
 
 MODULES: tuple[ModuleType, ...] = (
     candidate_forces,
@@ -37,19 +39,20 @@ MODULES: tuple[ModuleType, ...] = (
     members,
     modes,
     normals,
+    pairs,
     polytopes,
     round_bodies,
     search,
+    slip,
     smooth,
     step,
+    trial,
     vectors,
 )
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
-    step.switch,
-    search.stage,
-    search.first_event,
+    pairs.renew,
     forces.unique_forces,
     forces.residual_of,
     forces.newton,
@@ -75,10 +78,11 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
 
 @functools.cache
 def library() -> SimpleNamespace:
-    """The compiled functions; they release the interpreter's lock."""
+    """The compiled functions, which release the interpreter's lock, and their `addresses` by name."""
     code = compile_once([*_contents()], _emitted)
-    names = {one.__name__: prototype(*signature_of(one))(code.address(name_of(one))) for one in EXPORTED}
-    return SimpleNamespace(code=code, **names)
+    addresses = {one.__name__: code.address(name_of(one)) for one in EXPORTED}
+    names = {one.__name__: prototype(*signature_of(one))(addresses[one.__name__]) for one in EXPORTED}
+    return SimpleNamespace(code=code, addresses=addresses, **names)
 
 
 def called(name: str, *arguments: Any) -> Any:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import ctypes
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
-from mbd_sim.compiler.ir.python_kinds import packed
-from mbd_sim.simulation.contact.compiled.library import called
+from mbd_sim.compiler.ir.python_kinds import External, address_of, packed, prototype
+from mbd_sim.simulation.contact.compiled.features.pairs import DISTANCE, MARGIN, RENEW, TOUCHING
+from mbd_sim.simulation.contact.compiled.library import called, library
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,4 +119,96 @@ class CompiledPhase:
 
 
 def _packed(pose: Pose) -> Array:
-    return pack_poses(pose.position[None], pose.rotation[None])[0]
+    return np.asarray(pack_poses(pose.position[None], pose.rotation[None])[0])
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseFunctions:
+    """The addresses of the functions of a narrow phase, which are given `data`; `alive` must live as long."""
+
+    distance: int
+    margin: int
+    touching: int
+    renew: int
+    data: int
+    alive: object
+
+
+def functions_of(phase: NarrowPhase, slots: int, size: int, failures: list[BaseException]) -> PhaseFunctions:
+    """The distance, margin, touching and renewed features for compiled code.
+
+    :param slots: of the pair, each with `size` numbers.
+    :param failures: receives what functions in Python raise; nothing is computed any more after that.
+    """
+    if isinstance(phase, CompiledPhase):
+        known: dict[str, int] = library().addresses
+        distance, margin, touching = (known[f"{phase.kind}_{name}"] for name in ("distance", "margin", "touching"))
+        renew = known[f"{phase.kind}_renew"] if phase.iterates else 0
+        return PhaseFunctions(distance, margin, touching, renew, phase.packed.ctypes.data, phase)
+
+    functions = _Callbacks(phase, slots, size, failures)
+    kinds: list[tuple[External, Callable[..., Any]]] = [
+        (DISTANCE, functions.distance),
+        (MARGIN, functions.margin),
+        (TOUCHING, functions.touching),
+        (RENEW, functions.renew),
+    ]
+    one, other, third, fourth = (prototype(kind.result, kind.arguments)(function) for kind, function in kinds)
+    addresses = address_of(one), address_of(other), address_of(third), address_of(fourth)
+    return PhaseFunctions(*addresses, 0, (one, other, third, fourth))
+
+
+class _Callbacks:
+    """The functions of a narrow phase that is written in Python, with addresses in place of poses and numbers."""
+
+    def __init__(self, phase: NarrowPhase, slots: int, size: int, failures: list[BaseException]) -> None:
+        self._phase, self._slots, self._size, self._failures = phase, slots, size, failures
+
+    def distance(self, _: int, one: int, other: int) -> float:
+        """See `NarrowPhase`."""
+        return self._guarded(lambda: self._phase.distance(_pose(one), _pose(other)))
+
+    def margin(self, _: int, one: int, other: int, numbers: int) -> float:
+        """See `NarrowPhase`."""
+        return self._guarded(lambda: self._phase.margin(_pose(one), _pose(other), _view(numbers, self._size)))
+
+    def touching(self, _: int, one: int, other: int, tolerance: float, out: int) -> int:
+        """See `NarrowPhase`; the numbers of the slots are written."""
+
+        def found() -> int:
+            features = self._phase.touching(_pose(one), _pose(other), tolerance)
+            for numbers, each in zip(
+                _view(out, self._slots * self._size).reshape(-1, self._size), features, strict=False
+            ):
+                numbers[:] = each.numbers
+            return len(features)
+
+        return 0 if math.isnan(count := self._guarded(found)) else int(count)
+
+    def renew(self, _: int, one: int, other: int, numbers: int) -> None:
+        """See `NarrowPhase`; the numbers are changed."""
+
+        def renewed() -> float:
+            own = _view(numbers, self._size)
+            own[:] = self._phase.renewed(_pose(one), _pose(other), own)
+            return 0.0
+
+        self._guarded(renewed)
+
+    def _guarded(self, compute: Callable[[], float]) -> float:
+        """A result, or NaN from the first failure on."""
+        try:
+            return math.nan if self._failures else compute()
+        except BaseException as error:  # which must not pass through compiled code
+            self._failures.append(error)
+            return math.nan
+
+
+def _pose(at: int) -> Pose:
+    row = _view(at, 12).copy()
+    return Pose(row[:3], row[3:].reshape(3, 3).T)
+
+
+def _view(at: int, count: int) -> Array:
+    """Numbers in memory as an array."""
+    return np.ctypeslib.as_array((ctypes.c_double * count).from_address(at))
