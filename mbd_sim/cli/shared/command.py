@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from mbd_sim.base.operating_system import OPEN_FILES, memory_file
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -151,9 +153,11 @@ def temporary_file(name: str) -> Iterator[Path]:
     try:
         folder = tempfile.TemporaryDirectory(prefix="mbd_sim_")
     except FileNotFoundError:
-        in_memory = os.memfd_create(name)
+        in_memory = memory_file(name)
+        if in_memory is None:
+            raise
         try:
-            yield Path(f"/proc/self/fd/{in_memory}")
+            yield OPEN_FILES / str(in_memory)
         finally:
             os.close(in_memory)
         return

@@ -19,6 +19,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
+from mbd_sim.base.operating_system import read_at
+
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")  # opcode, length of the content
 MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -66,7 +68,7 @@ class FileBytes:
         :raises OSError: they cannot be read, or the file has been truncated.
         """
         start, stop, _ = span.indices(self._size)
-        found = os.pread(self._descriptor, stop - start, start)
+        found = read_at(self._descriptor, stop - start, start)
         if len(found) < stop - start:
             raise OSError(None, "the file was truncated while it was being read")
         return found

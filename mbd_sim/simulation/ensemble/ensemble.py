@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import DivergedError, counted
 from mbd_sim.base.geometry.arrays import require_finite
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.operating_system import processors
 from mbd_sim.compiler.ensemble_kernel import MemberGroups
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
@@ -110,7 +110,7 @@ class Ensemble(ReadOnlyAttributes):
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values
         self._put_inputs(inputs)
-        self._threads = len(os.sched_getaffinity(0)) if threads is None else positive_count(threads, "threads")
+        self._threads = processors() if threads is None else positive_count(threads, "threads")
         self._start_energies = np.zeros(len(changes))
         self.reset()
         self._seal()

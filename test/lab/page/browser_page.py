@@ -22,6 +22,10 @@ class AnyPage:
         self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name="Play").wait_for()
 
+    def pause(self, seconds):
+        """Let the page work."""
+        self.page.wait_for_timeout(1000.0 * seconds)
+
     # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few.
 
     def button(self, name):
@@ -81,7 +85,7 @@ class AnyPage:
 
         def again():
             self.type(label, text)
-            self.page.wait_for_timeout(1000)
+            self.pause(1.0)
 
         wait_until(arrived, what, meanwhile=again, report=report)
 
