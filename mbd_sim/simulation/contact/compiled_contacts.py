@@ -191,6 +191,16 @@ class CompiledContacts:
         library().renew(self._address, time, y.ctypes.data, inputs.ctypes.data)
         self.check()
 
+    def end_step(self, time: float, y: Array, inputs: Array) -> None:
+        """After a step: see `compiled.features.pairs.end_step`."""
+        library().end_step(self._address, time, y.ctypes.data, inputs.ctypes.data)
+        self.check()
+
+    @property
+    def held(self) -> Marks:
+        """The components of y that change between steps only."""
+        return np.asarray(self._contacts.held)
+
     def check(self) -> None:
         """Raise what was raised by functions that compiled code calls."""
         if self._failures:

@@ -52,6 +52,7 @@ MODULES: tuple[ModuleType, ...] = (
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
+    pairs.end_step,
     pairs.renew,
     forces.unique_forces,
     forces.residual_of,

@@ -206,6 +206,7 @@ def renew_pair(c: Contacts, pair: FeaturePair, places: Array, inputs: Array) -> 
             margin = MARGIN(pair.margin, pair.data, one, other, inputs[pair.numbers + pair.size * slot :])
             kept[slot] = margin >= -BORDER * c.accuracy
     count = TOUCHING(pair.touching, pair.data, one, other, c.accuracy, found)
+    free_kept(pair, found, count, inputs, kept)
     for k in range(count):
         place_found(pair, k, key_of(found, pair.size, k), inputs, kept, chosen, used)
     following = 0
@@ -223,6 +224,22 @@ def renew_pair(c: Contacts, pair: FeaturePair, places: Array, inputs: Array) -> 
                 inputs[pair.numbers + pair.size * slot + i] = found[pair.size * chosen[slot] + i]
         elif not kept[slot]:
             empty(c, pair, slot, inputs)
+
+
+def free_kept(pair: FeaturePair, found: Array, count: int, inputs: Array, kept: Integers) -> None:
+    """Free kept slots that touch no more, if new features lack slots: of a corner on a corner, each side may have one."""
+    confirmed, holding = integers(pair.slots), 0
+    lacking = count - pair.slots
+    for slot in range(pair.slots):
+        if kept[slot]:
+            lacking += 1
+            for k in range(count):
+                if key_of(found, pair.size, k) == slot_key(pair, inputs, slot):
+                    confirmed[slot] = 1
+                    holding += 1
+    if lacking > holding:
+        for slot in range(pair.slots):
+            kept[slot] = kept[slot] and confirmed[slot]
 
 
 def place_found(
