@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
@@ -20,6 +21,7 @@ from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
@@ -205,8 +207,10 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
     still = still_axis(traced.poses)
-    along = _places(traced, still)
-    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, along)
+    along, rotations = _places(traced, still), _start_rotations(traced)
+    gaps, sticking = one_sided_rows(
+        traced.mechanism, bodies, time, traced.state.t, units.length, still, along, rotations
+    )
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
@@ -214,6 +218,9 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
     unable, prescribed = _unable_to_act(traced, equations, gaps)
     unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
+    if still is None:
+        own = [row for row in range(len(gaps), len(gaps) + len(slips)) if row not in unable]
+        unable |= _never_moved(traced, equations.select(own), own, gaps)
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions: list[FrictionElement] = []
@@ -301,6 +308,28 @@ def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple
     return {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
 
 
+def _never_moved(
+    traced: TracedMechanism, equations: ConstraintEquations, rows: Sequence[int], gaps: Sequence[Gap]
+) -> set[int]:
+    """Those of some rows, with these equations, that no coordinate changes but by round-off, which would divide forces.
+
+    That is slip across the plane of a mechanism that is not one of the planes of ground's axes.
+    """
+    if not rows:
+        return set()
+    random = np.random.default_rng(5)
+    numbers = ca.vertcat(ca.SX(0, 1), *(gap.numbers for gap in gaps if gap.numbers is not None))
+    values = ca.DM(random.normal(size=numbers.shape[0]))
+    gradient, *wrenches = ca.substitute([equations.gradient, *equations.wrenches], [numbers], [ca.SX(values)])
+    functions = constraint_functions(traced, replace(equations, gradient=gradient, wrenches=wrenches))
+    start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    zero = np.full(len(rows), True)
+    for time in (0.0, *later_times(traced.numeric)):
+        q = functions.displaced(start, scales * random.normal(size=len(scales)))
+        zero &= row_is_zero(functions.scaled_gradient(time, q))
+    return {row for row, never in zip(rows, zero, strict=True) if never}
+
+
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
     return size
 
@@ -324,6 +353,18 @@ def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
         return {}
     parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
     return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
+
+
+def _start_rotations(traced: TracedMechanism) -> dict[str, Array]:
+    """The rotations (3, 3) of the parts and ground at the start of the file, before loops are closed."""
+    found = {GROUND: np.eye(3)}
+    if any(isinstance(body, PlanarBody) for each in traced.numeric.contacts for body in (each.first, each.second)):
+        symbols = [traced.state.t, traced.state.q, traced.parameters.symbols]
+        read = ca.Function("rotations", symbols, [ca.horzcat(*(pose.rotation for pose in traced.poses))])
+        start = given_start(traced.numeric, traced.layout)[0]
+        columns = np.array(read(0.0, start, traced.parameters.base))
+        found |= {link.joint.outboard: columns[:, 3 * k : 3 * k + 3] for k, link in enumerate(traced.links)}
+    return found
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:

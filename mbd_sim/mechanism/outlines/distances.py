@@ -62,9 +62,10 @@ class PieceTable:
 
     `centers` (n, 2) are those of round pieces, and the middles of straight ones, of which `halves` (n,) are the half
     lengths; a round one has 0 there. `starts` (n, 2) are the normals at the first ends, `lows` and `highs` (n, 2) those
-    at the ends of the turn, counterclockwise; `wide` is whether a piece turns by more than half a turn, `full` by a
-    whole one. `middles` (n, 2) and `spreads` (n,) are circles around the pieces, `dents` (m, 2) the points at which the
-    outline turns to the right.
+    at the ends of the turn, counterclockwise, and `bisectors` (n, 2) those halfway; `wide` is whether a piece turns by
+    more than half a turn, `full` by a whole one. `middles` (n, 2) and `spreads` (n,) are circles around the pieces,
+    `dents` (m, 2) the points at which the outline turns to the right. `thin` is whether it runs there and back, with
+    nothing inside.
     """
 
     straight: Mask
@@ -73,6 +74,7 @@ class PieceTable:
     starts: Array
     lows: Array
     highs: Array
+    bisectors: Array
     wide: Mask
     full: Mask
     radii: Array
@@ -81,6 +83,7 @@ class PieceTable:
     spreads: Array
     dents: Array
     size: float
+    thin: bool = False
 
     def __len__(self) -> int:
         return len(self.radii)
@@ -120,6 +123,7 @@ def table_of(outline: Outline) -> PieceTable:
         starts=np.array([piece.normal if isinstance(piece, Straight) else _unit(piece.first) for piece in pieces]),
         lows=np.array([_unit(angle) for angle in lows]),
         highs=np.array([_unit(angle) for angle in highs]),
+        bisectors=np.array([_unit(0.5 * (piece.first + piece.last)) for piece in pieces]),
         wide=np.abs(turns) > math.pi,
         full=np.abs(turns) >= FULL,
         radii=np.array([0.0 if one is None else one.radius for one in rounds]),
@@ -128,6 +132,10 @@ def table_of(outline: Outline) -> PieceTable:
         spreads=np.array([spread for _, spread in around]),
         dents=_dents_of(outline),
         size=(outline.size if len(pieces) > 1 else 2.0 * around[0][1]) or math.inf,  # a point has none
+        thin=outline.closed
+        and len(pieces) == 4
+        and all(one is None or one.is_corner for one in rounds)
+        and rounds.count(None) == 2,
     )
 
 
@@ -243,9 +251,12 @@ def _angles(starts: Array, ends: Array, growths: Array) -> Array:
 
 def _room(table: PieceTable, chosen: Indices, normals: Array, place: PlaneMotion) -> Array:
     """How far normals (k, 2) are within the turns of round pieces: sines of the angles to the nearer ends."""
+    middles, wide = place.directions(table.bisectors[chosen]), table.wide[chosen]
     low = _ahead(place.directions(table.lows[chosen]), normals)
     high = _ahead(normals, place.directions(table.highs[chosen]))
-    room = np.where(table.wide[chosen], np.maximum(low, high), np.minimum(low, high))
+    room = np.where(middles[:, 0] * normals[:, 1] < middles[:, 1] * normals[:, 0], low, high)
+    forward = _dots(middles, normals) > 0.0
+    room = np.where(forward == wide, np.where(wide, 1.0, -1.0) * np.abs(room), room)  # certainly within, or beyond
     return np.where(table.full[chosen], np.inf, room)
 
 
@@ -262,6 +273,7 @@ POINT = PieceTable(
     starts=np.array([[1.0, 0.0]]),
     lows=np.array([[1.0, 0.0]]),
     highs=np.array([[1.0, 0.0]]),
+    bisectors=np.array([[-1.0, 0.0]]),
     wide=np.array([True]),
     full=np.array([True]),
     radii=np.zeros(1),

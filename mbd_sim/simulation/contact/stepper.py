@@ -17,9 +17,9 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact.compiled.step import CHANGED, SAME
 from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts, Marks
-from mbd_sim.simulation.contact.impact import Impact, impact, tangential_impact
+from mbd_sim.simulation.contact.impact import Impact, impact, is_jammed, tangential_impact
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
-from mbd_sim.simulation.contact.problem import NoSolutionError
+from mbd_sim.simulation.contact.problem import ContactProblem, NoSolutionError, contact_forces
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
 
 EVENTS_KEPT = 10_000
@@ -173,18 +173,28 @@ class OneSidedStepper:
         model.modes(inputs)[:] = modes
 
     def _unsolved(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> EventError:
-        """The error of contacts without a solution: gaps that only drives or the time change, or too much friction."""
-        movable = np.diag(self._model.terms(time, y, inputs).matrix)[: len(touching)] > 0.0
-        if not np.any(touching & ~movable):
+        """The error of contacts without a solution: they jam by drives or the time alone, or by too much friction."""
+        if not self._jams(time, y, inputs, touching, law):
             return EventError(f"at {time:.9g} s {law.format(self._names(touching))}")
         drives = self._moving_drives(time, y, inputs)
         by = f"the {'drive' if len(drives) == 1 else 'drives'} of {', '.join(drives)}" if drives else "the time"
-        names = self._names(touching & ~movable)
+        gaps = "gaps of {} are" if np.sum(touching) > 1 else "gap of {} is"
         return EventError(
-            f"at {time:.9g} s the gap of {names} is closed by {by} alone, and no contact force can stop that motion. "
-            "Change it so that the gap stays open, or let a part yield: with a spring in place of a driven joint, or a "
-            "compliant contact."
+            f"at {time:.9g} s the {gaps.format(self._names(touching))} closed by {by} alone, and no contact force can "
+            "stop that motion. Change it so that the gap stays open, or let a part yield: with a spring in place of a "
+            "driven joint, or a compliant contact."
         )
+
+    def _jams(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> bool:
+        """Whether touching contacts have no solution without friction either, or one that divides by round-off."""
+        model, rows = self._model, [int(gap) for gap in np.flatnonzero(touching)]
+        terms = model.terms(time, y, inputs)
+        rates = (model.readings(time, y, inputs).rates if law == NO_IMPULSES else terms.free)[rows]
+        problem = ContactProblem(terms.matrix[rows][:, rows], rates, range(len(rows)), (), model.compliance[rows])
+        try:
+            return is_jammed(model, contact_forces(problem), rates, rows)
+        except NoSolutionError:
+            return True
 
     def _names(self, touching: Mask) -> str:
         return ", ".join(name for name, at in zip(self._model.names, touching, strict=True) if at)
@@ -211,6 +221,9 @@ class OneSidedStepper:
             found = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
         except NoSolutionError as error:
             raise self._unsolved(time, y, inputs, touching, NO_IMPULSES) from error
+        gaps = range(len(touching))
+        if is_jammed(model, found.impulses[gaps], readings.rates[gaps] * touching, gaps):
+            raise self._unsolved(time, y, inputs, touching, NO_IMPULSES)
         self._apply(time, y, inputs, found)
 
     def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:

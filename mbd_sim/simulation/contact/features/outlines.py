@@ -168,13 +168,19 @@ class OutlinePair:
         return kept
 
     def _is_inside(self, found: _Found, row: int, place: PlaneMotion) -> bool:
-        """Whether the point of each piece is inside the other outline; if one is a corner, only its point need be."""
-        (x, y), (other_x, other_y) = found.at.points[row].tolist(), found.at.others[row].tolist()
+        """Whether the point of each piece is inside the other outline.
+
+        If one is a corner, only its point need be; if one is thin, only that of the thin one.
+        """
+        one, other = self._tables
         surface = -SURFACE * self._scale
-        if not self._tables[1].corners[found.seconds[row]] and depth(self._tables[1], x, y) < surface:
-            return False
-        back = place.back(other_x, other_y)
-        return bool(self._tables[0].corners[found.firsts[row]]) or depth(self._tables[0], *back) >= surface
+        own = not one.thin and (other.thin or not one.corners[found.firsts[row]])
+        if not other.thin and (one.thin or not other.corners[found.seconds[row]]):
+            x, y = found.at.points[row].tolist()
+            if depth(other, x, y) < surface:
+                return False
+        x, y = found.at.others[row].tolist()
+        return not own or depth(one, *place.back(x, y)) >= surface
 
     def _is_within(self, place: PlaneMotion) -> bool:
         """Whether one of two outlines that do not cross each other is inside the other one."""

@@ -227,7 +227,7 @@ def renew_pair(c: Contacts, pair: FeaturePair, places: Array, inputs: Array) -> 
 
 
 def free_kept(pair: FeaturePair, found: Array, count: int, inputs: Array, kept: Integers) -> None:
-    """Free kept slots that touch no more, if new features lack slots: of a corner on a corner, each side may have one."""
+    """Free kept slots that touch no more, if new features lack slots: as of a corner on a corner, one for each side."""
     confirmed, holding = integers(pair.slots), 0
     lacking = count - pair.slots
     for slot in range(pair.slots):
