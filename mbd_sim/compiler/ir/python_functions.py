@@ -381,6 +381,9 @@ class _Translation:
             return _Typed("float", self._b.intrinsic(intrinsic, self._as("float", arguments[0])))
         if name == "int":
             return _Typed("int", self._b.convert("fptosi", self._as("float", arguments[0]), INT))
+        if name == "math.atan2":
+            function = self._module.declared("atan2", DOUBLE, [DOUBLE, DOUBLE])
+            return _Typed("float", self._b.call(function, [self._as("float", each) for each in arguments]))
         if name == "math.isfinite":
             difference = self._b.fsub(arguments[0].value, arguments[0].value)
             return _Typed("bool", self._b.fcmp_ordered("==", difference, number(0.0)))

@@ -28,7 +28,16 @@ from mbd_sim.simulation.contact.compiled import (
     step,
     trial,
 )
-from mbd_sim.simulation.contact.compiled.features import normals, pairs, polytopes, round_bodies, smooth, vectors
+from mbd_sim.simulation.contact.compiled.features import (
+    normals,
+    outlines,
+    pairs,
+    pieces,
+    polytopes,
+    round_bodies,
+    smooth,
+    vectors,
+)
 
 MODULES: tuple[ModuleType, ...] = (
     candidate_forces,
@@ -39,7 +48,9 @@ MODULES: tuple[ModuleType, ...] = (
     members,
     modes,
     normals,
+    outlines,
     pairs,
+    pieces,
     polytopes,
     round_bodies,
     search,
@@ -67,6 +78,12 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     linear.best_conditioned,
     linear.independent,
     linear.lemke,
+    outlines.outline_distance,
+    outlines.outline_margin,
+    outlines.outline_touching,
+    pieces.depth_of,
+    pieces.lower_bound,
+    pieces.meet_pieces,
     polytopes.polytope_distance,
     polytopes.polytope_margin,
     polytopes.polytope_touching,

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
-from mbd_sim.compiler.ir.python_kinds import External, address_of, packed, prototype
+from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.simulation.contact.compiled.features.pairs import DISTANCE, MARGIN, RENEW, TOUCHING
 from mbd_sim.simulation.contact.compiled.library import called, library
 
@@ -102,9 +102,13 @@ class CompiledPhase:
 
     def touching(self, one: Pose, other: Pose, tolerance: float) -> list[FoundFeatures]:
         """See `NarrowPhase`."""
-        slots = np.zeros(self._sizes)
-        count = called(f"{self.kind}_touching", self.packed, _packed(one), _packed(other), tolerance, slots)
+        slots, count = self.found(one, other, tolerance)
         return [FoundFeatures(numbers.copy()) for numbers in slots[:count]]
+
+    def found(self, one: Pose, other: Pose, tolerance: float) -> tuple[Array, int]:
+        """The numbers (slots, size) of what touches, and how much that is."""
+        slots = np.zeros(self._sizes)
+        return slots, called(f"{self.kind}_touching", self.packed, _packed(one), _packed(other), tolerance, slots)
 
     def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
         """See `NarrowPhase`."""
@@ -140,22 +144,19 @@ def functions_of(phase: NarrowPhase, slots: int, size: int, failures: list[BaseE
     :param slots: of the pair, each with `size` numbers.
     :param failures: receives what functions in Python raise; nothing is computed any more after that.
     """
+    functions, kinds = _Callbacks(phase, slots, size, failures), (DISTANCE, MARGIN, TOUCHING, RENEW)
+    known: dict[str, int] = library().addresses
+    addresses, alive, data = list[int](), list[object](), 0
     if isinstance(phase, CompiledPhase):
-        known: dict[str, int] = library().addresses
-        distance, margin, touching = (known[f"{phase.kind}_{name}"] for name in ("distance", "margin", "touching"))
-        renew = known[f"{phase.kind}_renew"] if phase.iterates else 0
-        return PhaseFunctions(distance, margin, touching, renew, phase.packed.ctypes.data, phase)
-
-    functions = _Callbacks(phase, slots, size, failures)
-    kinds: list[tuple[External, Callable[..., Any]]] = [
-        (DISTANCE, functions.distance),
-        (MARGIN, functions.margin),
-        (TOUCHING, functions.touching),
-        (RENEW, functions.renew),
-    ]
-    one, other, third, fourth = (prototype(kind.result, kind.arguments)(function) for kind, function in kinds)
-    addresses = address_of(one), address_of(other), address_of(third), address_of(fourth)
-    return PhaseFunctions(*addresses, 0, (one, other, third, fourth))
+        data = phase.packed.ctypes.data
+    for kind, name in zip(kinds, ("distance", "margin", "touching", "renew"), strict=True):
+        if isinstance(phase, CompiledPhase) and getattr(type(phase), name, None) is getattr(CompiledPhase, name, None):
+            addresses.append(known.get(f"{phase.kind}_{name}", 0))
+        else:
+            alive.append(prototype(kind.result, kind.arguments)(getattr(functions, name)))
+            addresses.append(address_of(alive[-1]))
+    distance, margin, touching, renew = addresses
+    return PhaseFunctions(distance, margin, touching, renew, data, (phase, alive))
 
 
 class _Callbacks:
