@@ -45,6 +45,7 @@ ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8
 SHORTEST = 1e-15  # of the natural time, and of the time
 MOST_SHORTENED = 500  # times that a part of a step is shortened
+MOST_FAILED = 20  # times that a part of a step is shortened because its end is not finite
 ENDS, EVENT, FAILED, AGAIN = 0, 1, -1, 2  # of a part of a step
 
 
@@ -104,10 +105,13 @@ def stage(
     :param ignored: 1 for guards that make no event.
     :param found: becomes its length, and 1 if a slip is so slow at the end that it counts as zero.
     """
+    failed = 0
     for _ in range(MOST_SHORTENED):
         status = stage_within(c, y, inputs, t, length, first_length, ignored, found)
-        if status != AGAIN:
+        if status != AGAIN and (status != FAILED or failed == MOST_FAILED):
             return status
+        if status == FAILED:  # beyond an event, features may have no meaning
+            failed += 1
         length *= SHORTENING
     return FAILED
 

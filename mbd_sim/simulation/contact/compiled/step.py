@@ -84,7 +84,10 @@ def advance(
 
 
 def steps_without_event(c: Contacts, y: Array, inputs: Array, first: int, h: float, steps: int, estimate: Array) -> int:
-    """Take steps up to one with an event; their number, or a negative one if the state would not stay finite."""
+    """Take steps up to one with an event, or which may only be taken in parts; their number.
+
+    Negative if the state would not stay finite, of mechanisms without slots.
+    """
     taken, found, before = 0, 0, zeros(c.size)
     places, places_after = zeros(c.places), zeros(c.places)
     if c.body_pairs == 0:
@@ -94,21 +97,19 @@ def steps_without_event(c: Contacts, y: Array, inputs: Array, first: int, h: flo
         for i in range(c.size):
             before[i] = y[i]
         found = ADVANCE(c.advance, y, inputs, first + taken, h, 1, estimate)
-        if found <= 0:
-            return found if found < 0 else taken
+        if found == 0:
+            return taken
         read_poses(c, (first + taken + 1) * h, y, inputs, places_after)
         for k in range(c.held_count):
             before[c.held[k]] = y[c.held[k]]
-        if may_change(c, inputs, places, places_after):
-            found = changes(c, before, y, inputs, (first + taken) * h, h)
-            if found < 0:
-                return found
-            if found > 0:
-                for i in range(c.size):
-                    y[i] = before[i]
-                for i in range(c.history):
-                    inputs[c.inputs + i] = 0.0
-                return taken
+        if found < 0 or (
+            may_change(c, inputs, places, places_after) and changes(c, before, y, inputs, (first + taken) * h, h)
+        ):
+            for i in range(c.size):
+                y[i] = before[i]
+            for i in range(c.history):
+                inputs[c.inputs + i] = 0.0
+            return taken
         taken += 1
         end_step(c, (first + taken) * h, y, inputs)
         for i in range(c.places):
@@ -121,8 +122,8 @@ def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
     return any(may_meet(c, pair_at(c, index), inputs, before, after) for index in range(c.body_pairs))
 
 
-def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> int:
-    """Whether two bodies meet or features change in a step from a state to another: 1 or 0; -1 if that is not known."""
+def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
+    """Whether two bodies meet or features change in a step from a state to another, or this is not known."""
     n = readings_size(c)
     m = TrialPart(
         before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
@@ -133,10 +134,7 @@ def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: fl
     read(c, t + h, y, inputs, m.after)
     read_poses(c, t, before, inputs, m.places_before)
     read_poses(c, t + h, y, inputs, m.places_after)
-    found = first_change(c, m, NONE)
-    if found < NONE:
-        return -1
-    return 1 if found >= 0.0 else 0
+    return first_change(c, m, NONE) != NONE
 
 
 def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events: Array, counts: Integers) -> int:

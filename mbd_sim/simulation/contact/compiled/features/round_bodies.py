@@ -93,7 +93,7 @@ def offset(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
     own, arm = zeros(3), zeros(3)
     turn_back(body.pose, normal, own)
     times(body.hull.grams[9 * corner :], own, arm)
-    size = math.sqrt(dot(own, arm) + TINY)
+    size = math.sqrt(max(dot(own, arm), 0.0) + TINY)
     for k in range(3):
         arm[k] = arm[k] / size
     turn(body.pose, arm, out)
@@ -114,7 +114,7 @@ def add_bend(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
     gram = body.hull.grams[9 * corner :]
     turn_back(body.pose, normal, own)
     times(gram, own, arm)
-    size = math.sqrt(dot(own, arm) + TINY)
+    size = math.sqrt(max(dot(own, arm), 0.0) + TINY)
     for k in range(3):
         arm[k] = arm[k] / size
     for row in range(3):
@@ -135,7 +135,7 @@ def height(body: PlacedRound, corner: int, normal: Array, sign: float, own: Arra
     if not body.hull.curved[corner]:
         return sign * dot(body.corners[3 * corner :], normal)
     times(body.hull.grams[9 * corner :], own, arm)
-    return sign * dot(body.corners[3 * corner :], normal) + math.sqrt(dot(own, arm) + TINY)
+    return sign * dot(body.corners[3 * corner :], normal) + math.sqrt(max(dot(own, arm), 0.0) + TINY)
 
 
 def reach(body: PlacedRound, normal: Array, sign: float) -> float:
