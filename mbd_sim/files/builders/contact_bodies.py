@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.files.builders.outlines import outline_slots, planar_body
+from mbd_sim.files.builders.outlines import planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.mechanism.elements.contacts import (
@@ -183,8 +183,8 @@ def is_thin(body: Solid | Curved) -> bool:
 
 def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
-    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
-        return outline_slots(first, second)
+    if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
+        return MOST_SLOTS  # fewer, once the plane is known
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0

@@ -12,7 +12,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.builders.contact_bodies import edges, is_thin, round_body, slots_of, solid
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import planar_body, planar_face, round_planar_body
+from mbd_sim.files.builders.outlines import planar_body, planar_face
 from mbd_sim.files.builders.parts import pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -189,17 +189,21 @@ class _ContactBuilder:
     def _outline_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """An outline and another one, or a roller; None, with a problem, for other shapes."""
-        found = [_planar(each, inside and each is second) for each in (first, second)]
-        if found[0] is None or found[1] is None:
-            other = second if found[1] is None else first
-            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
-            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
-            if inside and not isinstance(second.shape, schema.OutlineSpec):
-                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
-            self._context.report(where, message, remedy)
-            return None
-        return found[0], found[1]
+        """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
+        bodies: list[ContactBody] = []
+        for each in (first, second):
+            encloses = inside and each is second
+            if isinstance(each.shape, schema.OutlineSpec):
+                bodies.append(planar_body(each.part, each.shape, pose_of(each.shape), encloses))
+            elif encloses:
+                message = f"{_article(each.kind)} cannot enclose an outline"
+                self._context.report(where, message, "Name the inner part first.")
+            elif isinstance(each.shape, schema.EllipsoidSpec):
+                message = "an outline cannot be in contact with an ellipsoid"
+                self._context.report(where, message, "Give it an outline of arcs, or another shape.")
+            else:
+                bodies.append(solid(each.part, each.shape))
+        return (bodies[0], bodies[1]) if len(bodies) == 2 else None
 
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
@@ -342,14 +346,6 @@ def _shape_names(shapes: Sequence[AnyShapeSpec]) -> list[str]:
         shape.name or f"{kind}{kinds[: place + 1].count(kind)}"
         for place, (shape, kind) in enumerate(zip(shapes, kinds, strict=True))
     ]
-
-
-def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
-    """A shape, or a point, as the outline of a planar body; None for those that have none."""
-    if isinstance(shape.shape, schema.OutlineSpec):
-        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
-    body = None if encloses else round_body(shape.part, shape.shape)
-    return None if body is None else round_planar_body(body)
 
 
 def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:
