@@ -198,6 +198,17 @@ def contact_forces(problem: ContactProblem) -> Array:
     return (polished if residual <= ACCURATE else _solution(scaled, rigid, start)) * scale
 
 
+def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
+    """λ (n,) of `contact_forces`, and 0; if there is none, the nearest that is found, and its relative residual."""
+    try:
+        return contact_forces(problem), 0.0
+    except NoSolutionError:
+        scaled, scale = _scaled(problem)
+        swept = _sweep(scaled, np.zeros(len(problem.free)))
+        polished, residual = _newton(scaled, swept)
+        return polished * scale, residual
+
+
 def _elastic(problem: ContactProblem) -> Array | None:
     """The forces of elastic supports that become stiffer and stiffer; None if they were not found.
 

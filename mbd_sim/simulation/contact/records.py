@@ -19,6 +19,7 @@ class ContactChange(StrEnum):
     SLIDES = "slides"
     IMPACT = "impact"
     BOUND = "too many events"
+    UNSOLVED = "not solved"
 
 
 @dataclass(frozen=True, slots=True)

@@ -171,7 +171,7 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         tolerance,
         driven,
     )
-    return OneSidedStepper(
+    arguments = (
         model.one_sided,
         contacts,
         energy,
@@ -183,3 +183,8 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         moving_drives,
         sorted(model.between_steps.held) if model.between_steps is not None else (),
     )
+    if not model.method.time_stepping:
+        return OneSidedStepper(*arguments)
+    from mbd_sim.simulation.contact.time_stepping.stepper import TimeStepper
+
+    return TimeStepper(model.layout, model.equations.constraints, *arguments)

@@ -123,6 +123,7 @@ class FeaturePairs:
             parts = rows[contact.first.at.part], rows[contact.second.at.part]
             self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
             first = numbers[-1].stop
+        self._features = slice(features, first)
         self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
         self._bounds = [pair.phase.bounds for pair in self.pairs]
         self._across = np.array([_across(pair.contact.still) for pair in self.pairs])
@@ -240,6 +241,16 @@ class FeaturePairs:
             else:
                 for slot in range(len(pair.gaps)):
                     self._empty(pair, slot, inputs)
+
+    def find_all(self, time: float, y: Array, inputs: Array, tolerance: float) -> None:
+        """Find the features of all slots at a state, with gaps up to a tolerance in m; nothing is kept."""
+        inputs[self._features] = 0.0
+        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+        for index in self._overlapping(poses):
+            pair = self.pairs[index]
+            found = pair.phase.touching(*_poses_of(pair, poses), tolerance)
+            for numbers, each in zip(pair.numbers, found, strict=False):
+                inputs[numbers] = each.numbers
 
     def _renew(self, pair: FeaturePair, poses: Array, inputs: Array) -> None:
         both = _poses_of(pair, poses)
