@@ -187,4 +187,4 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         return OneSidedStepper(*arguments)
     from mbd_sim.simulation.contact.time_stepping.stepper import TimeStepper
 
-    return TimeStepper(model.layout, model.equations.constraints, *arguments)
+    return TimeStepper(model.equations, *arguments)

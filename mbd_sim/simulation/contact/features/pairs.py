@@ -30,7 +30,7 @@ from mbd_sim.mechanism.elements.contacts import (
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.features.clearances import Clearances
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
-from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, SlotFeatures
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
@@ -242,14 +242,21 @@ class FeaturePairs:
                 for slot in range(len(pair.gaps)):
                     self._empty(pair, slot, inputs)
 
-    def find_all(self, time: float, y: Array, inputs: Array, tolerance: float) -> None:
-        """Find the features of all slots at a state, with gaps up to a tolerance in m; nothing is kept."""
+    def find_all(self, states: Sequence[tuple[float, Array]], inputs: Array, tolerance: float) -> None:
+        """Find the features of all slots at some states with their times, up to gaps of a tolerance in m.
+
+        Those at the first state come first; nothing is kept of what the slots have been.
+        """
         inputs[self._features] = 0.0
-        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
-        for index in self._overlapping(poses):
-            pair = self.pairs[index]
-            found = pair.phase.touching(*_poses_of(pair, poses), tolerance)
-            for numbers, each in zip(pair.numbers, found, strict=False):
+        found: dict[int, dict[int, SlotFeatures]] = {}
+        for time, y in states:
+            poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
+            for index in self._overlapping(poses):
+                pair = self.pairs[index]
+                for each in pair.phase.touching(*_poses_of(pair, poses), tolerance):
+                    found.setdefault(index, {}).setdefault(each.key, each)
+        for index, features in found.items():
+            for numbers, each in zip(self.pairs[index].numbers, features.values(), strict=False):
                 inputs[numbers] = each.numbers
 
     def _renew(self, pair: FeaturePair, poses: Array, inputs: Array) -> None:
@@ -259,7 +266,11 @@ class FeaturePairs:
             numbers = inputs[pair.numbers[slot]]
             if pair.phase.margin(*both, numbers) >= -BORDER * self._tolerance:
                 kept[int(numbers[-1])] = slot
-        found = [each for each in pair.phase.touching(*both, self._tolerance) if each.key not in kept]
+        touching = pair.phase.touching(*both, self._tolerance)
+        found = [each for each in touching if each.key not in kept]
+        if len(found) > len(pair.gaps) - len(kept):  # as where a corner that lies on a corner has a slot for each side
+            keys = {each.key for each in touching}
+            kept = {key: slot for key, slot in kept.items() if key in keys}
         old = {int(inputs[numbers][-1]): slot for slot, numbers in enumerate(pair.numbers)}
         free = [slot for slot in range(len(pair.gaps)) if slot not in kept.values()]
         chosen = {old[each.key]: each for each in found if old.get(each.key) in free}

@@ -13,7 +13,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.contact.candidates import LOAD_ITERATIONS, RESTING, euclidean_norm
-from mbd_sim.simulation.contact.complementarity import best_conditioned, product
+from mbd_sim.simulation.contact.complementarity import best_conditioned, least_solution, product
 from mbd_sim.simulation.contact.impact import ELASTIC_REST, GAIN, largest_factor
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, nearest_forces
@@ -150,6 +150,23 @@ def add_sliding(model: OneSidedModel, terms: OneSidedTerms, found: StepImpulses,
             if index in model.loaded:
                 modes[layout.active.start + rows[0]] = 1.0
     model.set_signs(terms, found.impulses / found.length, modes)
+    if not found.hits:
+        _share(model, terms, found, modes)
+
+
+def _share(model: OneSidedModel, terms: OneSidedTerms, found: StepImpulses, modes: Array) -> None:
+    """Write what forces that depend on each other have in the step beyond the least ones, so that they are read so."""
+    layout, weights = model.layout, modes[model.layout.active]
+    if not np.any(weights < 0.0):
+        return
+    unit, first = np.eye(layout.rows), layout.direction.start - layout.gaps
+    for index, (rows, gap) in enumerate(model.frictions):
+        if gap is not None:
+            unit[list(rows), gap] -= terms.sizes[index, 0] * modes[[first + row for row in rows]]
+    chosen = np.flatnonzero(weights).tolist()
+    coupled, forces = product(terms.matrix, unit)[chosen][:, chosen], found.impulses[chosen] / found.length
+    least = least_solution(coupled, product(coupled, forces), np.abs(weights[chosen]))
+    modes[model.layout.given][chosen] = forces - least
 
 
 def _slip(model: OneSidedModel, element: int, found: StepImpulses) -> float:

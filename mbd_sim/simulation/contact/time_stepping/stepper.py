@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
-from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedReadings, address
 from mbd_sim.simulation.contact.problem import ACCURATE
@@ -47,13 +47,13 @@ class TimeStepper(OneSidedStepper):
     `unsolved` counts the steps whose impulses do not satisfy all laws.
     """
 
-    def __init__(self, layout: CoordinateLayout, constraints: ConstraintFunctions, *arguments: Any) -> None:
-        """:param layout: of the coordinates, which the `constraints` displace.
+    def __init__(self, equations: Equations, *arguments: Any) -> None:
+        """:param equations: of the mechanism.
 
         :param arguments: those of `OneSidedStepper`.
         """
         super().__init__(*arguments)
-        self._layout, self._constraints = layout, constraints
+        self._layout, self._constraints, self._open_rates = equations.layout, equations.constraints, equations.rates
         self._alone = [index for index, (_, gap) in enumerate(self._model.frictions) if gap is None]
         self.unsolved = 0
 
@@ -98,8 +98,10 @@ class TimeStepper(OneSidedStepper):
         free = self._free_step(y, inputs, step, h, estimate)
         features = model.features
         if features is not None:
-            features.find_all(free.end, y, inputs, max(self._tolerance, NEAR * model.units.speed * h))
+            states = (free.start, free.before), (free.end, y)
+            features.find_all(states, inputs, max(self._tolerance, NEAR * model.units.speed * h))
         closing = self._closing(model.readings(free.end, y, inputs), h)
+        closing |= self._closing(model.readings(free.start, free.before, inputs), h)  # others may press them together
         if np.any(closing) or self._alone:
             self._act(free, y, inputs, closing)
         if features is not None:
@@ -135,6 +137,10 @@ class TimeStepper(OneSidedStepper):
             return
         change = model.response(time, middle, inputs, found.impulses)
         self._move(free, y, change)
+        middle[self._speeds] = 0.5 * (free.before[self._speeds] + y[self._speeds])
+        account = slice(self._losses.start, len(y))
+        powers = evaluated(self._open_rates, time, middle, inputs).ravel()[account]
+        y[account] = free.before[account] + h * powers  # of the motion with these impulses
         modes = model.modes(inputs)
         resting_modes(model, terms, found, modes)
         if model.kernel.part_step(address(y), address(inputs), free.end, 0.0) < 0:
