@@ -17,8 +17,8 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.math.evaluation import evaluated
 from mbd_sim.simulation.contact.candidates import RESTING
+from mbd_sim.simulation.contact.compiled.forces import ACCURATE
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedReadings, address
-from mbd_sim.simulation.contact.problem import ACCURATE
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper
 from mbd_sim.simulation.contact.time_stepping.impulses import ImpulseLaws, StepImpulses, add_sliding, resting_modes
