@@ -24,6 +24,33 @@ ROS_PROGRAMS = {
 }
 
 
+# What few users need. A function that lacks its package says so, with the line that installs it.
+EXTRAS = {
+    "completion": ["argcomplete>=3.1"],  # of commands in a shell
+    "control": ["control>=0.10"],  # linear systems as objects of python-control
+    "gym": ["gymnasium>=1.1"],
+    "html": ["plotly>=5.20"],  # plots as pages
+    "lab": ["viser>=1.1,<2"],  # the mechanism on a page in the browser
+    "mesh": ["contourpy>=1.2", "pillow>=10.0", "pycollada>=0.8", "trimesh>=4.6"],
+    "mjcf": ["mujoco-core>=4.0"],  # reads MJCF
+    "notebook": ["rerun-sdk[notebook]>=0.38"],  # Rerun in notebooks
+    "optimization": ["scipy>=1.11"],  # dimensions of linkages, identification
+    "sweep": ["dask[distributed]>=2024.1"],  # in parallel
+    "symbolic": ["sympy>=1.12.1"],  # equations as formulas
+    "tables": ["pyarrow>=14"],  # Parquet
+    "video": ["av>=12"],  # animations as MP4
+    "view": ["rerun-sdk>=0.38"],
+}
+ALL = sorted({requirement for requirements in EXTRAS.values() for requirement in requirements})
+# In a ROS 2 installation these come from the system instead.
+EXTRAS["ros"] = [
+    "ros-jazzy-rclpy>=7.1,<8",
+    "ros-jazzy-common-interfaces>=5.3,<6",
+    "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
+    *EXTRAS["view"],
+]
+
+
 def tree(folder: str) -> list[tuple[str, list[str]]]:
     """The files under a folder, as entries for the share directory of the package."""
     folders = [path for path in [Path(folder), *sorted(Path(folder).rglob("*"))] if path.is_dir()]
@@ -94,83 +121,47 @@ setup(
         "matplotlib>=3.8.4",
         "mcap>=1.5",
         "numpy>=2.0",
+        "platformdirs>=4.0; sys_platform != 'linux'",
         "pydantic>=2.14",
         "pyyaml>=6.0",
-        "rerun-sdk>=0.38",
-        "rich>=13.0",
-        "rosbags>=0.10.8",
-        "sympy>=1.12.1",
+        "rich>=13.3",
+        "rosbags>=0.11",
         "zstandard>=0.21",
     ],
-    extras_require={
-        "gym": ["gymnasium>=1.1"],
-        # Reading MJCF: the compiler of MuJoCo.
-        "mjcf": ["mujoco-core>=4.0"],
-        # Linear systems as objects of python-control.
-        "control": ["control>=0.10"],
-        # In a ROS 2 installation these come from the system instead.
-        "ros": [
-            "ros-jazzy-rclpy>=7.1,<8",
-            "ros-jazzy-common-interfaces>=5.3,<6",
-            "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
+    extras_require=EXTRAS
+    | {
+        "all": ALL,
+        # Besides, real robots, and Pinocchio and Drake as references; without them those tests are skipped.
+        "robots": ["drake>=1.30", "example-robot-data>=4", "pin>=3"],
+        "test": [
+            *ALL,
+            "fmpy>=0.3.26",
+            "hypothesis>=6.100",
+            "jsonschema>=4.20",
+            "mcap-ros2-support>=0.5",
+            "mypy>=1.10",
+            "playwright>=1.50",
+            "psutil>=5.9",
+            "pytest>=7.4",
+            "pytest-timeout>=2.2",
+            "pytest-xdist>=3.5",
+            "ruff>=0.5",
+            "types-PyYAML",
         ],
-        # Recorded runs as HTML pages and Parquet tables.
-        "plot": ["plotly>=5.20", "pyarrow>=14"],
-        # The page in the browser.
-        "lab": ["viser>=1.1,<2"],
-        # Meshes in pictures, and those in COLLADA in Rerun.
-        "mesh": ["contourpy>=1.2", "pillow>=9.1", "pycollada>=0.8", "trimesh>=4.6"],
-        # Animations as MP4.
-        "video": ["av>=12"],
-        # Dimensions of linkages, identification, LQR.
-        "optimization": ["scipy>=1.11"],
-        # Rerun in notebooks.
-        "notebook": ["rerun-sdk[notebook]>=0.38"],
-        # The command line in a shell.
-        "completion": ["argcomplete>=3.1"],
         # The site: `make docs`.
         "docs": [
+            *(
+                requirement
+                for extra in ("gym", "optimization", "symbolic", "tables", "view")
+                for requirement in EXTRAS[extra]
+            ),
             "furo>=2024.8",
-            "gymnasium>=1.1",
             "myst-nb>=1.2",
             "pandas>=2.0",
-            "pyarrow>=14",
-            "scipy>=1.11",
             "sphinx>=8.1",
             "sphinx-copybutton>=0.5",
             "sphinx-design>=0.6",
             "sphinx-mathjax-offline>=0.0.2",
-        ],
-        # Sweeps: tables, and parallel runs.
-        "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
-        # Real robots, and Pinocchio and Drake as references for accelerations; without them those tests are skipped.
-        "robots": ["drake>=1.30", "example-robot-data>=4", "pin>=3"],
-        "test": [
-            "argcomplete>=3.1",
-            "av>=12",
-            "control>=0.10",
-            "dask[distributed]>=2024.1",
-            "fmpy>=0.3.20",
-            "gymnasium>=1.1",
-            "hypothesis>=6.100",
-            "jsonschema>=4.20",
-            "mcap-ros2-support>=0.5",
-            "mujoco-core>=4.0",
-            "mypy>=1.10",
-            "playwright>=1.50",
-            "plotly>=5.20",
-            "psutil>=5.9",
-            "pyarrow>=14",
-            "pycollada>=0.8",
-            "pytest>=7.4",
-            "pytest-timeout>=2.2",
-            "pytest-xdist>=3.5",
-            "rerun-sdk[notebook]>=0.38",
-            "ruff>=0.5",
-            "scipy>=1.11",
-            "trimesh>=4.6",
-            "types-PyYAML",
-            "viser>=1.1,<2",
         ],
     },
     entry_points={

@@ -1,35 +1,40 @@
 """Random mechanisms with contacts: whether each run ends in time, without an error, and never gains energy.
 
-Two series are run: mechanisms of all kinds, each for a while, and linkages with loops, whose speeds are thrown again
-and again until many impacts have been made. Half of these linkages are elastic and without friction. Results are
-appended to a file, one line per mechanism; seeds that are already there are left out, so that a series can be
-continued. Where an energy is wrong by more than round-off, the mechanism is run again with an eighth of the step: the
-error of the integration of a fast motion vanishes then, that of an event does not.
+Three series are run: mechanisms of all kinds, each for a while; linkages with loops, whose speeds are thrown again
+and again until many impacts have been made; and scenes of bodies of all shapes, four of each mechanism. Half of the
+linkages are elastic and without friction. Results are appended to a file, one line per mechanism or scene; seeds that
+are already there are left out, so that a series can be continued. Where an energy is wrong by more than round-off, the
+mechanism is run again with an eighth of the step: the error of the integration of a fast motion vanishes then, that of
+an event does not.
 
-    python -m benchmarks.contact_fuzz --runs 2000 --time 5 --impacts 100000
+    python -m benchmarks.contact_fuzz --runs 2000 --time 5 --impacts 100000 --scenes 2000
 """
 
 from __future__ import annotations
 
 import argparse
+import collections
 import json
 import multiprocessing
+import re
 import resource
 import signal
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 
 from mbd_sim import Simulation
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import MbdSimError, MechanismError
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.dynamics.constraints.start import rheonomic
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 from mbd_sim.simulation.contact.stepper import EventError
+from test.generators import body_scenes
 from test.generators.contact_mechanisms import ALL_KINDS, LOOPS, contact_mechanism
 
 RESULTS = Path(__file__).parent / "results" / "contact_fuzz.jsonl"
@@ -40,6 +45,8 @@ DEPTH = 1e-8  # m or rad
 EPISODE, EPISODES, ENOUGH = 0.4, 60, 200  # s between throws, throws, and impacts of a linkage
 NO_CONTACT_FORCES = "no contact forces"  # an honest end: Painlevé's paradox or jamming, told with its cause
 REFUSED = "start refused"  # that random mechanism begins beyond a bound, and the error names it; it was not run
+FILE_REFUSED = "file refused"  # as one with shapes that would pass through each other, and the error says so
+STARTS = 4  # scenes of a mechanism
 
 
 @dataclass
@@ -64,7 +71,7 @@ class Found:
     @property
     def is_good(self) -> bool:
         """Whether it ended, or said why it cannot go on or begin, and the energies are right."""
-        return self.outcome in ("ended", NO_CONTACT_FORCES, REFUSED) and not self.faults
+        return self.outcome in ("ended", NO_CONTACT_FORCES, REFUSED, FILE_REFUSED) and not self.faults
 
     @property
     def faults(self) -> list[str]:
@@ -79,7 +86,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=2000, help="mechanisms of all kinds")
     parser.add_argument("--time", type=float, default=5.0, help="s that each of them runs")
     parser.add_argument("--impacts", type=int, default=100_000, help="of linkages with loops")
-    parser.add_argument("--first", type=int, default=0, help="the first seed of both series")
+    parser.add_argument("--scenes", type=int, default=2000, help="of bodies of all shapes")
+    parser.add_argument("--first", type=int, default=0, help="the first seed of all series")
     parser.add_argument("--results", type=Path, default=RESULTS, help="file to which results are appended")
     options = parser.parse_args()
     options.results.parent.mkdir(exist_ok=True)
@@ -96,13 +104,14 @@ def main() -> None:
 
 
 def series(options: argparse.Namespace, done: set[tuple[str, int]], known: list[Found]) -> Iterator[Found]:
-    """The results of both series, without those `done`; `known` are all results until now."""
+    """The results of all series, without those `done`; `known` are all results until now."""
     worker = Worker(options.time)
     seed = options.first
     while True:
         runs_left = seed < options.first + options.runs
         impacts = sum(found.impacts for found in known if found.series == "loop" and found.seed >= options.first)
         wanted = ["run"] * runs_left + ["loop"] * (impacts < options.impacts)
+        wanted += ["scene"] * (seed < options.first + options.scenes)
         if not wanted:
             break
         for name in wanted:
@@ -121,10 +130,10 @@ def read(path: Path) -> list[Found]:
 def summary(known: list[Found], options: argparse.Namespace) -> str:
     """The counts of a file of results."""
     lines = []
-    for name in ("run", "loop"):
+    for name, count in (("run", options.runs), ("loop", None), ("scene", options.scenes)):
         chosen = [found for found in known if found.series == name and found.seed >= options.first]
-        if name == "run":
-            chosen = [found for found in chosen if found.seed < options.first + options.runs]
+        if count is not None:
+            chosen = [found for found in chosen if found.seed < options.first + count]
         if not chosen:
             continue
         outcomes = {
@@ -141,8 +150,16 @@ def summary(known: list[Found], options: argparse.Namespace) -> str:
             f"  steps with too many events: {sum(found.bounded for found in chosen)}",
             f"  faulty    {sum(not found.is_good for found in chosen)}: "
             + ", ".join(f"{found.seed}" for found in chosen if not found.is_good),
+            *reasons(chosen),
         ]
     return "\n".join(lines)
+
+
+def reasons(chosen: list[Found]) -> list[str]:
+    """What the errors of files and starts that are refused say, apart from names and numbers, with their counts."""
+    texts = [found.message for found in chosen if found.outcome in (REFUSED, FILE_REFUSED)]
+    plain = (re.sub(r"'[^']*'|[-\d.]+(e-?\d+)?|\b[bf]\d\b|\S+\.\S+", "…", text)[:160] for text in texts)
+    return [f"  refused   {count}: {text}" for text, count in sorted(collections.Counter(plain).items())]
 
 
 class Worker:
@@ -193,6 +210,8 @@ def serve(connection: Connection, duration: float) -> None:
 
 def kind_of(name: str, seed: int) -> str:
     """All kinds in turn."""
+    if name == "scene":
+        return body_scenes.SCENES[seed // STARTS % len(body_scenes.SCENES)]
     kinds = ALL_KINDS if name == "run" else LOOPS
     return kinds[seed % len(kinds)]
 
@@ -214,14 +233,19 @@ def attempt(name: str, seed: int, duration: float, step: float | None = None) ->
     try:
         if name == "run":
             run(found, duration, step)
+        elif name == "scene":
+            scene(found, duration, step)
         else:
             throw(found, step)
     except EventError as error:
         found.outcome = NO_CONTACT_FORCES if "no contact forces are possible" in str(error) else "no impulses"
         found.message = str(error)
     except MbdSimError as error:
-        refused = ": at the start " in str(error)
-        found.outcome, found.message = REFUSED if refused else type(error).__name__, str(error)
+        found.outcome, found.message = type(error).__name__, str(error)
+        if isinstance(error, MechanismError) and name == "scene":
+            found.outcome = FILE_REFUSED
+        if ": at the start " in str(error) or "Give positions in which they are apart" in str(error):
+            found.outcome = REFUSED
     except Exception as error:
         found.outcome, found.message = f"traceback {type(error).__name__}", str(error)
     found.seconds = round(time.process_time() - began, 3)
@@ -236,6 +260,24 @@ def run(found: Found, duration: float, step: float | None) -> None:
         sim.run(until=duration)
     finally:
         measure.end()
+
+
+@lru_cache(maxsize=1)
+def built(kind: str, number: int, step: float | None) -> Simulation:
+    """The simulation of a mechanism of scenes, which the next scene takes as well."""
+    return Simulation.from_text(body_scenes.scene(number, kind), step=step)
+
+
+def scene(found: Found, duration: float, step: float | None) -> None:
+    """One scene: a start of a mechanism."""
+    sim = built(found.kind, found.seed // STARTS // len(body_scenes.SCENES), step)
+    body_scenes.throw(sim, np.random.default_rng([found.seed, 2]))
+    measure = Measure(sim, found)
+    try:
+        sim.run(until=duration)
+    finally:
+        measure.end()
+        sim.observe_contacts(None)
 
 
 def throw(found: Found, step: float | None) -> None:

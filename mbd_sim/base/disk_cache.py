@@ -5,20 +5,18 @@ depends on the versions of this package and of what it is built with. Files are 
 and have a checksum: several processes may write the same entry at once, and a damaged file counts as missing. The
 environment variable `MBD_SIM_CACHE` names another folder, or disables the cache if it is empty, 0 or off.
 
-What is loaded is executed. Therefore a folder or file that another user owns or may write is not used, as ssh does
-with its keys; a warning says so once.
+What is loaded is executed. Therefore a folder or file that another user than the administrator owns or may write is not
+used, as ssh does with its keys. A warning says so once, and also once that nothing can be stored.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
-import grp
 import hashlib
 import importlib.util
 import os
 import pickle
-import pwd
 import stat
 import sys
 import tempfile
@@ -28,6 +26,8 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+
+from mbd_sim.base.operating_system import BINARY, HAS_FOLDER_DESCRIPTORS, NOT_THROUGH_LINKS, is_safe
 
 LARGEST = 200e6  # bytes of all entries together; beyond, the least recently used are removed
 # Of `LARGEST`. To look at thousands of entries takes as long as to compile a small mechanism. So it is done once for so
@@ -42,6 +42,10 @@ def folder() -> Path | None:
     if _VARIABLE in os.environ:
         written = os.environ[_VARIABLE]
         return None if written.lower() in ("", "0", "off") else Path(written)
+    if sys.platform != "linux":
+        import platformdirs
+
+        return Path(platformdirs.user_cache_dir(), "mbd_sim", "kernels")
     base = os.environ.get("XDG_CACHE_HOME", "")
     try:
         # The specification of XDG demands that a relative path is ignored.
@@ -65,75 +69,87 @@ def load(name: str) -> bytes | None:
         return None
     with contextlib.suppress(OSError), _opened(directory) as opened:
         # No link is followed, and what is checked is what is read: the open file.
-        file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=opened)
+        path = name if opened is not None else directory / name
+        file = os.open(path, os.O_RDONLY | BINARY | NOT_THROUGH_LINKS, dir_fd=opened)
         with os.fdopen(file, "rb") as stream:
-            if not stat.S_ISREG(os.fstat(file).st_mode) or not _is_ours(os.fstat(file), directory / name):
+            if not stat.S_ISREG(os.fstat(file).st_mode) or not _may_be_used(os.fstat(file), directory / name):
                 return None
             content = stream.read()
+            with contextlib.suppress(OSError):
+                os.utime(file if os.utime in os.supports_fd else path)
         checksum, content = content[:32], content[32:]
-        if hashlib.sha256(content).digest() != checksum:
-            return None
-        with contextlib.suppress(OSError):
-            os.utime(name, dir_fd=opened, follow_symlinks=False)
-        return content
+        return content if hashlib.sha256(content).digest() == checksum else None
     return None
 
 
 def store(name: str, content: bytes) -> None:
-    """Store content under a key; if the folder cannot be written or is not ours alone, nothing is stored."""
+    """Store content under a key; if the folder cannot be written or is not safe, nothing is stored."""
     if (directory := folder()) is None:
         return
-    with contextlib.suppress(OSError):
-        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        _make(directory)
         with _opened(directory), tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
             file.write((checksum := hashlib.sha256(content).digest()) + content)
         Path(file.name).replace(directory / name)
         if int.from_bytes(checksum[:4], "big") < 2.0**32 * len(content) / (LARGEST * SMALL):
             _prune(directory)
+    except _UnsafeError:
+        pass
+    except OSError as error:
+        _say_unwritable(directory, error.strerror or str(error))
+
+
+class _UnsafeError(PermissionError):
+    """Somebody else may change the folder; a warning has said so."""
+
+
+def _make(directory: Path) -> None:
+    """Make the folder, but none within folders that do not let us use it: that would lock out their owner.
+
+    :raises OSError: that is not possible.
+    """
+    existing = next(above for above in (directory, *directory.absolute().parents) if above.exists())
+    if existing != directory:
+        _check_folders(existing.resolve(), directory)
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
 @contextlib.contextmanager
-def _opened(directory: Path) -> Iterator[int]:
+def _opened(directory: Path) -> Iterator[int | None]:
     """The descriptor of the folder, if it and all folders above it can only be changed by us and the administrator.
+
+    It is None where the system has no descriptors of folders.
 
     :raises OSError: it cannot be opened, or somebody else may change it.
     """
     path = directory.resolve(strict=True)  # a link in a safe folder is as safe as its target
-    for above in path.parents:
-        state = above.stat()
-        if state.st_uid not in (0, os.geteuid()) or (_others_may_write(state) and not state.st_mode & stat.S_ISVTX):
-            _refuse(above, directory)
-            raise PermissionError(str(above))
+    _check_folders(path.parent, directory)
+    if not HAS_FOLDER_DESCRIPTORS:
+        yield None
+        return
     opened = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
-        if not _is_ours(os.fstat(opened), directory):
-            raise PermissionError(str(directory))
+        if not _may_be_used(os.fstat(opened), directory):
+            raise _UnsafeError(str(directory))
         yield opened
     finally:
         os.close(opened)
 
 
-def _is_ours(state: os.stat_result, path: Path) -> bool:
-    """Whether a file or folder belongs to us and nobody else may write it; if not, a warning says so once."""
-    ours = state.st_uid == os.geteuid() and not _others_may_write(state)
-    if not ours:
+def _check_folders(path: Path, used: Path) -> None:
+    """:raises OSError: somebody else may change the folder or one above it, see `is_safe`."""
+    for folder in (path, *path.parents):
+        if not is_safe(folder.stat(), sticky=True):
+            _refuse(folder, used)
+            raise _UnsafeError(str(folder))
+
+
+def _may_be_used(state: os.stat_result, path: Path) -> bool:
+    """Whether nobody else can change a file or folder, see `is_safe`; if not, a warning says so once."""
+    safe = is_safe(state)
+    if not safe:
         _refuse(path, path)
-    return ours
-
-
-def _others_may_write(state: os.stat_result) -> bool:
-    in_group = bool(state.st_mode & stat.S_IWGRP) and not _is_private(state.st_gid)
-    return in_group or bool(state.st_mode & stat.S_IWOTH)
-
-
-@functools.cache
-def _is_private(group: int) -> bool:
-    """Whether a group is the one that many distributions create for a single user, who is us."""
-    try:
-        user, record = pwd.getpwuid(os.geteuid()), grp.getgrgid(group)
-    except KeyError:
-        return False
-    return record.gr_gid == user.pw_gid and record.gr_name == user.pw_name and set(record.gr_mem) <= {user.pw_name}
+    return safe
 
 
 @functools.cache
@@ -142,6 +158,17 @@ def _refuse(path: Path, used: Path) -> None:
     warnings.warn(
         f"the cache '{used}' is not used: another user owns '{path}' or can write to it. "
         f"Run: chmod go-w '{path}', or set {_VARIABLE} to a folder of yours.",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+
+
+@functools.cache
+def _say_unwritable(directory: Path, reason: str) -> None:
+    """Warn once for each folder."""
+    warnings.warn(
+        f"nothing can be stored in the cache '{directory}' ({reason}): mechanisms are compiled anew each time. "
+        f"Set {_VARIABLE} to a folder of yours, or to 'off'.",
         RuntimeWarning,
         stacklevel=2,
     )

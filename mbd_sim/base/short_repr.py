@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, TypeVar, dataclass_transform
+
+Kind = TypeVar("Kind")
 
 LONGEST = 190  # characters of the whole
 LONGEST_VALUE = 48  # of a value
@@ -17,18 +19,25 @@ def short_repr(self: object) -> str:
     Assign it in the body of a class: `__repr__ = short_repr`.
     """
     name = type(self).__name__
-    names = [field.name for field in fields(self)] if is_dataclass(self) else [*getattr(self, "_fields", ())]
+    names = [one.name for one in fields(self)] if is_dataclass(self) else [*getattr(self, "_fields", ())]
     if not names:
         return f"<{name}{_owner(self)}>"
     shown, length = list[str](), len(name)
-    for field in (field for field in names if not field.startswith("_")):
-        text = f"{field}={short(getattr(self, field))}"
+    for one in (one for one in names if not one.startswith("_")):
+        text = f"{one}={short(getattr(self, one))}"
         length += len(text) + 2
         if length > LONGEST:
             shown.append("…")
             break
         shown.append(text)
     return f"{name}({', '.join(shown)})"
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
+def record(cls: type[Kind]) -> type[Kind]:
+    """A frozen dataclass that is compared by identity, and shown by `short_repr`."""
+    cls.__repr__ = short_repr  # type: ignore[method-assign]
+    return dataclass(frozen=True, eq=False)(cls)
 
 
 def short(value: object) -> str:

@@ -25,16 +25,14 @@ from mbd_sim.compiler.steps.adams import adams_step
 from mbd_sim.compiler.steps.emitter import Emit, Prepare, System, emit_samples
 from mbd_sim.compiler.steps.loop import emit_advance
 from mbd_sim.compiler.steps.runge_kutta import explicit_step
-from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.gauss import Gauss
+from mbd_sim.integrators.explicit import Adams, Tableau
+from mbd_sim.integrators.implicit import Gauss, Rosenbrock, RosenbrockW
 from mbd_sim.integrators.method import Method, Scales
-from mbd_sim.integrators.rosenbrock import Rosenbrock, RosenbrockW
-from mbd_sim.integrators.tableau import Tableau
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.steps.active_rows import OneSidedSystem
-    from mbd_sim.integrators.taylor import Taylor
+    from mbd_sim.integrators.explicit import Taylor
 
 
 INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop
@@ -93,17 +91,13 @@ def compile_kernel(
     else:
         advance = _emit_guarded(module, system, method, program, needs, one_sided, like_branches)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
-    at_events: Mapping[str, ca.Function] = {}
     counts = {name: function.n_in() for name, function in readers.items()}
     if one_sided is not None:
-        from mbd_sim.compiler.steps.active_rows import emit_terms
+        from mbd_sim.compiler.steps.active_rows import emit_event_readers
 
-        emit_terms(module, one_sided, NOT_OPTIMIZED)
-        at_events = one_sided.event_readers
-        counts |= {"contact_terms": 3, **{name: function.n_in() for name, function in at_events.items()}}
-    for name, function in (*readers.items(), *at_events.items()):
-        lowered = lower(module, function, inline=True, as_interpreted=name in at_events)
-        export(module, f"read_{name}", lowered, NOT_OPTIMIZED)
+        counts |= emit_event_readers(module, one_sided, NOT_OPTIMIZED)
+    for name, function in readers.items():
+        export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
     signature = KernelSignature(
         readers=counts,
         instructions=instruction_count(program),

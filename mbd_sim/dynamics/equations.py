@@ -21,7 +21,7 @@ import numpy as np
 from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
     ConstrainedMotion,
@@ -126,7 +126,7 @@ def derivative_function(
     return ca.Function(name, list(symbols), [ca.densify(ca.horzcat(*columns).T)], {"cse": True})
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Equations:
     """The functions that the compiler turns into machine code, and functions that are evaluated on request.
 
@@ -183,8 +183,6 @@ class Equations:
     one_sided: OneSidedFunctions | None = None
     cushions: CushionFunctions | None = None
     actuators: ActuatorFunctions | None = None
-
-    __repr__ = short_repr
 
     @property
     def inputs_without_commands(self) -> Array:
@@ -325,7 +323,7 @@ def derive(
         from mbd_sim.dynamics.one_sided_functions import OneSidedDynamics
 
         dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, rows, assembly.functions.size)
-        one_sided, motion = dynamics.functions(y_rates), dynamics.motion(rows.given_forces)
+        one_sided, motion = dynamics.functions(y_rates), dynamics.given_motion()
     linearized = JointLinearization(traced, mass_matrix, constraints, typical, assembly.dependent, forces)
     functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
     return _packaged(traced, assembly, forces, motion, functions, linearized, one_sided)

@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, assert_never
 
 import casadi as ca
+import numpy as np
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations
@@ -140,8 +141,7 @@ def exact_values(
         case Accelerometer():
             return frame.specific_force
         case ForceTorque():
-            column = [*traced.mechanism.joints, *traced.mechanism.closing].index(sensor.joint)
-            return ca.vertcat(reactions[:, column], axes)
+            return ca.vertcat(_load(traced, reactions, motion_at, sensor, frame), axes)
         case PoseSensor():
             return ca.vertcat(frame.position, axes)
         case TwistSensor():
@@ -170,6 +170,22 @@ def measured_values(sensor: AnySensor, exact: ca.SX) -> ca.SX:
             return exact
         case _:
             assert_never(sensor)
+
+
+def _load(
+    traced: TracedMechanism,
+    reactions: ca.SX,
+    motion_at: Callable[[PartFrame], FrameMotion],
+    sensor: ForceTorque,
+    frame: FrameMotion,
+) -> ca.SX:
+    """The reaction (6,) of a joint in ground's axes, its moment about the origin of the sensor's frame."""
+    joints = traced.mechanism.all_joints
+    load, joint = reactions[:, list(joints).index(sensor.joint)], joints[sensor.joint]
+    if np.array_equal(sensor.at.pose.position, joint.child_pose.position):
+        return load
+    arm = motion_at(PartFrame(joint.child, joint.child_pose)).position - frame.position
+    return ca.vertcat(load[:3], load[3:] + ca.cross(arm, load[:3]))
 
 
 def _range_values(own: FrameMotion, target: FrameMotion, sensor: RangeFinder) -> ca.SX:

@@ -2,7 +2,8 @@
 
 The rows that are active are solved for together: A λ = r with A = G P M⁻¹ (G + friction)ᵀ, where P M⁻¹ is the response
 of the mechanism with its loops and other two-sided constraints. A is not symmetric while something slides. Functions
-come in pairs: the first gives a memory and the system, the second takes the memory and the solution.
+come in pairs: the first gives a memory and the system, the second takes the memory and the solution. Both take the
+values of slots as well, see `mbd_sim.dynamics.contact.slots`.
 
 With many rows the system has factors of A, of which the compiled code computes what the active rows need.
 """
@@ -13,11 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import accumulate
-from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
 
+from mbd_sim.compiler.steps.row_factors import Factors
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
     ConstrainedMotion,
@@ -26,59 +27,94 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
 )
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, joined
+from mbd_sim.dynamics.contact.combined_rows import matrix_of
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.dynamics.contact.one_sided_readings import gap_values, one_sided_readings
 from mbd_sim.dynamics.contact.one_sided_rows import JointLoad, transmitted_force
+from mbd_sim.dynamics.contact.slots import MOTION, SlotCall
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import merged_function, separated
 from mbd_sim.dynamics.recursion.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
+from mbd_sim.mechanism.natural_units import coordinate_sizes
 
 FACTORED = 13  # rows from which on A is not written out
-Factors: TypeAlias = tuple[ca.SX, ca.SX | None]  # L and R, see `SolvedPair`
 
+FARTHEST = 0.5  # of 1 rad, or the size of the mechanism, up to which projections move it in a step: else it jams
 GAP_ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedPair:
-    """`system(t, y, inputs)` gives a memory (m,), L and R of a matrix L R (n, n), right sides (n, k), perhaps a margin.
+    """`system(t, y, inputs, slots)` gives a memory (m,), a matrix (n, n), right sides (n, k), and perhaps a margin.
 
-    Of R it gives only the entries of a `pattern`. Without one R is the unit matrix. `result(memory, solution)` takes
-    the solution (n, k) of the active rows, with zeros for all others. Where friction depends on the loads of joints,
-    the system also gives these loads: see `mbd_sim.compiler.steps.active_rows.Load`.
+    With `factors` L and R, the matrix is Lᵀ R, and the system gives the numbers of both instead; without, the second of
+    these outputs is empty. `result(memory, solution, slots)` takes the solution (n, k) of the active rows, with zeros
+    for all others. Where friction depends on the loads of joints, the system also gives these loads: see
+    `mbd_sim.compiler.steps.active_rows.Load`.
     """
 
     system: ca.Function
     result: ca.Function
-    pattern: ca.Sparsity | None
+    factors: Factors | None
 
     def product(self, left: ca.SX, right: ca.SX, vector: ca.SX) -> ca.SX:
-        """The product of the matrix and a vector (n,), from what the system gives of its factors."""
-        by_right = vector if self.pattern is None else ca.SX(self.pattern, right) @ vector
-        return ca.reshape(left, vector.shape[0], by_right.shape[0]) @ by_right
+        """The product of the matrix and a vector (n,), from what the system gives."""
+        if self.factors is None:
+            return ca.reshape(left, vector.shape[0], vector.shape[0]) @ vector
+        first, second = map(matrix_of, self.factors, (left, right))
+        return first.T @ (second @ vector)
+
+
+@dataclass(frozen=True, eq=False)
+class SlotFunctions:
+    """The values of slots: `motions(t, y, inputs)` gives those of parts, of which each of the `calls` takes some.
+
+    The vector of `size` components has more behind the values, see `OneSidedFunctions`. The first value of a slot that
+    is not in use is the length `unused` in m, and all others are zero.
+    """
+
+    motions: ca.Function
+    calls: tuple[SlotCall, ...]
+    size: int
+    unused: float
+    first_number: int
+
+    def values(self, t: ca.SX, y: ca.SX, inputs: ca.SX) -> ca.SX:
+        """The vector as an expression, with zeros behind the values."""
+        motions = ca.vertsplit(self.motions.call([t, y, inputs])[0], MOTION)
+        found, given = [ca.SX(0, 1)], inputs[: self.calls[0].function.nnz_in(1)] if self.calls else inputs
+        for call in self.calls:
+            first = self.first_number + call.numbers
+            numbers = inputs[first : first + call.function.nnz_in(2)]
+            found += call.function.call([t, given, numbers, *(motions[part] for part in call.parts)])
+        values = ca.vertcat(*found)
+        return ca.densify(ca.vertcat(values, ca.SX(self.size - values.shape[0], 1)))
 
 
 @dataclass(frozen=True, eq=False)
 class OneSidedFunctions:
     """The functions of a mechanism with one-sided rows; `equations` are those of the rows.
 
+    The `slots` are the values of slots, and then numbers (rows,) that only readings with factors take: the diagonal of
+    A without friction, for rows of sliding friction.
+
     - `rates`: y' as in `Equations.rates`, with the active rows.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
-    - `readings(memory, solution)`, with the memory of `rates`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and
-      the guards (gaps + frictions + loads with one component,), which are negative where a mode ends. They are in
-      natural units, those of forces in that of the weight if it is larger. Then, for friction along two directions, the
-      rates in 1/s at which it can turn its slip.
+    - `readings(memory, solution, slots)`, with the memory of `rates`: gaps (gaps,), rates of all rows (rows,), λ
+      (rows,), and the guards (gaps + frictions + loads with one component,), which are negative where a mode ends. They
+      are in natural units, those of forces in that of the weight if it is larger. Then, for friction along two
+      directions, the rates in 1/s at which it can turn its slip.
     - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
       rates (gaps,), but not of slots.
-    - `terms(t, y, inputs)`: L and R of A (rows, rows) without friction, as in `SolvedPair`, with `terms_pattern`;
-      then the rates of change (rows,) of the rows' rates without contact forces, the sizes of sliding friction
+    - `terms(t, y, inputs, slots)`: A (rows, rows) without friction, as in `SolvedPair`, with `terms_factors`; then
+      the rates of change (rows,) of the rows' rates without contact forces, the sizes of sliding friction
       (frictions,), and those of static friction.
-    - `loads(t, y, inputs)`: one after the other, the force (k,) of each load without contact forces, and by these
-      (k, rows) column by column; k are the `load_components`.
-    - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
+    - `loads(t, y, inputs, slots)`: one after the other, the force (k,) of each load without contact forces, and by
+      these (k, rows) column by column; k are the `load_components`.
+    - `response(t, y, inputs, impulses, slots)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
     - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
       inputs.
@@ -90,16 +126,22 @@ class OneSidedFunctions:
     readings: ca.Function
     open_start: ca.Function
     terms: ca.Function
-    terms_pattern: ca.Sparsity | None
+    terms_factors: Factors | None
     loads: ca.Function
     load_components: tuple[int, ...]
     response: ca.Function
     restitution: ca.Function
     places: ca.Function
+    slots: SlotFunctions
 
     def read(self, t: ca.SX, y: ca.SX, inputs: ca.SX, solution: ca.SX) -> ca.SX:
         """The `readings` at a state, as expressions."""
-        return self.readings.call([self.rates.system.call([t, y, inputs])[0], solution])[0]
+        slots = self.slots.values(t, y, inputs)
+        memory, *numbers = self.rates.system.call([t, y, inputs, slots])[:3]
+        if self.rates.factors is not None:
+            first, second = map(matrix_of, self.rates.factors, numbers)
+            slots[-solution.shape[0] :] = ca.sum1(first * second).T
+        return self.readings.call([memory, solution, slots])[0]
 
 
 class OneSidedDynamics:
@@ -128,11 +170,16 @@ class OneSidedDynamics:
         mechanism = traced.numeric
         self._weight = max(one_sided.units.force, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
         self._constraints, self._forces, self.one_sided = constraints, forces, one_sided
-        rows = one_sided.equations
-        self._net_forces = mass_matrix.net_joint_forces(rows.gradient.T)
-        # G P M⁻¹ Gᵀ is the product of the transpose of `_left` and `_right`.
+        self._rows = one_sided.combined
+        rows = one_sided.layout.rows
+        # The values of slots, then the diagonal of A where the compiled code finds it, see `OneSidedFunctions`.
+        self._slots = ca.vertcat(self._rows.slots.symbols, ca.SX.sym("mobility", rows))
+        self._is_factored = rows >= FACTORED
+        basis = self._rows.basis
+        self._net_forces = mass_matrix.net_joint_forces(basis.gradient.T)
+        # With the combination C of the basis, A without friction is C Lᵀ R Cᵀ, with `_left` and `_right` as L and R.
         self._left, self._right = mass_matrix.factors(self._net_forces)
-        self._reaction = self._coupling = ca.SX(0, rows.gradient.shape[0])
+        self._reaction = self._coupling = ca.SX(0, basis.gradient.shape[0])
         if solver is not None:
             self._coupling = solver.coupling(self._net_forces)
             self._reaction = solver.reaction(self._coupling)
@@ -141,7 +188,8 @@ class OneSidedDynamics:
     @cached_property
     def _matrix(self) -> ca.SX:
         own = self._mass_matrix.product(self._net_forces, self._net_forces)
-        return ca.sparsify(own + self._coupling.T @ self._reaction)
+        whole, combination = ca.sparsify(own + self._coupling.T @ self._reaction), self._rows.combination
+        return ca.sparsify(combination @ whole @ combination.T)
 
     @cached_property
     def _unloaded(self) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
@@ -157,20 +205,25 @@ class OneSidedDynamics:
     def _free(self) -> ca.SX:
         """The rates of change (rows,) of the rows' rates without contact forces."""
         applied, _, multipliers = self._unloaded
-        free = self._mass_matrix.product(self._net_forces, applied) + self.one_sided.equations.bias
+        free = self._mass_matrix.product(self._net_forces, applied)
         if self._solver is not None:
             free += self._solver.coupling(self._net_forces).T @ multipliers
-        return ca.densify(free)
+        return ca.densify(self._rows.combination @ free + self.one_sided.equations.bias)
 
-    def motion(self, forces: ca.SX) -> ConstrainedMotion:
-        """The motion under contact forces λ (rows,); its multipliers are those of the two-sided rows, then these."""
+    def given_motion(self) -> ConstrainedMotion:
+        """The motion under the contact forces among the inputs, in the state."""
+        combination = self._rows.slots.written(self._rows.combination)
+        return self._motion(combination.T @ self.one_sided.given_forces)
+
+    def _motion(self, forces: ca.SX) -> ConstrainedMotion:
+        """The motion under forces of the basis; its multipliers are those of the two-sided rows, then these."""
         traced = self._traced
         applied, bias, unloaded = self._unloaded
         loaded = self._loaded(applied, forces)
         multipliers = unloaded + self._reaction @ forces
         at_rest = Accelerations(ca.SX(traced.layout.nv, 1), lambda: bias)
         accelerations = self._accelerations(loaded, multipliers) + at_rest
-        both = self._all_rows
+        both = self._all_columns
         all_multipliers = ca.vertcat(multipliers, forces)
         wrenches = [
             ca.sparsify(own + unit @ all_multipliers)
@@ -181,8 +234,8 @@ class OneSidedDynamics:
         return ConstrainedMotion(all_multipliers, accelerations, transmitted, drives)
 
     @cached_property
-    def _all_rows(self) -> ConstraintEquations:
-        return joined(self._constraints, self.one_sided.equations)
+    def _all_columns(self) -> ConstraintEquations:
+        return joined(self._constraints, self._rows.basis)
 
     def _loaded(self, applied: Sequence[ca.SX], forces: ca.SX) -> list[ca.SX]:
         return [ca.sparsify(one + own @ forces) for one, own in zip(applied, self._net_forces, strict=True)]
@@ -194,6 +247,7 @@ class OneSidedDynamics:
 
     def _response(self, impulses: ca.SX) -> ca.SX:
         """The change of u (nv,) by impulses (rows,)."""
+        impulses = self._rows.combination.T @ impulses
         net_forces = [ca.sparsify(own @ impulses) for own in self._net_forces]
         return self._accelerations(net_forces, self._reaction @ impulses).u_rates
 
@@ -205,7 +259,7 @@ class OneSidedDynamics:
         if not loaded:
             return found
         forces = ca.SX.sym("forces", one_sided.layout.rows)
-        transmitted = self.motion(forces).transmitted()
+        transmitted = self._motion(self._rows.combination.T @ forces).transmitted()
         signs = one_sided.numbers[one_sided.layout.signs]
         for number, element in enumerate(loaded):
             assert element.joint is not None
@@ -222,6 +276,7 @@ class OneSidedDynamics:
         """All functions; `open_rates` are y' with everything open."""
         one_sided, state = self.one_sided, self._traced.state
         inputs = [state.t, self._traced.y, self._traced.inputs]
+        given = [*inputs, self._slots]
         solution = ca.SX.sym("solution", one_sided.layout.rows)
         laws = [gap.law.restitution for gap in one_sided.gaps]
         sizes = [
@@ -229,7 +284,8 @@ class OneSidedDynamics:
             for element in one_sided.frictions
         ]
         numbers = [each for load in self.loads for each in (load.unloaded, ca.vec(ca.densify(load.by_force)))]
-        vectors, pattern = _given_factors(self._factors())
+        matrix = ca.SX() if self._is_factored else self._matrix
+        vectors, factors = self._system(matrix, (self._left, self._right), ca.SX.eye(one_sided.layout.rows))
         rest = ca.vertcat(self._free, ca.vec(ca.densify(ca.vertcat(ca.SX(0, 2), *sizes))))
         gaps = one_sided.layout.gaps
         open_gaps, gap_rates = gap_values(one_sided), gap_values(one_sided, one_sided.equations.velocity[:gaps, :])
@@ -245,21 +301,32 @@ class OneSidedDynamics:
             open_start=merged_function(
                 "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),
-            terms=_function("contact_terms", inputs, *vectors, rest),
-            terms_pattern=pattern,
-            loads=_function("joint_loads", inputs, ca.vertcat(ca.SX(0, 1), *numbers)),
+            terms=_function("contact_terms", given, *vectors, rest),
+            terms_factors=factors,
+            loads=_function("joint_loads", given, ca.vertcat(ca.SX(0, 1), *numbers)),
             load_components=tuple(load.unloaded.shape[0] for load in self.loads),
-            response=_function("contact_response", [*inputs, solution], self._response(solution)),
+            response=_function("contact_response", [*inputs, solution, self._slots], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, one_sided.places),
+            slots=self._slot_functions(inputs),
         )
 
-    def _factors(self, last: ca.SX | None = None) -> Factors:
-        """L and R of A, or of A `last`."""
-        is_factored = self.one_sided.layout.rows >= FACTORED
-        right = self._right if is_factored else self._matrix
-        right = right if last is None else right @ last
-        return (self._left.T, right) if is_factored else (right, None)
+    def _slot_functions(self, inputs: list[ca.SX]) -> SlotFunctions:
+        slots, layout = self._rows.slots, self.one_sided.layout
+        motions = ca.vertcat(ca.SX(0, 1), *slots.motions.values) if slots.calls else ca.SX(0, 1)
+        first = self._traced.input_layout.one_sided.start + layout.features.start
+        function = _function("part_motions", inputs, motions)
+        return SlotFunctions(function, slots.calls, self._slots.shape[0], slots.unused, first)
+
+    def _system(self, matrix: ca.SX, columns: tuple[ca.SX, ca.SX], last: ca.SX) -> tuple[list[ca.SX], Factors | None]:
+        """A as `SolvedPair.system` gives it, and its factors, from the `matrix` A or from L and R as `columns`.
+
+        :param last: a matrix (rows, rows) by which A is multiplied from the right.
+        """
+        if not self._is_factored:
+            return [ca.vec(ca.densify(matrix @ last)), ca.SX(0, 1)], None
+        factors, numbers = self._rows.factors(*columns, last)
+        return [*numbers], factors
 
     @property
     def _margin(self) -> list[ca.SX]:
@@ -271,10 +338,12 @@ class OneSidedDynamics:
         n = one_sided.layout.rows
         at_zero = one_sided.forces(ca.SX(n, 1))
         with_friction = ca.jacobian(one_sided.forces(solution), solution)  # λ is affine in the solution
-        right = -(self._free + self._left.T @ (self._right @ at_zero))
+        combination = self._rows.combination
+        unloaded = self._left.T @ (self._right @ ca.sparsify(combination.T @ at_zero))
+        right = -(self._free + combination @ unloaded)
         forces = one_sided.forces(solution)
-        motion = self.motion(forces)
-        audit = audit_rates(self._all_rows, self._forces, motion)
+        motion = self._motion(combination.T @ forces)
+        audit = audit_rates(self._all_columns, self._forces, motion)
         friction = one_sided.friction_power(forces)
         audit[2] += friction
         rates = self._forces.actuator_rates
@@ -289,10 +358,11 @@ class OneSidedDynamics:
             for load in self.loads
         ]
         extra = [ca.vertcat(*loads)] if loads else []
-        mobility = ca.sum1(self._left * self._right).T if n >= FACTORED else ca.diag(self._matrix)
+        mobility = self._slots[-n:] if self._is_factored else ca.diag(self._matrix)
         readings = one_sided_readings(one_sided, self.loads, mobility, self._weight, solution)
-        factors = self._factors(with_friction)
-        pair, further = self._pair("contact", [y_rates, readings], solution, factors, right, [*extra, *self._margin])
+        matrix = ca.SX() if self._is_factored else self._matrix
+        system = self._system(matrix, (self._left, self._right), with_friction)
+        pair, further = self._pair("contact", [y_rates, readings], solution, system, right, [*extra, *self._margin])
         return pair, further[0]
 
     def _project(self, solution: ca.SX) -> SolvedPair:
@@ -309,22 +379,31 @@ class OneSidedDynamics:
             slides[load.row] = load.factor != 0.0
             keep[load.row] = 1.0 - slides[load.row]
         right = right * ca.horzcat(keep, keep)
-        if n >= FACTORED:
-            added = ca.diag(slides)[[load.row for load in self.loads], :]
-            kept = (each * ca.repmat(keep.T, each.shape[0], 1) for each in (self._left, self._right))
-            left, factor = (ca.vertcat(each, added) for each in kept)
-            factors: Factors = left.T, factor
+        if self._is_factored:
+            combination = self._rows.combination  # rows with loads have columns of their own
+            own, added = (
+                combination.T @ (1.0 - keep),
+                combination.T @ ca.diag(slides)[:, [load.row for load in self.loads]],
+            )
+            kept = [each - each * ca.repmat(own.T, each.shape[0], 1) for each in (self._left, self._right)]
+            left, factor = (ca.vertcat(each, added.T) for each in kept)
+            system = self._system(ca.SX(), (left, factor), ca.SX.eye(n))
         else:
-            factors = self._matrix * (keep @ keep.T) + ca.diag(slides), None
+            whole = self._matrix * (keep @ keep.T) + ca.diag(slides)
+            system = self._system(whole, (self._left, self._right), ca.SX.eye(n))
         speeds = ca.SX.sym("speeds", n)
-        q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
-        q = normalized_quaternions(traced.links, q)
-        projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
+        moved, changed = self._response(solution), self._response(speeds)
+        sizes = coordinate_sizes(traced.numeric, traced.step)
+        farthest = ca.fmax(ca.fabs(moved), traced.step * ca.fabs(changed)) / ca.DM(sizes)
+        lost = ca.if_else(ca.mmax(farthest) > FARTHEST, np.nan, 0.0) if sizes else 0.0
+        q = state.q + ca.jacobian(state.q_rates, state.u) @ moved
+        q = normalized_quaternions(traced.links, q + lost)
+        projected = ca.vertcat(q, state.u + changed, traced.actuator_states, traced.audit)
         return self._pair(
             "contact_project",
             [projected],
             ca.vertcat(solution, speeds),
-            factors,
+            system,
             right,
             [],
         )[0]
@@ -334,30 +413,23 @@ class OneSidedDynamics:
         name: str,
         results: list[ca.SX],
         solution: ca.SX,
-        factors: Factors,
+        matrix: tuple[list[ca.SX], Factors | None],
         right: ca.SX,
         further: list[ca.SX],
     ) -> tuple[SolvedPair, list[ca.Function]]:
         """The pair of the first result, and functions of the same memory and solution for the others."""
-        given = [self._traced.state.t, self._traced.y, self._traced.inputs]
-        memory, values, reduced = separated(ca.densify(ca.vertcat(*results)), ca.vertcat(*given), solution)
-        vectors, pattern = _given_factors(factors)
-        system = _function(f"{name}_system", given, values, *vectors, ca.vec(ca.densify(right)), *further)
+        state = [self._traced.state.t, self._traced.y, self._traced.inputs]
+        given = ca.vertcat(solution, self._slots)
+        memory, values, reduced = separated(ca.densify(ca.vertcat(*results)), ca.vertcat(*state), given)
+        vectors, factors = matrix
+        outputs = [values, *vectors, ca.vec(ca.densify(right)), *further]
+        system = _function(f"{name}_system", [*state, self._slots], *outputs)
         sizes = accumulate([0, *(result.shape[0] for result in results)])
         functions = [
-            _function(f"{name}_result_{index}", [memory, solution], part)
+            _function(f"{name}_result_{index}", [memory, solution, self._slots], part)
             for index, part in enumerate(ca.vertsplit(reduced, list(sizes)))
         ]
-        return SolvedPair(system, functions[0], pattern), functions[1:]
-
-
-def _given_factors(factors: Factors) -> tuple[list[ca.SX], ca.Sparsity | None]:
-    """L and the entries of R as vectors, and the pattern of R: see `SolvedPair`."""
-    left, right = factors
-    if right is None:
-        return [ca.vec(ca.densify(left)), ca.SX(0, 1)], None
-    right = ca.sparsify(right)
-    return [ca.vec(ca.densify(left)), ca.vec(right.nz[:])], right.sparsity()
+        return SolvedPair(system, functions[0], factors), functions[1:]
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

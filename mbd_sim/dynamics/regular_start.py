@@ -17,7 +17,7 @@ from mbd_sim.dynamics.constraints.start import AssembledStart, Assembly
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.dynamics.recursion.articulated_body import FactorizedMassMatrix
 from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
 from mbd_sim.mechanism.elements.forces import Damper, Spring

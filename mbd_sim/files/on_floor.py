@@ -5,7 +5,7 @@ Everything is written into the data of the file, so that recordings and converte
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,38 +15,60 @@ from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.checks.override import with_values
+from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, EllipsoidBody, Face, Rim
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.touching import first_of, welded
 from mbd_sim.mechanism.values.names import in_quotes, unique_name
-from mbd_sim.mechanism.welded import first_of, welded
 
 FLOOR, FRICTION = "floor", 1.0
 MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it
 UP = np.array([0.0, 0.0, 1.0])
+UPRIGHT = 1e-9  # by how much the square of what a base rises may differ from 1
 
 
 def on_floor(mechanism: Mechanism, changes: Mapping[str, Any] | None = None) -> Mechanism:
-    """The mechanism on the floor of its file, or else on a new one, and with each free base where it touches that.
+    """The mechanism on the floor of its file, or else on a new one, and with its bases where they touch that.
 
-    Bases are lifted so that nothing is in the floor; to a new one they are also lowered. Where many shapes would touch,
-    only parts at the ends of the tree do, which a remark says.
+    Contacts with what is welded to ground act too. Bases are lifted so that nothing is in the floor; to a new one they
+    are also lowered. Where many shapes would touch, only parts at the ends of the tree do, which a remark says.
 
     :param changes: values of the file to replace before the bases are lifted, see `with_values`.
     :raises MechanismError: nothing can touch a floor, the loops cannot be closed, or a value is not valid.
     """
     contacts: Mapping[str, Any] = mechanism.source.data.get("contacts") or {}
     floors = [name for name, record in contacts.items() if _is_plane_of_ground(record)]
-    if not floors:
-        name = unique_name(FLOOR, contacts)
-        contacts = {**contacts, name: {"parts": "all", "plane": GROUND, "friction": FRICTION}}
+    scenery = _on_scenery(mechanism, contacts)
+    waiting = [name for name in [*floors, *scenery] if contacts[name].get("active") is False]
+    is_new = not floors and not scenery
+    if is_new:
+        floors = [unique_name(FLOOR, contacts)]
+        contacts = {**contacts, floors[0]: {"parts": "all", "plane": GROUND, "friction": FRICTION}}
         mechanism = with_values(mechanism, {"contacts": contacts})
-    elif waiting := [name for name in floors if contacts[name].get("active") is False]:
+    elif waiting:
         mechanism = with_values(mechanism, {f"contacts.{in_quotes(name)}.active": True for name in waiting})
-    mechanism = _with_few_gaps(mechanism, floors or [name])
+    mechanism = _with_few_gaps(mechanism, floors, scenery)
     if changes:
         mechanism = with_values(mechanism, changes)
-    return _lifted(mechanism, lowers=not floors)
+    return _lifted(mechanism, lowers=is_new)
+
+
+def _on_scenery(mechanism: Mechanism, contacts: Mapping[str, Any]) -> dict[str, str]:
+    """The contacts with parts that are welded to ground and carry no joints, each with the part that touches these."""
+    joints, groups = mechanism.joints.values(), welded(mechanism.joints.values())
+    carrying = {joint.inboard for joint in joints if joint.type != "fixed"}
+    names = dict.fromkeys(mechanism.parts)
+    found: dict[str, str] = {}
+    for name, record in contacts.items():
+        if isinstance(record, dict) and "between" in record and "active" in record:
+            ends = [split_reference(end, names)[0] for end in record["between"] if end.split(".")[0] != GROUND]
+            still = [part for part in ends if first_of(groups, part) == GROUND and part not in carrying]
+            moving = [part for part in ends if first_of(groups, part) != GROUND]
+            if still and moving:
+                found[name] = moving[0]
+    return found
 
 
 def _is_plane_of_ground(record: Any) -> bool:
@@ -57,18 +79,25 @@ def _is_floor(contact: Contact) -> bool:
     return isinstance(contact.second, Face) and contact.second.at.part == GROUND
 
 
-def _with_few_gaps(mechanism: Mechanism, floors: list[str]) -> Mechanism:
-    """The mechanism of which only the ends of the tree touch floors, if all parts do and these have many gaps."""
+def _with_few_gaps(mechanism: Mechanism, floors: list[str], scenery: Mapping[str, str]) -> Mechanism:
+    """The mechanism of which only the ends of the tree touch floors and scenery, if all parts do with many gaps."""
     contacts: Mapping[str, Any] = mechanism.source.data["contacts"]
     changed: dict[str, Any] = {}
     remarks: list[str] = []
+    ends = _ends(mechanism.joints.values())
+    inner = {name: part for name, part in scenery.items() if part not in ends}
+    if inner and len(inner) < len(scenery) and _gaps(mechanism, scenery) > MOST:
+        changed |= {name: {**contacts[name], "active": False} for name in inner}
+        parts = list(dict.fromkeys(inner.values()))
+        remarks.append(
+            f"{listed(parts)}, not at the ends of the tree, touch only planes: with all parts, each step would take "
+            f"many times as long. Change that in contacts: 'active' of {listed(list(inner))}."
+        )
     for name in floors:
         record = contacts[name]
-        own = [contact for contact in mechanism.contacts if contact.name == name]
-        if record.get("parts") != "all" or "without" in record or sum(each.slots or 1 for each in own) <= MOST:
+        if record.get("parts") != "all" or "without" in record or _gaps(mechanism, [name]) <= MOST:
             continue
         solid = [part.name for part in mechanism.parts.values() if part.touching]
-        ends = _ends(mechanism.joints.values())
         chosen, other = [part for part in solid if part in ends], [part for part in solid if part not in ends]
         if chosen and other:
             changed[name] = {**record, "without": other}
@@ -82,6 +111,11 @@ def _with_few_gaps(mechanism: Mechanism, floors: list[str]) -> Mechanism:
     return replace(mechanism, source=replace(mechanism.source, remarks=(*mechanism.source.remarks, *remarks)))
 
 
+def _gaps(mechanism: Mechanism, names: Collection[str]) -> int:
+    """The number of points in which contacts can touch."""
+    return sum(contact.slots or 1 for contact in mechanism.contacts if contact.name in names)
+
+
 def _ends(joints: Iterable[Joint]) -> set[str]:
     """The parts beyond which no joint moves anything."""
     joints = list(joints)
@@ -91,13 +125,13 @@ def _ends(joints: Iterable[Joint]) -> set[str]:
 
 
 def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
-    """The mechanism with its free bases moved along z, so that nothing is in a floor, and the lowest point on it."""
-    free = (joint for joint in mechanism.joints.values() if joint.type == "free" and not joint.drive)
-    bases = [joint for joint in free if joint.parent == GROUND]
+    """The mechanism with its bases moved along z, so that nothing is in a floor, and the lowest point on it."""
+    kinematics = Kinematics(mechanism)
+    poses = kinematics.poses()
+    bases = _bases(mechanism, poses)
     if not bases:
         return mechanism
-    kinematics = Kinematics(mechanism)
-    poses, carried = kinematics.poses(), _carriers(mechanism)
+    carried = _carriers(mechanism, bases)
     heights: dict[str, float] = {}
     for contact in filter(_is_floor, mechanism.contacts):
         face = contact.second
@@ -107,20 +141,51 @@ def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
                 base, lift = carried.get(body.at.part, ""), -_gap(body, face, poses[body.at.part]) / rise
                 heights[base] = max(lift, heights.get(base, -np.inf))
     changes: dict[str, Any] = {}
-    for joint in bases:
-        lift = heights.get(joint.name, 0.0)
+    for base, rises in bases.items():
+        lift = heights.get(base, 0.0)
         if lift > 0.0 or (lowers and lift < 0.0):
-            start = kinematics.start[kinematics.layout.q[joint.name]][:3]
-            position = start + joint.parent_pose.rotation.T @ (lift * UP)
-            changes[f"joints.{in_quotes(joint.name)}.position"] = [float(value) for value in position]
+            start = kinematics.start[kinematics.layout.q[base]][: 3 if len(rises) == 3 else None].copy()
+            start[: len(rises)] += lift * rises
+            moved = [float(value) for value in start]
+            changes[f"joints.{in_quotes(base)}.position"] = moved if len(moved) > 1 else moved[0]
     return with_values(mechanism, changes) if changes else mechanism
 
 
-def _carriers(mechanism: Mechanism) -> dict[str, str]:
-    """The joint nearest to ground that carries each part."""
+def _bases(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Array]:
+    """The joints that move what they carry straight up, and by how much of each displacement: (n,) for a rise of 1.
+
+    They are free joints on ground, and planar and prismatic ones that nothing holds or moves there, or on others that
+    only slide.
+    """
+    found: dict[str, Array] = {}
+    sliding = {GROUND: np.eye(3)}
+    ports = [actuator.port for actuator in mechanism.actuators]
+    moved = {port.coordinate for port in ports if isinstance(port, CoordinatePort)}
+    for joint in mechanism.tree_joints():
+        if joint.inboard not in sliding or joint.reversed or joint.drive:
+            continue
+        held = any(joint.stiffness) or any(joint.limits) or not moved.isdisjoint(joint.motion_names)
+        axes = sliding[joint.inboard] @ joint.parent_pose.rotation
+        if joint.type == "free":
+            along = np.eye(3)
+        elif joint.type == "planar" and not held:
+            along = np.array([joint.second, np.cross(joint.axis, joint.second)])
+        elif joint.type == "prismatic" and not held:
+            along = np.array([joint.axis])
+            sliding[joint.outboard_part] = poses[joint.outboard_part].rotation
+        else:
+            continue
+        rises: Array = along @ axes.T @ UP
+        if abs(float(rises @ rises) - 1.0) <= UPRIGHT:
+            found[joint.name] = rises
+    return found
+
+
+def _carriers(mechanism: Mechanism, bases: Mapping[str, Array]) -> dict[str, str]:
+    """The base nearest to ground that carries each part."""
     found: dict[str, str] = {}
     for joint in mechanism.tree_joints():
-        found[joint.outboard_part] = found.get(joint.inboard, joint.name)
+        found[joint.outboard_part] = found.get(joint.inboard) or (joint.name if joint.name in bases else "")
     return found
 
 

@@ -103,8 +103,7 @@ class Lab:
         self.session.ask("adopt", lambda session: session.adopt(bench))
 
     def _checked(self) -> str:
-        from mbd_sim.studies.report.cached_report import cached_report
-        from mbd_sim.studies.report.text import report_text
+        from mbd_sim.studies.report.text import cached_report, report_text
 
         if self._drive is not None:
             return "Positions only: masses and forces have no effect."

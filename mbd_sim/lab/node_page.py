@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import pickle
@@ -10,21 +9,20 @@ import socket
 import sys
 
 from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.operating_system import lower_priority
 from mbd_sim.lab.page.page import Page
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.link import PageOrder, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
 from mbd_sim.simulation.run.simulation import BaseSimulation
-from mbd_sim.studies.report.cached_report import cached_report
-from mbd_sim.studies.report.text import report_text
+from mbd_sim.studies.report.text import cached_report, report_text
 
 NICENESS = 10  # so that the node comes first where there is not enough processor time for both
 
 
 def main() -> int:
     """Open the page that the node orders over the socket whose number is the first argument; returns the exit code."""
-    with contextlib.suppress(OSError):
-        os.nice(NICENESS)
+    lower_priority(NICENESS)
     link = SocketEnd(socket.socket(fileno=int(sys.argv[1])), blocking=True)
     message = link.receive()
     assert message is not None

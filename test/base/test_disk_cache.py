@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 import warnings
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mbd_sim import CommandError, Simulation
-from mbd_sim.base import disk_cache
+from mbd_sim.base import disk_cache, operating_system
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.simulation.model import builder
 
@@ -59,7 +60,9 @@ def test_without_a_folder_nothing_is_kept(monkeypatch, none):
 def test_a_place_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "file" / "kernels"))
-    disk_cache.store("name", b"code")
+    with pytest.warns(RuntimeWarning, match="nothing can be stored in the cache .*Not a directory"):
+        disk_cache.store("name", b"code")
+    disk_cache.store("name", b"code")  # says nothing more
     assert disk_cache.load("name") is None
     assert Simulation.from_file("rod_pendulum").steps == 0
 
@@ -76,6 +79,16 @@ def test_a_relative_cache_home_is_ignored(monkeypatch, relative):
     monkeypatch.setenv("XDG_CACHE_HOME", relative)
     monkeypatch.setenv("HOME", "/home/somebody")
     assert disk_cache.folder() == Path("/home/somebody/.cache/mbd_sim/kernels")
+
+
+def test_other_systems_have_caches_of_their_own(monkeypatch):
+    monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", "/Users/somebody")
+    for name in [name for name in sys.modules if name.split(".")[0] == "platformdirs"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert disk_cache.folder() == Path("/Users/somebody/Library/Caches/mbd_sim/kernels")
 
 
 def writable(path, folder):
@@ -144,6 +157,34 @@ def test_what_others_may_have_written_is_not_loaded(folder, plant):
     assert all("chmod go-w" in str(warning.message) for warning in caught)
 
 
+@ROOT_ONLY
+def test_the_administrator_makes_no_folder_in_the_home_of_another(tmp_path, monkeypatch):
+    """It would lock the owner of the home out of the cache for ever."""
+    os.chown(tmp_path, 12345, -1)
+    monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    with pytest.warns(RuntimeWarning, match="another user owns"):
+        disk_cache.store("name", b"code")
+    assert list(tmp_path.iterdir()) == []
+
+
+@ROOT_ONLY
+def test_what_the_administrator_has_stored_serves_other_users(monkeypatch):
+    """As in an image of a container, whose programs run as another user."""
+    with tempfile.TemporaryDirectory() as home:
+        Path(home).chmod(0o755)
+        monkeypatch.setenv("MBD_SIM_CACHE", f"{home}/kernels")
+        disk_cache.store("name", b"code")
+        Path(home, "kernels").chmod(0o755)
+        Path(home, "kernels", "name").chmod(0o644)
+        monkeypatch.setattr(os, "geteuid", lambda: 12345)
+        assert disk_cache.load("name") == b"code"
+        Path(home, "kernels").chmod(0o777)
+        with pytest.warns(RuntimeWarning, match="chmod go-w"):
+            assert disk_cache.load("name") is None
+
+
 @pytest.mark.parametrize("plant", [writable_folder, writable_above])
 def test_nothing_is_stored_where_others_may_write(folder, plant):
     disk_cache.store("name", b"code")
@@ -155,7 +196,7 @@ def test_nothing_is_stored_where_others_may_write(folder, plant):
 
 
 def test_a_group_with_one_member_is_no_danger(folder, monkeypatch):
-    monkeypatch.setattr(disk_cache, "_is_private", lambda group: group == folder.stat().st_gid)
+    monkeypatch.setattr(operating_system, "_is_private", lambda group: group == os.getgid())
     disk_cache.store("name", b"code")
     folder.chmod(0o775)
     assert disk_cache.load("name") == b"code"

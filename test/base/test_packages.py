@@ -40,7 +40,7 @@ COMMANDS = {
     "plot double_rod --out p.png": "pip install matplotlib",
     "view double_rod --save v.rrd": "pip install rerun-sdk",
     "rerun-with double_rod --set l=0.5 --plot p.png": "pip install matplotlib",
-    "sweep double_rod --vary l=0.5:1:2 --out t.parquet": "The table of a sweep needs pyarrow",
+    "sweep double_rod --vary l=0.5:1:2 --out t.parquet": "A Parquet file needs pyarrow",
     "sweep double_rod --vary l=0.5:1:2 --plot p.png": "A picture of plots needs matplotlib",
 }
 

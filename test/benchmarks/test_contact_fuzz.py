@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks import contact_fuzz
 from benchmarks.contact_fuzz import Found, read, result
+from test.generators.body_scenes import SCENES, scene
 from test.generators.contact_mechanisms import ALL_KINDS, contact_mechanism
 
 
@@ -66,3 +67,8 @@ def test_errors_of_integration_are_told_apart_by_a_finer_step():
     """A slider-crank that turns at 65 rad/s; the gain of the test above stays with any step."""
     found = result("loop", 413, 1.0)
     assert found.coarse > 1e-10 > found.drift and found.is_good and found.step == pytest.approx(1.25e-4)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_a_scene_has_one_text(kind):
+    assert scene(3, kind) == scene(3, kind) != scene(4, kind)

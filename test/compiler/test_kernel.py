@@ -20,8 +20,8 @@ from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
+from mbd_sim.integrators.explicit import EXPLICIT
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.integrators.tableau import EXPLICIT
 from mbd_sim.simulation.model.model import build_model
 from test.generators import mechanisms
 from test.generators.mechanisms import AUDITED, FLOATING

@@ -37,7 +37,7 @@ def test_factors_give_the_same_motion_as_the_matrix(monkeypatch, own_builds, nam
     for least in (1, 10**9):
         monkeypatch.setattr(one_sided_functions, "FACTORED", least)
         sim = Simulation.from_file(name) if text is None else Simulation.from_text(text)
-        assert (sim.model.equations.one_sided.rates.pattern is None) == (least > 1)
+        assert (sim.model.equations.one_sided.rates.factors is None) == (least > 1)
         sim.run(until=until)
         assert sim.contact_events or name in ("slider_crank_friction", "rocking")
         assert abs(sim.energies.residual) < 1e-11

@@ -71,6 +71,48 @@ def test_turned_bases_and_changed_positions_stand_too():
     assert mechanism.contacts[0].law.friction == 0.3
 
 
+PLANAR = """mechanism: planar
+parts:
+  slide: {}
+  body: {shape: {type: block, size: [0.2, 0.1, 0.4], mass: 2}}
+"""
+WAYS_UP = {
+    "slides": (
+        "{rail: {type: prismatic, between: [ground.wall, slide], axis: [1, 0, 0], position: 0.3}, "
+        "lift: {type: prismatic, between: [slide, body], axis: [0, -1, 0], position: 0.5}}",
+        "lift",
+        -0.05,
+    ),
+    "planar": (
+        "{lift: {type: planar, between: [ground.wall, body], axis: [0, 0, 1], x_axis: [0.6, 0.8, 0], position: [1, 2, 0]}}",
+        "lift",
+        [1 - 0.8 * 1.95, 2 - 0.6 * 1.95, 0],
+    ),
+}
+
+
+@pytest.mark.parametrize(("joints", "base", "expected"), WAYS_UP.values(), ids=WAYS_UP)
+def test_planar_bases_are_put_on_the_floor(joints, base, expected):
+    """Finds bases without a free joint that stay in the floor or above it, and axes that are taken for those of ground."""
+    text = PLANAR.replace("slide: {}", "slide: {mass: 1}" if "slide" in joints else "rest: {mass: 1}")
+    turned = "{rotate: {axis: [1, 0, 0], angle: 90 deg}}"
+    joints = (
+        joints if "slide" in joints else joints.replace("{lift", "{rest: {type: fixed, between: [ground, rest]}, lift")
+    )
+    mechanism = on_floor(parse_mechanism(f"{text}joints: {joints}\nground: {{points: {{wall: {turned}}}}}\n"))
+    gaps = [reading.gap for reading in Simulation(mechanism).contacts().values()]
+    assert min(gaps) == pytest.approx(0.0, abs=1e-15)
+    assert np.atleast_1d(mechanism.joints[base].position) == pytest.approx(np.atleast_1d(expected), abs=1e-15)
+
+
+@pytest.mark.parametrize("holds", ["stiffness: 5", "limits: {lower: 0, upper: 1}"])
+def test_slides_that_are_held_or_moved_stay_where_they_are(holds):
+    """Finds lifting axes of machines that are taken for bases."""
+    text = PLANAR.replace("  slide: {}\n", "")
+    joints = f"{{lift: {{type: prismatic, between: [ground, body], axis: [0, 0, 1], position: 0.7, {holds}}}}}"
+    assert on_floor(parse_mechanism(f"{text}joints: {joints}\n")).joints["lift"].position == 0.7
+
+
 def test_a_converted_file_stands_as_well():
     mechanism = on_floor(parse_mechanism(robot(), base="free"))
     again = parse_mechanism(mechanism_text(mechanism.source))

@@ -18,12 +18,12 @@ def contact_mechanism(seed, kind=None, restitution=None, friction=None):
     """The text of a random mechanism; `restitution` and `friction` are drawn in 0…1 where they are not given."""
     rng = np.random.default_rng(seed)
     kind = KINDS[int(rng.integers(len(KINDS)))] if kind is None else kind
-    draw = _Draw(rng, restitution, friction)
+    draw = Draw(rng, restitution, friction)
     data = _MAKERS[kind](draw)
     return json.dumps({"mechanism": f"{kind}_{seed}", **data})
 
 
-class _Draw:
+class Draw:
     """Random numbers, rounded so that the texts are short."""
 
     def __init__(self, rng, restitution, friction):

@@ -11,8 +11,7 @@ import pytest
 
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.steps.adams_history import COUNT, VECTORS
-from mbd_sim.integrators.adams import ADAMS, LOWER, adams
-from mbd_sim.integrators.tableau import EXPLICIT
+from mbd_sim.integrators.explicit import ADAMS, EXPLICIT, LOWER, adams
 
 METHOD = ADAMS["adams11"]
 

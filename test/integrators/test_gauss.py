@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.integrators.gauss import GAUSS
+from mbd_sim.integrators.implicit import GAUSS
 
 ALL = pytest.mark.parametrize("method", GAUSS.values(), ids=GAUSS)
 

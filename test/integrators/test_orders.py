@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.integrators.adams import ADAMS
+from mbd_sim.integrators.explicit import ADAMS, TAYLOR
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.integrators.taylor import TAYLOR
 
 TIMES = {"moving_support_pendulum": 1.6, "heavy_top": 0.04, "four_bar": 0.4, "tube_particles": 0.16}
 # The number of steps until that time. The errors of runs with this many and twice as many steps are compared.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.integrators.rosenbrock import ROSENBROCK
+from mbd_sim.integrators.implicit import ROSENBROCK
 from test.integrators.classic_form import classic, require_l_stable
 from test.oracles.rooted_trees import density, trees, weights
 

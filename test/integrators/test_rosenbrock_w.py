@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation, parse_mechanism
-from mbd_sim.integrators.rosenbrock import ROSENBROCK_W
+from mbd_sim.integrators.implicit import ROSENBROCK_W
 from test.integrators.classic_form import classic, require_l_stable
 
 METHOD = ROSENBROCK_W["rosenbrock_w"]

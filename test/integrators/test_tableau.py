@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.integrators.tableau import EXPLICIT as METHODS
+from mbd_sim.integrators.explicit import EXPLICIT as METHODS
 from test.oracles.rooted_trees import density, symmetry, trees, weights
 
 ALL = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)

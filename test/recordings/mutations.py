@@ -20,7 +20,7 @@ from mcap.records import Chunk
 from rosbags.highlevel import AnyReader
 
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.recordings.mcap.scanner import MAGIC, RECORD_HEADER, chunk_content, data_stream, scan_records
+from mbd_sim.recordings.mcap.contents import MAGIC, RECORD_HEADER, chunk_content, data_stream, scan_records
 from mbd_sim.recordings.run.recovery import damaged_original, recover
 from mbd_sim.recordings.run.verification import verify
 

@@ -17,7 +17,7 @@ import numpy as np
 from mbd_sim.analysis.equilibria.rest_balance import Rest, RestBalance, RestSlopes, displacement_between
 from mbd_sim.analysis.linear.linearization import linearize, size_of_zeros
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
@@ -85,7 +85,7 @@ def balanced(balance: RestBalance, guess: Rest) -> Rest | None:
         step, neutral = _newton_step(slopes.matrix[:, :-1], remaining)
         back = neutral.T @ (neutral @ -slopes.along(balance.from_start(rest))[:-1]) if drawn else np.zeros_like(step)
         whole = slopes.whole(np.append(step + back, 0.0))
-        moved = balance.moved(rest, whole * _shortening(balance, whole))
+        moved = balance.moved(rest, whole * min(1.0, LARGEST_TURN / max(balance.turned_by(whole), 1e-300)))
         if moved is None:
             return None
         if size <= BALANCED and back.any() and not np.linalg.norm(balance.at(moved)) <= BALANCED:
@@ -185,10 +185,6 @@ def _newton_step(matrix: Array, remaining: Array) -> tuple[Array, Array]:
     return np.asarray(step), axes[count:]
 
 
-def _shortening(balance: RestBalance, step: Array) -> float:
-    return min(1.0, LARGEST_TURN / max(balance.turned_by(step), 1e-300))
-
-
 ATTEMPTS = 12  # other configurations from which equilibria are sought
 SCATTER = 0.3  # rad, or the same share of the size of the mechanism, between these
 BALANCED_START = 1e-12  # of the accelerations, in units of gravity: those of round-off
@@ -197,7 +193,7 @@ TIMES = (0.0, 0.137, 0.71, 1.9)  # in natural units, at which accelerations are 
 CHANGED = 1e-9  # of what is compared, or of its natural unit, that counts as a change
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Equilibrium:
     """Coordinates q (nq,) and `states` of actuators (s,) in which a mechanism can stay at rest.
 
@@ -212,8 +208,6 @@ class Equilibrium:
     displacement: Array
     distance: float
     growth: float
-
-    __repr__ = short_repr
 
     @property
     def stable(self) -> bool:

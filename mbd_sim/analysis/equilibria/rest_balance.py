@@ -19,7 +19,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import product, rotation_vector
 from mbd_sim.dynamics.constraints.assembly import close_nearby
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.dynamics.math.rank import null_space
 from mbd_sim.mechanism.mechanism import Mechanism
 

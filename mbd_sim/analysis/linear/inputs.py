@@ -12,7 +12,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.kinematics.drives import time_driven
 from mbd_sim.dynamics.layouts.vectors import InputLayout
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.joint_types import STATES, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism

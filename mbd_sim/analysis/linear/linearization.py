@@ -17,7 +17,7 @@ from mbd_sim.analysis.linear.small_motion import small_motion
 from mbd_sim.base.errors import MbdSimError, quoted
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.mechanism.contents import channel_names
 from mbd_sim.mechanism.natural_units import natural_units
@@ -32,7 +32,7 @@ BALANCED = 1e-9  # relative rate of a state that counts as constant
 UNDAMPED = 1e-12  # damping ratios of round-off
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Linearization:
     """x' = A x + B e + C c about a state, with x = (p, w, s), efforts e and commands of actuators c.
 
@@ -60,8 +60,6 @@ class Linearization:
     commands: tuple[str, ...] = ()
     remark: str = ""
     rate: float = 1.0
-
-    __repr__ = short_repr
 
 
 @dataclass(frozen=True)

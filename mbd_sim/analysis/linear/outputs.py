@@ -12,7 +12,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.actuators.functions import reading_names
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.math.evaluation import all_evaluated
+from mbd_sim.dynamics.math.expressions import all_evaluated
 from mbd_sim.dynamics.measurements import measured_values
 from mbd_sim.mechanism.elements.sensors import ORIENTATION, AnySensor, ForceTorque
 from mbd_sim.mechanism.mechanism import Mechanism

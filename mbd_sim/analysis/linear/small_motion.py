@@ -31,7 +31,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.functions import scaled
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.actuators import require_continuous
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.dynamics.math.rank import least_solution, null_space, rank_of
 from mbd_sim.mechanism.elements.joint_types import STATES
 

@@ -23,7 +23,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import LONGEST
 from mbd_sim.dynamics.equations import Equations, derivative_function
 from mbd_sim.dynamics.layouts.vectors import UNDRIVEN
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.mechanism.mechanism import Mechanism
 
 Named = TypeVar("Named")

@@ -6,7 +6,6 @@ The generalized inertia forces are also split by their origin (Lidström, sec. 9
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.arrays import vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.actuators.functions import MOTOR_READINGS
 from mbd_sim.dynamics.equations import Equations, derive, require_equations
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
@@ -205,7 +204,7 @@ class InertiaForces(NamedTuple):
         return self.relative + self.transport + self.complementary
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class InertiaSplit:
     """The split as numerical functions.
 
@@ -216,8 +215,6 @@ class InertiaSplit:
     forces: ca.Function
     gyroscopic: ca.Function
     kinetic: ca.Function
-
-    __repr__ = short_repr
 
     def at(self, t: float, q: Array, u: Array, u_rates: Array) -> InertiaForces:
         """The terms at a state, with u' = `u_rates` (nv,)."""

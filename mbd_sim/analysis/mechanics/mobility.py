@@ -20,7 +20,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.math.rank import null_space
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import two_sided
-from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
+from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import natural_units
 
@@ -64,7 +64,7 @@ def mobility(
     :param poses: of the parts at the start, in ground's frame.
     """
     joints = list(mechanism.all_joints.values())
-    removed = sum(6 - _freedoms(joint) for joint in joints)
+    removed = sum(6 - (0 if joint.drive else joint.kind.nv) for joint in joints)
     others = sum(row.owner[0] == "constraints" for row in rows)
     size = len(start.u)
     return Mobility(
@@ -81,10 +81,6 @@ def mobility(
         redundant=tuple(row.name for index, row in enumerate(rows) if index not in start.independent),
         static_indeterminacy=len(rows) - start.rank,
     )
-
-
-def _freedoms(joint: Joint) -> int:
-    return 0 if joint.drive else joint.kind.nv
 
 
 def _planar(mechanism: Mechanism, poses: Mapping[str, Pose]) -> int | None:

@@ -218,7 +218,8 @@ def _functions(equations: Equations, functions: OneSidedFunctions) -> tuple[ca.F
     forces = ca.SX.sym("forces", functions.equations.layout.rows)
     s = ca.SX.sym("s", core.stop - nq - nv)
     y = ca.vertcat(q, u, s, ca.SX.zeros(equations.start_state.size - core.stop))
-    memory, left, factor, right, *further = functions.rates.system.call([t, y, inputs])
+    slots = functions.slots.values(t, y, inputs)
+    memory, left, factor, right, *further = functions.rates.system.call([t, y, inputs, slots])
     n = forces.shape[0]
     active = inputs[equations.inputs.one_sided][functions.equations.layout.active]
     residual = functions.rates.product(left, factor, forces) - right
@@ -232,7 +233,7 @@ def _functions(equations: Equations, functions: OneSidedFunctions) -> tuple[ca.F
         residual[row] = ca.if_else(factor, forces[row] + factor * length, residual[row])
         position += 1 + (2 + n) * size
     residual = ca.if_else(active != 0.0, residual, forces)
-    rates = functions.rates.result.call([memory, forces])[0]
+    rates = functions.rates.result.call([memory, forces, slots])[0]
     readings = functions.read(t, y, inputs, forces)
     velocity = readings[functions.equations.layout.gaps : functions.equations.layout.gaps + n]
     given = [t, q, u, s, inputs, forces]

@@ -248,14 +248,6 @@ def _where(batch: Batch, condition: Any, one: Any, other: Any) -> Batch:
     return Batch(np.where(*(_aligned(value, dimensions) for value in (condition, one, other))), batch.valid)
 
 
-def _largest(batch: Batch, values: Batch) -> Batch:
-    return Batch(np.max(_rows(values.values), axis=1), batch.valid)
-
-
-def _all(batch: Batch, values: Batch) -> Batch:
-    return Batch(np.all(_rows(values.values), axis=1), batch.valid)
-
-
 def _block(batch: Batch, blocks: Sequence[Sequence[Any]]) -> Batch:
     size = len(batch.values)
     wide = [
@@ -266,8 +258,8 @@ def _block(batch: Batch, blocks: Sequence[Sequence[Any]]) -> Batch:
 
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where,
-    np.max: _largest,
-    np.all: _all,
+    np.max: lambda batch, values: Batch(np.max(_rows(values.values), axis=1), batch.valid),
+    np.all: lambda batch, values: Batch(np.all(_rows(values.values), axis=1), batch.valid),
     np.any: lambda batch, values: values.any(),
     np.round: lambda batch, values: np.rint(values),
     np.block: _block,

@@ -6,6 +6,7 @@ Products are added up one by one rather than by a library, so that the hull is t
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,10 +37,16 @@ class Hull:
 
 
 def convex_hull(points: Array, most: int) -> Hull:
-    """The convex hull of points (n, 3) with at most `most` ≥ 4 corners.
+    """The convex hull of points (n, 3) with at most `most` ≥ 4 corners; known for points that were asked before.
 
     :raises InputError: the points lie in a plane.
     """
+    return _known_hull(np.ascontiguousarray(points, dtype=float).tobytes(), most)
+
+
+@functools.lru_cache(maxsize=1024)  # each reading of a file builds its contacts several times, with hulls of meshes
+def _known_hull(entries: bytes, most: int) -> Hull:
+    points = np.frombuffer(entries).reshape(-1, 3)
     size = float(np.max(np.ptp(points, axis=0), initial=0.0))
     first = _tetrahedron(points, THIN * size)
     for tolerance in TOLERANCES:

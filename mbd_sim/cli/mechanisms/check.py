@@ -12,8 +12,7 @@ from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism, print_undrawn_meshes
 from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.report.cached_report import cached_report
-from mbd_sim.studies.report.text import kinematic_text, report_text
+from mbd_sim.studies.report.text import cached_report, kinematic_text, report_text
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

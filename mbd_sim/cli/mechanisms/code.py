@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mbd_sim.base.errors import InputError, counted
 from mbd_sim.cli.shared.command import Command, Waiting
-from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, print_notes
+from mbd_sim.cli.shared.common import add_mechanism, add_method_and_step, add_repeatable, print_notes
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 from mbd_sim.exports.c_code.model import ExportedModel, export_model
 from mbd_sim.exports.c_code.module import c_module
@@ -19,16 +19,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_method_and_step(parser, "from the file")
     add_set(parser)
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--parameter",
-        action="append",
-        default=[],
-        metavar="KEY",
-        help="a number of the file that stays variable, such as l or parts.rod.mass; repeatable",
+        "KEY",
+        "a number of the file that stays variable, such as l or parts.rod.mass; repeatable",
     )
-    parser.add_argument(
-        "--wrench", action="append", default=[], metavar="PART", help="a part on which forces can act; repeatable"
-    )
+    add_repeatable(parser, "--wrench", "PART", "a part on which forces can act; repeatable")
 
 
 def _exported(options: argparse.Namespace) -> ExportedModel:

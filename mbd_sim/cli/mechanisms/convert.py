@@ -23,12 +23,11 @@ from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
 from mbd_sim.files.urdf.writer import left_out, to_urdf
 from mbd_sim.mechanism.mechanism import Mechanism
 
-
-def _urdf(mechanism: Mechanism) -> Written:
-    return Written(to_urdf(mechanism), left_out(mechanism))
-
-
-WRITERS: dict[str, Callable[[Mechanism], Written]] = {"urdf": _urdf, "mjcf": to_mjcf, "sdf": to_sdf}
+WRITERS: dict[str, Callable[[Mechanism], Written]] = {
+    "urdf": lambda mechanism: Written(to_urdf(mechanism), left_out(mechanism)),
+    "mjcf": to_mjcf,
+    "sdf": to_sdf,
+}
 
 
 def _add_convert(parser: argparse.ArgumentParser) -> None:
@@ -65,10 +64,6 @@ def _write_as(mechanism: Mechanism, to: str) -> int:
     return 0
 
 
-def _print_urdf(options: argparse.Namespace) -> int:
-    return _write_as(load_mechanism(options.mechanism), "urdf")
-
-
 def _declare_nothing(parser: argparse.ArgumentParser) -> None:
     """Both commands have no arguments."""
 
@@ -99,7 +94,7 @@ COMMANDS = {
         "Print the spanning tree of a mechanism as URDF. What URDF cannot express, such as joints that close loops,"
         " is listed in the file and printed to standard error.",
         add_mechanism,
-        _print_urdf,
+        lambda options: _write_as(load_mechanism(options.mechanism), "urdf"),
     ),
     "list": Command(
         "List the shipped mechanisms, each with its name and a one-line description.", _declare_nothing, _list

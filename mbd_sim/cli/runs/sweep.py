@@ -9,13 +9,13 @@ from pathlib import Path
 
 from mbd_sim import __version__
 from mbd_sim.base.errors import counted
-from mbd_sim.base.packages import require_packages
 from mbd_sim.cli.shared.command import COUNT, Command, ProgressBar
 from mbd_sim.cli.shared.common import (
     add_duration,
     add_mechanism,
     add_method_and_step,
     add_quiet,
+    add_repeatable,
     positive_in,
     print_notes,
     seed_number,
@@ -25,7 +25,6 @@ from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.many.sweep.plan import bare_variation_remark, named_quantities, plan, variation
 from mbd_sim.many.sweep.runs import (
-    SUFFIXES,
     Results,
     Settings,
     chunks,
@@ -33,10 +32,9 @@ from mbd_sim.many.sweep.runs import (
     require_column,
     result_names,
     sweep,
-    write,
 )
 from mbd_sim.recordings.views.plots import PICTURE_SUFFIXES, require_plot
-from mbd_sim.recordings.views.table import require_suffix
+from mbd_sim.recordings.views.table import require_table, write_columns
 
 SAMPLES = 1000  # of each run, from which its extremes are taken, unless --every is given
 MAX_PROBLEMS = 5  # printed
@@ -45,15 +43,14 @@ MOST_ROWS, MOST_COLUMNS = 20, 6  # of the table that is printed where no file is
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--vary",
-        action="append",
-        default=[],
-        metavar="NAME=VALUES",
-        required=True,
-        help="vary a value of the file, such as parameters.l or joints.elbow.position, or a constant effort, such as "
+        "NAME=VALUES",
+        "vary a value of the file, such as parameters.l or joints.elbow.position, or a constant effort, such as "
         "efforts.elbow; repeatable. VALUES: 0.5:2:20 (20 values from 0.5 to 2), 0.5,1,2 (these values), or a "
         "distribution to sample: uniform(0.5, 2), loguniform(0.5, 2), normal(mean, deviation)",
+        required=True,
     )
     parser.add_argument("--draws", type=int, default=1, metavar="N", help="random samples per combination (default 1)")
     parser.add_argument("--seed", type=seed_number, default=0, help="seed of the random samples (default 0)")
@@ -64,24 +61,24 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"sampling interval of the results in seconds, at least one step (default: TIME / {SAMPLES})",
     )
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--quantity",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="also report a quantity of each run: its last, least, most and root-mean-square values; repeatable. "
+        "NAME",
+        "also report a quantity of each run: its last, least, most and root-mean-square values; repeatable. "
         "NAME: such as reactions.elbow.force, points.lower.tip.z, drives.crank.force, energies.kinetic, "
         "velocities.elbow, losses.friction, or events.impact for the number of impacts",
     )
     add_method_and_step(parser, "from the file")
+    formats = ".csv, .parquet or .npz"
     parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="write a table with a row per run: .parquet or .csv (default: print it)",
+        "--out", type=Path, metavar="FILE", help=f"write a table of the runs: {formats} (default: print it)"
     )
     parser.add_argument(
-        "--histories", type=Path, metavar="FILE", help="write a table of all coordinates over time: .parquet or .csv"
+        "--histories",
+        type=Path,
+        metavar="FILE",
+        help="write a table of all coordinates over time",
     )
     parser.add_argument(
         "--plot",
@@ -107,9 +104,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     for path in (options.out, options.histories):
-        if path is not None:
-            require_suffix(path, SUFFIXES)
-            require_packages("pyarrow", purpose="The table of a sweep")
+        require_table(path)
     require_plot(options.plot, PICTURE_SUFFIXES)
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)
@@ -135,7 +130,7 @@ def _execute(options: argparse.Namespace) -> int:
     metadata = {"mbd_sim": __version__, "mechanism.yaml": settings.text, "until": repr(settings.until)}
     for path, table in ((options.out, results.runs), (options.histories, results.histories)):
         if path is not None and table:
-            write(path, table, metadata)
+            write_columns(path, table, metadata)
     if options.plot is not None:
         draw(options.plot, results.runs, planned.names, shown, f"{mechanism.name} after {options.time:g} s")
     print(_summary(mechanism.name, results, seconds, [options.out, options.histories, options.plot]))

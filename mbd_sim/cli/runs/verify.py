@@ -150,10 +150,6 @@ def _difference_text(difference: Difference) -> str:
     )
 
 
-def _add_recover(parser: argparse.ArgumentParser) -> None:
-    add_recordings(parser, MCAP_OR_BAG)
-
-
 def _recover(options: argparse.Namespace) -> int:
     """Recover the recordings and print the contents of each.
 
@@ -274,7 +270,7 @@ COMMANDS = {
         "Repair recordings: remove everything after the last complete, undamaged record of each file, and write the"
         " summary and the indexes that MCAP tools need. If more than an incomplete end is removed, the original is "
         "kept as FILE.damaged.",
-        _add_recover,
+        lambda parser: add_recordings(parser, MCAP_OR_BAG),
         _recover,
     ),
     "rerun-with": Command(

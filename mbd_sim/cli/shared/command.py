@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from mbd_sim.base.operating_system import OPEN_FILES, memory_file
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -111,15 +113,18 @@ class ProgressBar:
 
         columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(amount), TimeRemainingColumn())
         self._display = Progress(*columns, disable=quiet, transient=True)
+        self._quiet = quiet
         self._task = self._display.add_task(title, total=total)
 
     def __enter__(self) -> Self:
         Waiting.make_room()
-        self._display.start()
+        if not self._quiet:
+            self._display.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._display.stop()
+        if not self._quiet:  # Rich before 14.1 prints a line at the end of what it has not shown
+            self._display.stop()
 
     def show(self, completed: float) -> None:
         """Show how much of the total is completed."""
@@ -151,9 +156,11 @@ def temporary_file(name: str) -> Iterator[Path]:
     try:
         folder = tempfile.TemporaryDirectory(prefix="mbd_sim_")
     except FileNotFoundError:
-        in_memory = os.memfd_create(name)
+        in_memory = memory_file(name)
+        if in_memory is None:
+            raise
         try:
-            yield Path(f"/proc/self/fd/{in_memory}")
+            yield OPEN_FILES / str(in_memory)
         finally:
             os.close(in_memory)
         return

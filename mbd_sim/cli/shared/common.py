@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, listed
 from mbd_sim.files.text.units import parse_value, split_unit
@@ -36,6 +36,11 @@ def add_mechanism(parser: argparse.ArgumentParser) -> None:
 def add_recordings(parser: argparse.ArgumentParser, kinds: str) -> None:
     """Declare the argument `recordings`, one or more; `kinds` says which ones are accepted."""
     parser.add_argument("recordings", metavar="RUN", type=Path, nargs="+", help=f"{kinds}; one or more")
+
+
+def add_repeatable(parser: argparse._ActionsContainer, name: str, metavar: str, help_text: str, **further: Any) -> None:
+    """Declare an option that may be given several times, whose values are a list."""
+    parser.add_argument(name, action="append", default=[], metavar=metavar, help=help_text, **further)
 
 
 def add_duration(parser: argparse.ArgumentParser) -> None:

@@ -14,6 +14,7 @@ from mbd_sim.cli.shared.command import COUNT, ProgressBar, temporary_file
 from mbd_sim.cli.shared.common import (
     add_coordinates,
     add_plot_style,
+    add_repeatable,
     add_show,
     chosen_style,
     plotted_coordinates,
@@ -47,13 +48,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     add_coordinates(group)
     add_plot_style(group)
     group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .webp, .mp4 or .html")
-    group.add_argument(
-        "--trace",
-        action="append",
-        default=[],
-        metavar="POINT",
-        help="draw the path of a part or part.point; repeatable",
-    )
+    add_repeatable(group, "--trace", "POINT", "draw the path of a part or part.point; repeatable")
     group.add_argument(
         "--pace",
         type=positive_number,

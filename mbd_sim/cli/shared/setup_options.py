@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import InputError, MechanismError, nearest
 from mbd_sim.cli.shared.command import Waiting
+from mbd_sim.cli.shared.common import add_repeatable
 from mbd_sim.files.load import load_mechanism, set_up
 from mbd_sim.files.text.units import parse_value, split_unit
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -21,7 +22,7 @@ def add_set(parser: argparse._ActionsContainer) -> None:
     """Declare `--set`."""
     example = "joints.elbow.damping=0.2 or l='80 cm'"
     help_text = f"change a value of the mechanism file, such as {example}; repeatable"
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help=help_text)
+    add_repeatable(parser, "--set", "KEY=VALUE", help_text, dest="changes")
 
 
 BASES = ("fixed", "free")
@@ -44,19 +45,14 @@ def add_robot(parser: argparse._ActionsContainer) -> None:
 
 def add_start(parser: argparse._ActionsContainer) -> None:
     """Declare `--start` and `--effort`."""
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--start",
-        action="append",
-        default=[],
-        metavar="JOINT=VALUE",
-        help="start position of a joint or coordinate, in rad or m or with a unit, such as elbow='30 deg'; repeatable",
+        "JOINT=VALUE",
+        "start position of a joint or coordinate, in rad or m or with a unit, such as elbow='30 deg'; repeatable",
     )
-    parser.add_argument(
-        "--effort",
-        action="append",
-        default=[],
-        metavar="JOINT=VALUE",
-        help="constant effort on a joint, in N or N·m or with a unit; repeatable",
+    add_repeatable(
+        parser, "--effort", "JOINT=VALUE", "constant effort on a joint, in N or N·m or with a unit; repeatable"
     )
 
 

@@ -9,7 +9,15 @@ from pathlib import Path
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.cli.shared.command import Command
-from mbd_sim.cli.shared.common import add_mechanism, add_show, print_notes, print_written, seed_number, shown_plots
+from mbd_sim.cli.shared.common import (
+    add_mechanism,
+    add_repeatable,
+    add_show,
+    print_notes,
+    print_written,
+    seed_number,
+    shown_plots,
+)
 from mbd_sim.cli.shared.setup_options import add_set, changed_mechanism
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.many.sweep.plan import bare_variation_remark
@@ -41,21 +49,19 @@ CURVES = "positions", "velocities", "accelerations", "points", "transmission", "
 
 def _add_kinematics(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--drive",
-        action="append",
-        required=True,
-        metavar="NAME=RANGE",
-        help="a driven coordinate and its range, such as crank=0:360deg, or crank=0:360deg:73 for 73 positions, or a "
+        "NAME=RANGE",
+        "a driven coordinate and its range, such as crank=0:360deg, or crank=0:360deg:73 for 73 positions, or a "
         "value at which it is held; repeatable: as many as the mechanism has degrees of freedom",
+        required=True,
     )
     add_set(parser)
     parser.add_argument(
         "--speed", default="1", metavar="V", help="of the first drive: rad/s, m/s, or 60rpm (default 1)"
     )
-    parser.add_argument(
-        "--point", action="append", default=[], metavar="PART.POINT", help="a point whose path is wanted; repeatable"
-    )
+    add_repeatable(parser, "--point", "PART.POINT", "a point whose path is wanted; repeatable")
     parser.add_argument(
         "--transmission",
         action="append",
@@ -72,19 +78,11 @@ def _add_kinematics(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="follow the motion through dead points, where the drive turns back, and straight through change points",
     )
-    parser.add_argument(
-        "--sensitivity",
-        action="append",
-        default=[],
-        metavar="KEY",
-        help="a parameter of the file by which positions are differentiated; repeatable",
+    add_repeatable(
+        parser, "--sensitivity", "KEY", "a parameter of the file by which positions are differentiated; repeatable"
     )
-    parser.add_argument(
-        "--tolerance",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="a tolerance ± of a parameter of the file, such as l=0.1mm; repeatable",
+    add_repeatable(
+        parser, "--tolerance", "KEY=VALUE", "a tolerance ± of a parameter of the file, such as l=0.1mm; repeatable"
     )
     parser.add_argument(
         "--samples", type=int, default=0, metavar="N", help="random samples within the tolerances (default: none)"
@@ -94,20 +92,18 @@ def _add_kinematics(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--column",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="a column of the printed table and of the file, or a pattern such as 'reaction.*.force_N'; repeatable "
+        "NAME",
+        "a column of the printed table and of the file, or a pattern such as 'reaction.*.force_N'; repeatable "
         "(default: positions and efforts are printed, and all columns written)",
     )
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--limit",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a limit of the magnitude of a column, in its unit, such as reaction.crank_pin.force_N=500; the status is "
+        "NAME=VALUE",
+        "a limit of the magnitude of a column, in its unit, such as reaction.crank_pin.force_N=500; the status is "
         "1 if it is exceeded; repeatable",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
@@ -205,12 +201,12 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=RANGE",
         help="the driven coordinate and its range, such as crank=0:360deg:37 with 37 positions (default 37)",
     )
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--vary",
-        action="append",
+        "KEY=LOW:HIGH",
+        "a parameter of the file and its bounds, such as l=0.5:2; repeatable",
         required=True,
-        metavar="KEY=LOW:HIGH",
-        help="a parameter of the file and its bounds, such as l=0.5:2; repeatable",
     )
     goal = parser.add_mutually_exclusive_group(required=True)
     goal.add_argument(

@@ -16,7 +16,7 @@ from mbd_sim.analysis.linear.state_space import StateSpace
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.cli.shared.command import COUNT, Command, ProgressBar, Waiting
-from mbd_sim.cli.shared.common import add_quiet, positive_in, print_notes, print_written
+from mbd_sim.cli.shared.common import add_quiet, add_repeatable, positive_in, print_notes, print_written
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.cli.shared.working_point import (
     EQUILIBRIUM,
@@ -207,12 +207,11 @@ def _add_modes(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--animate", type=Path, metavar="FILE", help="animate a mode: .gif, .webp, .mp4 or .html")
     parser.add_argument("--mode", type=int, default=1, metavar="N", help="the mode for --animate (default 1)")
-    parser.add_argument(
+    add_repeatable(
+        parser,
         "--vary",
-        action="append",
-        default=[],
-        metavar="KEY=VALUES",
-        help="vary a value of the file: joints.elbow.damping=0:2:50 (50 values from 0 to 2) or l=0.5,1,2; give it two "
+        "KEY=VALUES",
+        "vary a value of the file: joints.elbow.damping=0:2:50 (50 values from 0 to 2) or l=0.5,1,2; give it two "
         "times for a stability map",
     )
     parser.add_argument(

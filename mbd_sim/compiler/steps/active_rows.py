@@ -11,10 +11,10 @@ from functools import partial
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import FALSE, TRUE, IRBuilder, element, local_array, number
+from mbd_sim.compiler.ir.builder import IRBuilder, element, local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import Index, for_components, load, loop, store
+from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.lists.like_operations import Branch
 from mbd_sim.compiler.lists.lowering import instruction_count, lower
@@ -23,7 +23,9 @@ from mbd_sim.compiler.lists.packing import packed
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.steps.emitter import System
 from mbd_sim.compiler.steps.guarded import GuardedSteps, Guards, emit_one_sided_advance
+from mbd_sim.compiler.steps.row_factors import Factors, emit_product
 from mbd_sim.compiler.steps.shared_rows import ActiveRows, emit_active_solver
+from mbd_sim.compiler.steps.slots import SlotSystem, emit_slot_values
 
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 
@@ -42,14 +44,14 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class FactoredSystem:
-    """`function(t, y, inputs)` gives a memory, L (n, k) of a matrix L R, some entries of R (k, n), and right sides.
+    """`function(t, y, inputs, slots)` gives a memory, a matrix (n, n) or numbers of its `factors`, and right sides.
 
-    These are those of each column, with the indices of their rows in `places`; all others are zero. Without `places`, R
-    is the unit matrix. The right sides (n, ·) follow one another. Loads and a margin may follow.
+    With factors L and R the matrix is Lᵀ R; without, the output for R is empty. The right sides (n, ·) follow one
+    another. Loads and a margin may follow.
     """
 
     function: ca.Function
-    places: Sequence[Sequence[int]] | None
+    factors: Factors | None
 
 
 def emit_solved(
@@ -58,6 +60,7 @@ def emit_solved(
     system: FactoredSystem,
     results: Sequence[ca.Function],
     active: ActiveRows,
+    slots: SlotSystem,
     *,
     loads: Sequence[Load] = (),
     fused: bool = True,
@@ -67,8 +70,8 @@ def emit_solved(
 ) -> Function:
     """Emit `void name(t, y, inputs, out…[, margin])` of double pointers, and what it calls, if that is not there yet.
 
-    Each of the `results(memory, solution)` takes the solution of the system, zero for all other rows, and has an `out`.
-    The margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
+    Each of the `results(memory, solution, slots)` takes the solution of the system, zero for all other rows, and has an
+    `out`. The margin is an argument if it is to be reported. For `adds_given` and `watches` see `emit_active_solver`.
 
     :param loads: whose numbers the system has as one more output.
     """
@@ -89,60 +92,25 @@ def emit_solved(
     t, y, inputs, *rest = function.args
     out, margin = rest[: len(results)], rest[len(results) :]
     memory, left, factor = (local_array(b, function_of_state.nnz_out(index)) for index in range(3))
-    matrix = left if system.places is None else local_array(b, n * n)
+    matrix = left if system.factors is None else local_array(b, n * n)
+    values = local_array(b, slots.size)
     right, solution = (local_array(b, n * columns) for _ in range(2))
     numbers = [local_array(b, function_of_state.nnz_out(4))] if has_loads else []
     if has_margin and not margin:
         margin = [local_array(b, 1)]
-    b.call(emitted_system, [t, y, inputs, memory, left, factor, right, *numbers, *margin])
-    if system.places is not None:
-        product = emit_product(module, f"{function_of_state.name()}.product", n, system.places, active)
-        b.call(product, [inputs, left, factor, matrix])
+    if slots.slots:
+        b.call(emit_slot_values(module, slots), [t, y, inputs, values])
+    b.call(emitted_system, [t, y, inputs, values, memory, left, factor, right, *numbers, *margin])
+    if system.factors is not None:
+        product = emit_product(module, f"{function_of_state.name()}.product", system.factors, active)
+        b.call(product, [inputs, left, factor, matrix, element(b, values, slots.size - n)])
     arguments = [inputs, matrix, right, solution]
     if has_loads:
         _emit_loaded(b, n, loads, solve, arguments, numbers[0])
     else:
         b.call(solve, arguments)
     for result, into in zip(emitted_results, out, strict=True):
-        b.call(result, [memory, solution, into])
-    b.ret_void()
-    return function
-
-
-def emit_product(
-    module: Module, name: str, n: int, places: Sequence[Sequence[int]], active: ActiveRows | None
-) -> Function:
-    """Emit `void name(inputs, left, right, matrix)`, if it is not there yet: the columns of L R of active rows.
-
-    While rows share their forces, or without `active`, these are all columns. For the factors see `FactoredSystem`.
-    """
-    if (known := module.functions.get(name)) is not None:
-        return known
-    position = 0
-    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
-    function.linkage, function.attributes, function.noalias = "internal", ["noinline"], True
-    inputs, left, right, matrix = function.args
-    b = IRBuilder(function.append_basic_block("entry"))
-    masks = [] if active is None else [load(b, inputs, active.first + row) for row in range(n)]
-    share = TRUE if active is None else FALSE
-    for mask in masks:
-        share = b.or_(share, b.fcmp_ordered("<", mask, number(0.0)))
-    needed = [b.or_(share, b.fcmp_unordered("!=", mask, number(0.0))) for mask in masks] or [share] * n
-    for column, own in enumerate(places):
-        with b.if_then(needed[column]):
-            factors = [load(b, right, position + index) for index in range(len(own))]
-            vectors = [element(b, left, place * n) for place in own]
-            target = element(b, matrix, column * n)
-
-            def component(w: IRBuilder, i: Index, target: Value, terms: Sequence[tuple[Value, Value]]) -> None:
-                total = number(0.0)
-                for factor, vector in terms:
-                    total = w.fma(factor, load(w, vector, i), total)
-                store(w, total, target, i)
-
-            terms = list(zip(factors, vectors, strict=True))
-            for_components(b, n, partial(component, target=target, terms=terms), short=True)
-        position += len(own)
+        b.call(result, [memory, solution, values, into])
     b.ret_void()
     return function
 
@@ -205,11 +173,32 @@ def _emit_loaded(
     loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in loads) else 1, once)
 
 
-def emit_terms(module: Module, one_sided: OneSidedSystem, attributes: Sequence[str]) -> None:
-    """Emit `void read_contact_terms(t, y, inputs, out)`: the whole matrix without friction, column by column, and more.
+def emit_event_readers(module: Module, one_sided: OneSidedSystem, attributes: Sequence[str]) -> dict[str, int]:
+    """Emit what events read, and say how many arguments each takes before the output.
 
-    What follows it are the further numbers that the `terms` give.
+    `void read_contact_terms(t, y, inputs, out)` gives the whole matrix without friction, column by column, and the
+    further numbers of the `terms`.
     """
+    counts, slots = {"contact_terms": 3}, emit_slot_values(module, one_sided.slots)
+    _emit_terms(module, one_sided, slots, attributes)
+    for name, function in one_sided.event_readers.items():
+        lowered = lower(module, function, inline=True, as_interpreted=True)
+        takes_slots = function.n_in() > 1  # and a state
+        counts[name] = function.n_in() - takes_slots
+        exported = Function(module, FunctionType(VOID, [POINTER] * (counts[name] + 1)), f"read_{name}")
+        exported.attributes = [*attributes]
+        b = IRBuilder(exported.append_basic_block("entry"))
+        *given, out = exported.args
+        values = []
+        if takes_slots:
+            values = [local_array(b, one_sided.slots.size)]
+            b.call(slots, [*given[:3], *values])
+        b.call(lowered, [*given, *values, out])
+        b.ret_void()
+    return counts
+
+
+def _emit_terms(module: Module, one_sided: OneSidedSystem, slots: Function, attributes: Sequence[str]) -> None:
     n, terms = one_sided.rows, one_sided.terms
     lowered = lower(module, terms.function, inline=True, as_interpreted=True)
     exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contact_terms")
@@ -217,10 +206,11 @@ def emit_terms(module: Module, one_sided: OneSidedSystem, attributes: Sequence[s
     b = IRBuilder(exported.append_basic_block("entry"))
     t, y, inputs, out = exported.args
     left, factor = (local_array(b, terms.function.nnz_out(index)) for index in range(2))
-    rest = element(b, out, n * n)
-    b.call(lowered, [t, y, inputs, out if terms.places is None else left, factor, rest])
-    if terms.places is not None:
-        b.call(emit_product(module, "whole_product", n, terms.places, None), [inputs, left, factor, out])
+    values, rest = local_array(b, one_sided.slots.size), element(b, out, n * n)
+    b.call(slots, [t, y, inputs, values])
+    b.call(lowered, [t, y, inputs, values, out if terms.factors is None else left, factor, rest])
+    if terms.factors is not None:
+        b.call(emit_product(module, "whole_product", terms.factors, None), [inputs, left, factor, out, values])
     b.ret_void()
 
 
@@ -232,9 +222,10 @@ class OneSidedSystem:
     """The functions of a system with `gaps` and `rows`, of which the gaps come first.
 
     `rates` and `project` are pairs of a system and its result, see `emit_solved`, and `readings` a further result of
-    the system of rates. `open_start(t, y, inputs)` gives what `rates` do while everything is open, then the gaps and
-    their rates; `event_readers` are further readers, which events need, besides the `terms`: the factors of the matrix
-    without friction, then further numbers. Inputs from `first_mode` on are the `modes`:
+    the system of rates. Behind the values of the `slots`, readings find the diagonal (rows,) of the matrix without
+    friction, see `emit_product`. `open_start(t, y, inputs)` gives what `rates` do while everything is open, then the
+    gaps and their rates; `event_readers` are further readers, which events need, besides the `terms`: the factors of
+    the matrix without friction, then further numbers. Inputs from `first_mode` on are the `modes`:
     which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
     given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
     `gap_units` are those of the tolerance of open gaps.
@@ -255,6 +246,7 @@ class OneSidedSystem:
     tolerance: float
     gap_units: tuple[float, ...]
     slow: float
+    slots: SlotSystem
     loads: tuple[Load, ...] = ()
     slips: tuple[tuple[int, int], ...] = ()
 
@@ -277,10 +269,12 @@ def emit_one_sided(
     first, gaps = one_sided.first_mode + one_sided.gaps, one_sided.gaps
     active = ActiveRows(rows, first, one_sided.first_given, solver, gaps)
     contact, rates, readings = *one_sided.rates, one_sided.readings
-    solved = partial(emit_solved, active=active, loads=one_sided.loads, adds_given=True)
+    solved = partial(emit_solved, active=active, slots=one_sided.slots, loads=one_sided.loads, adds_given=True)
     reports = system.reports_conditioning
     project_system, project = one_sided.project
-    contact_project = emit_solved(module, "solved_projection", project_system, [project], active, fused=False)
+    contact_project = emit_solved(
+        module, "solved_projection", project_system, [project], active, one_sided.slots, fused=False
+    )
     closed = replace(
         system,
         rates=solved(module, "solved_rates", contact, [rates], reports_margin=reports),

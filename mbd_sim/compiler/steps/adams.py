@@ -11,7 +11,7 @@ from mbd_sim.compiler.steps.adams_history import AdamsHistory
 from mbd_sim.compiler.steps.adams_policy import AdamsPolicy
 from mbd_sim.compiler.steps.emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.compiler.steps.runge_kutta import CalledStep
-from mbd_sim.integrators.adams import PARTS, Adams
+from mbd_sim.integrators.explicit import PARTS, Adams
 
 
 def adams_step(method: Adams) -> Prepare:

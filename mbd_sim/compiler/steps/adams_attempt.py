@@ -13,7 +13,7 @@ from mbd_sim.compiler.ir.lanes import ComponentBuilder
 from mbd_sim.compiler.ir.module import Value
 from mbd_sim.compiler.ir.vectors import Index, copy, for_components, load, store, total, weighted
 from mbd_sim.compiler.steps.emitter import StepEmitter
-from mbd_sim.integrators.adams import LOWER, Adams
+from mbd_sim.integrators.explicit import LOWER, Adams
 
 # The largest differences, in units of the tolerance, that are taken for round-off: where they grow with the order, as
 # only those of round-off and of vibrations with h ω > 1 do, and elsewhere.

@@ -21,7 +21,7 @@ from mbd_sim.compiler.ir.vectors import (
     weighted,
 )
 from mbd_sim.compiler.steps.emitter import StepEmitter
-from mbd_sim.integrators.adams import PARTS, Adams
+from mbd_sim.integrators.explicit import PARTS, Adams
 
 COUNT, LEVEL, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(7)  # the numbers at the start of a history
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir.module import Value
 from mbd_sim.compiler.steps.emitter import StepEmitter
-from mbd_sim.integrators.adams import PARTS, Adams
+from mbd_sim.integrators.explicit import PARTS, Adams
 
 FINEST = PARTS.bit_length() - 1  # the level of the smallest parts of a step
 DIVIDED = 5  # instructions of a rate on average, from which on parts of a step cost less than the other method

@@ -7,7 +7,7 @@ from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Value
 from mbd_sim.compiler.ir.vectors import Index, add_square, combine, copy, for_each, load, store, weighted
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter
-from mbd_sim.integrators.gauss import Gauss
+from mbd_sim.integrators.implicit import Gauss
 
 SWEEPS_CONVERGED = 1e-17  # change of the scaled state below which the sweeps have converged
 FIRST_SWEEPS = 3  # after these, a change that no longer falls is round-off

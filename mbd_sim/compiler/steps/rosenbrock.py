@@ -26,8 +26,8 @@ from mbd_sim.compiler.ir.module import Function, Value
 from mbd_sim.compiler.ir.vectors import Index, combine, copy, for_each, load, store, total, weighted
 from mbd_sim.compiler.steps.emitter import Emit, Prepare, StepEmitter
 from mbd_sim.compiler.steps.runge_kutta import CalledStep
-from mbd_sim.integrators.rosenbrock import Rosenbrock, RosenbrockW
-from mbd_sim.integrators.tableau import EXPLICIT
+from mbd_sim.integrators.explicit import EXPLICIT
+from mbd_sim.integrators.implicit import Rosenbrock, RosenbrockW
 
 
 @dataclass(frozen=True, eq=False)

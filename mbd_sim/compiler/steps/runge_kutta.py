@@ -7,7 +7,7 @@ from mbd_sim.compiler.ir.lanes import lanes_of, new_builder
 from mbd_sim.compiler.ir.module import BOOL, POINTER, VOID, Function, FunctionType, Value
 from mbd_sim.compiler.ir.vectors import combine, combine_at_once, copy, load, store, weighted
 from mbd_sim.compiler.steps.emitter import EmitStep, Prepare, StepEmitter
-from mbd_sim.integrators.tableau import Tableau
+from mbd_sim.integrators.explicit import Tableau
 
 
 class ExplicitStep:

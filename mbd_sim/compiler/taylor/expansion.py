@@ -17,7 +17,7 @@ from mbd_sim.compiler.lists.instruction_list import Graph, GraphBuilder, Instruc
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.steps.emitter import StepEmitter
 from mbd_sim.compiler.taylor.rules import Integral, Recurrence, SeriesList, Sum
-from mbd_sim.integrators.taylor import Taylor
+from mbd_sim.integrators.explicit import Taylor
 
 
 def expansion(series: SeriesList, size: int, order: int) -> InstructionList:

@@ -19,7 +19,7 @@ from mbd_sim.compiler.steps.runge_kutta import CalledStep
 from mbd_sim.compiler.taylor.expansion import TaylorExpansion, expansion
 from mbd_sim.compiler.taylor.recursion import emit_recursion, stack_size
 from mbd_sim.compiler.taylor.rules import NotAnalyticError, series_of, turning_points
-from mbd_sim.integrators.taylor import Taylor
+from mbd_sim.integrators.explicit import Taylor
 
 LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
 SPAN, POSITION, NEXT, SIZE, VECTORS = range(5)  # the numbers at the start of a history

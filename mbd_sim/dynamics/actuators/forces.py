@@ -11,8 +11,14 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.actuators.cylinders import CylinderOutput, cylinder_output
-from mbd_sim.dynamics.actuators.motors import MotorOutput, dc_motor, effort_motor
-from mbd_sim.dynamics.actuators.servos import ServoSignals, servo_output, with_reference
+from mbd_sim.dynamics.actuators.motors import (
+    MotorOutput,
+    ServoSignals,
+    dc_motor,
+    effort_motor,
+    servo_output,
+    with_reference,
+)
 from mbd_sim.dynamics.forces.elements import ElementForces
 from mbd_sim.dynamics.forces.joints import JointForces
 from mbd_sim.dynamics.kinematics.links import speed_rows

@@ -13,8 +13,7 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.actuators.cylinders import CylinderOutput, displaced_energy, stored_energy
 from mbd_sim.dynamics.actuators.forces import ActuatorForces, PortMotion, commands_in_effect, integral_of, servo_signals
-from mbd_sim.dynamics.actuators.motors import MotorOutput
-from mbd_sim.dynamics.actuators.servos import error_of, moved_reference, servo_output, with_reference
+from mbd_sim.dynamics.actuators.motors import MotorOutput, error_of, moved_reference, servo_output, with_reference
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.layouts.actuators import ActuatorLayout, ActuatorSlots
 from mbd_sim.dynamics.math.spatial import is_absent

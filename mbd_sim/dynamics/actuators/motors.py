@@ -1,4 +1,4 @@
-"""Motors: their effort, current and losses from their command and the speed of their port.
+"""Motors: their effort, current and losses from their command and the speed of their port; servos, which command them.
 
 A gear with the efficiency η < 1 passes on η of a torque that drives, and takes 1/η of one that brakes. Near rest this
 loss, like the friction of the rotor, falls to zero with tanh(ω/ω₀), so that the torque does not jump.
@@ -7,13 +7,14 @@ loss, like the friction of the rotor, falls to zero with tanh(ω/ω₀), so that
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from mbd_sim.dynamics.math.spatial import between, is_absent, is_finite, is_symbolic, limited, within
+from mbd_sim.mechanism.elements.actuators import Servo
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.elements.actuators import DcMotor, EffortMotor
@@ -69,7 +70,7 @@ def dc_motor(motor: DcMotor, command: ca.SX, current: ca.SX, speed: ca.SX) -> Mo
     if is_absent(motor.inductance):
         voltage = _voltage(motor, command, ca.SX(1, 1), back_emf, motor.resistance)
         current = (voltage - back_emf) * (1.0 / motor.resistance)
-        if _is_ideal(motor):  # the quotient would round
+        if motor.control != "voltage" and not is_finite(motor.voltage_limit):  # the quotient would round
             current = _wanted_current(motor, command)
         rate = None
     else:
@@ -78,11 +79,6 @@ def dc_motor(motor: DcMotor, command: ca.SX, current: ca.SX, speed: ca.SX) -> Mo
         rate = (voltage - drop) * (1.0 / motor.inductance)
     torque, loss = _geared(motor, motor.torque_constant * current, omega)
     return MotorOutput(motor.gear * torque, voltage, current, rate, motor.resistance * current**2, loss)
-
-
-def _is_ideal(motor: DcMotor) -> bool:
-    """Whether the current is the commanded one at any speed."""
-    return motor.control != "voltage" and not is_finite(motor.voltage_limit)
 
 
 def _wanted_current(motor: DcMotor, command: ca.SX) -> ca.SX:
@@ -116,3 +112,73 @@ def _geared(motor: DcMotor, torque: ca.SX, omega: ca.SX) -> tuple[ca.SX, ca.SX]:
         share = ca.if_else(net * omega > 0.0, 1.0 - motor.efficiency, 1.0 / motor.efficiency - 1.0)
         loss += share * ca.fabs(net) * direction
     return torque - loss, loss * omega
+
+
+@dataclass(frozen=True, eq=False)
+class ServoSignals:
+    """What a servo reads: position and speed of its port, the commands, and the limit of its output.
+
+    `position` and `velocity` of the command are in rad or m and rad/s or m/s; `effort` is added to the output.
+    """
+
+    x: ca.SX
+    v: ca.SX
+    position: ca.SX
+    velocity: ca.SX
+    effort: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class ServoOutput:
+    """The `error`, the limited `output`, and the rate of the integral in 1/s of the output's unit."""
+
+    error: ca.SX
+    output: ca.SX
+    integral_rate: ca.SX
+
+
+def with_reference(servo: Servo, signals: ServoSignals, reference: ca.SX) -> ServoSignals:
+    """The signals of a servo with another reference of what is controlled."""
+    if servo.controls == "position":
+        return replace(signals, position=reference)
+    return replace(signals, velocity=reference)
+
+
+def error_of(servo: Servo, signals: ServoSignals) -> ca.SX:
+    """What the servo makes zero."""
+    return signals.position - signals.x if servo.controls == "position" else signals.velocity - signals.v
+
+
+def servo_output(
+    servo: Servo, signals: ServoSignals, limit: float | ca.SX, integral: ca.SX, error_rate: ca.SX | None = None
+) -> ServoOutput:
+    """The output of a servo.
+
+    :param limit: of the output.
+    :param error_rate: of a velocity servo; that of a position servo is the error of its speed.
+    """
+    error = error_of(servo, signals)
+    total = servo.kp * error
+    if not is_absent(servo.ki):
+        total += integral
+    if not is_absent(servo.kd):
+        rate = signals.velocity - signals.v if error_rate is None else error_rate
+        total += servo.kd * rate
+    if not is_absent(servo.feedforward):
+        total += servo.feedforward * signals.velocity
+    total += signals.effort
+    output = limited(total, limit)
+    rate = servo.ki * error
+    if has_tracking(servo, limit):
+        rate += (output - total) / servo.tracking_time
+    return ServoOutput(error, output, rate)
+
+
+def has_tracking(servo: Servo, limit: float | ca.SX) -> bool:
+    """Whether the integral follows a limited output."""
+    return is_finite(limit) and is_finite(servo.tracking_time)
+
+
+def moved_reference(servo: Servo, reference: ca.SX, command: ca.SX, period: float) -> ca.SX:
+    """The reference after a sample, which follows the command by at most the rate limit."""
+    return reference + limited(command - reference, servo.rate_limit * period)

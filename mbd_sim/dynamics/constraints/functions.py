@@ -21,7 +21,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.math.evaluation import evaluated, evaluated_for_all
+from mbd_sim.dynamics.math.expressions import evaluated, evaluated_for_all
 from mbd_sim.dynamics.math.rank import null_space, rank_of
 from mbd_sim.mechanism.mechanism import Mechanism
 

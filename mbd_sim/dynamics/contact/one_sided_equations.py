@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,16 +10,20 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
+from mbd_sim.dynamics.contact.combined_rows import CombinedRows, combined_rows
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.contact.slots import PartMotions, Slot, Slots, written_slot
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
@@ -104,7 +108,7 @@ class FrictionElement:
 
 @dataclass(frozen=True, eq=False)
 class OneSidedEquations:
-    """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
+    """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction.
 
     `numbers` are the symbols of the contact inputs, see `OneSidedLayout`. `places` (6, placed gaps) are the points and
     the forces of those gaps that have a place. `are_lengths` (rows,) says of each row whether its position is in m.
@@ -112,12 +116,17 @@ class OneSidedEquations:
 
     gaps: tuple[Gap, ...]
     frictions: tuple[FrictionElement, ...]
-    equations: ConstraintEquations
+    combined: CombinedRows
     layout: OneSidedLayout
     numbers: ca.SX
     places: ca.SX
     units: NaturalUnits
     are_lengths: tuple[bool, ...]
+
+    @property
+    def equations(self) -> ConstraintEquations:
+        """The rows, with symbols for the values of slots."""
+        return self.combined.equations
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -205,40 +214,92 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
     still = still_axis(traced.poses)
-    along = _places(traced, still)
-    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, along)
+    along, rotations = _places(traced, still), _start_rotations(traced)
+    gaps, sticking = one_sided_rows(
+        traced.mechanism, bodies, time, traced.state.t, units.length, still, along, rotations
+    )
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
-    equations = equations_of_rows(traced, bodies, time, rows)
     measured = [*(gap.row for gap in gaps), *(gaps[index].row for index, _ in slips), *(one.row for one in sticking)]
-    unable, prescribed = _unable_to_act(traced, equations, gaps)
-    unable |= {len(gaps) + number for number, (owner, _) in enumerate(slips) if owner in unable}
+    own = {index: [index] for index in range(len(gaps))}  # the rows of each gap
+    for number, (index, _) in enumerate(slips):
+        own[index].append(len(gaps) + number)
+    motions, slots = _written_slots(
+        traced, bodies, time, {index: [rows[row] for row in own[index]] for index in own}, gaps
+    )
+    in_slots = {row for index in slots for row in own[index]}
+    plain = [row for row in range(len(rows)) if row not in in_slots]
+    equations = equations_of_rows(traced, bodies, time, [rows[row] for row in plain])
+    unable = {plain[place] for place in _unable_to_act(traced, equations, len(gaps) - len(slots), len(sticking))}
+    unable |= {own[index][place] for index, slot in slots.items() for place in _idle(motions, slot)}
+    unable |= {row for index in own if index in unable for row in own[index]}
+    if still is None:
+        slip_rows = range(len(gaps), len(gaps) + len(slips))
+        gradients = {row: equations.gradient[place, :] for place, row in enumerate(plain) if row in slip_rows}
+        for index, slot in slots.items():
+            gradients |= dict(zip(own[index], ca.vertsplit(_gradient_somewhere(motions, slot)), strict=True))
+        unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows if row not in unable})
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions: list[FrictionElement] = []
     for index, gap in enumerate(gaps):
-        own = [len(gaps) + number for number, (owner, _) in enumerate(slips) if owner == index]
-        if own := [new_index[row] for row in own if row in new_index]:
+        if slip := [new_index[row] for row in own[index][1:] if row in new_index]:
             sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
-            element = FrictionElement(tuple(own), new_index[index], partial(_of_any_speed, sliding), static)
+            element = FrictionElement(tuple(slip), new_index[index], partial(_of_any_speed, sliding), static)
             frictions.append(element)
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
+    places = {index: [place for place, row in enumerate(own[index]) if row in new_index] for index in slots}
+    slots = {index: slot.select(places[index]) for index, slot in slots.items() if index in new_index}
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
-    slots = [gap.numbers for gap in gaps if gap.numbers is not None]
+    numbers = [gap.numbers for gap in gaps if gap.numbers is not None]
     loads = sum(element.joint is not None for element in frictions)
-    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in slots))
-    for row in prescribed:
-        equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
-    numbers = ca.vertcat(ca.SX.sym("contact", layout.features.start), *slots)
-    equations = equations.select(kept)
+    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in numbers))
+    inputs = ca.vertcat(ca.SX.sym("contact", layout.features.start), *numbers)
+    remaining = [place for place, row in enumerate(plain) if row in new_index]
+    combined = combined_rows(
+        equations.select(remaining),
+        [new_index[plain[place]] for place in remaining],
+        Slots(motions, [*slots.values()], time, units.length),
+        [[new_index[row] for row in own[index] if row in new_index] for index in slots],
+        [rows[row] for row in kept],
+    )
     placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
     in_state = expressed_in_state(traced, bodies, time)
-    places = placed_forces(placed, equations.rows, numbers[layout.given], in_state)
+    points = placed_forces(placed, combined.equations.rows, inputs[layout.given], in_state)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
-    return OneSidedEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places, units, are_lengths)
+    return OneSidedEquations(tuple(gaps), tuple(frictions), combined, layout, inputs, points, units, are_lengths)
+
+
+def _written_slots(
+    traced: TracedMechanism,
+    bodies: BodySymbols,
+    time: ca.SX,
+    rows: Mapping[int, Sequence[ConstraintRow]],
+    gaps: Sequence[Gap],
+) -> tuple[PartMotions, dict[int, Slot]]:
+    """The slots by the indices of their `gaps`, which have these `rows`, and the motions of their parts."""
+    links = {
+        index: bodies.moving(gap.contact.first.at.part, gap.contact.second.at.part)
+        for index, gap in enumerate(gaps)
+        if gap.numbers is not None and gap.contact is not None
+    }
+    motions = PartMotions(traced, tuple(sorted({link for own in links.values() for link in own})))
+    found = {}
+    for index, own in links.items():
+        numbers, parts = gaps[index].numbers, [motions.links.index(link) for link in own]
+        assert numbers is not None
+        found[index] = written_slot(rows[index], numbers, parts, motions, bodies, time)
+    return motions, found
+
+
+def _idle(motions: PartMotions, slot: Slot) -> list[int]:
+    """The rows of a slot that no coordinate changes; but not a gap that changes nevertheless: only drives change it."""
+    gradient = slot.gradient(motions)
+    idle = [row for row in range(gradient.shape[0]) if not gradient[row, :].nnz()]
+    return [row for row in idle if row or not slot.velocity[0].nnz()]
 
 
 def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
@@ -265,22 +326,17 @@ def _is_length(mechanism: Mechanism, row: ConstraintRow) -> bool:
     return any(not mechanism.coordinate(name).rotation for name in row.factors)
 
 
-def _unable_to_act(
-    traced: TracedMechanism, equations: ConstraintEquations, gaps: Sequence[Gap]
-) -> tuple[set[int], list[int]]:
-    """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; their slip.
+def _unable_to_act(traced: TracedMechanism, equations: ConstraintEquations, gaps: int, sticking: int) -> set[int]:
+    """The rows of gaps that no coordinate changes and that are not negative, such as between welded parts; idle slip.
 
-    Rows of slip come after those of the `gaps`, slots without any coordinate are among them. The second result are gaps
-    that only drives or time change: no force opens them once they close.
+    The gaps come first, and sticking friction last. Of those that only drives or time change, the gradients become
+    exactly zero: no force opens them once they close.
     """
-    slots = [row for row, gap in enumerate(gaps) if gap.numbers is not None]
-    fixed = [row for row in slots if not equations.gradient[row, :].nnz()]
-    driven = [row for row in fixed if equations.velocity[row, :].nnz()]
-    slips = [row for row in range(len(gaps), len(equations.rows)) if not equations.gradient[row, :].nnz()]
-    others = [row for row in range(len(gaps)) if row not in slots]
-    unable, prescribed = _unchanged(traced, equations.select(others)) if others else (set[int](), list[int]())
-    found = {*fixed, *slips, *(others[row] for row in unable)} - {*driven}
-    return found, [*driven, *(others[row] for row in prescribed)]
+    slips = range(gaps, len(equations.rows) - sticking)
+    unable, prescribed = _unchanged(traced, equations.select(range(gaps))) if gaps else (set[int](), list[int]())
+    for row in prescribed:
+        equations.gradient[row, :] = 0.0  # without round-off, by which forces would be divided
+    return unable | {row for row in slips if not equations.gradient[row, :].nnz()}
 
 
 def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple[set[int], list[int]]:
@@ -299,6 +355,31 @@ def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple
         zero &= row_is_zero(other.scaled_gradient(time, q))
     still = [row for row in range(len(equations.rows)) if zero[row]]
     return {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
+
+
+def _gradient_somewhere(motions: PartMotions, slot: Slot) -> ca.SX:
+    """The gradients (k, nv) of the rows of a slot in the state, with numbers drawn for its features."""
+    numbers = np.random.default_rng(5).normal(size=slot.numbers.shape[0])
+    symbols, values = [slot.numbers, *motions.symbols], [ca.SX(ca.DM(numbers)), *motions.values]
+    return ca.substitute([slot.gradient(motions)], symbols, values)[0]
+
+
+def _never_moved(traced: TracedMechanism, equations: ConstraintEquations, gradients: Mapping[int, ca.SX]) -> set[int]:
+    """The rows of some gradients (1, nv) that are round-off in any configuration, by which forces would be divided.
+
+    That is slip across the plane of a mechanism that is not one of the planes of ground's axes.
+    """
+    if not gradients:
+        return set()
+    functions, random = constraint_functions(traced, equations), np.random.default_rng(5)
+    given = [traced.state.t, traced.state.q, traced.parameters.symbols]
+    read = ca.Function("gradients", given, [ca.densify(ca.vertcat(*gradients.values()))], {"cse": True})
+    start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    zero = np.full(len(gradients), True)
+    for time in (0.0, *later_times(traced.numeric)):
+        q = functions.displaced(start, scales * random.normal(size=len(scales)))
+        zero &= row_is_zero(np.array(read(time, q, functions.values)) * scales / functions.size)
+    return {row for row, never in zip(gradients, zero, strict=True) if never}
 
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
@@ -324,6 +405,18 @@ def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
         return {}
     parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
     return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
+
+
+def _start_rotations(traced: TracedMechanism) -> dict[str, Array]:
+    """The rotations (3, 3) of the parts and ground at the start of the file, before loops are closed."""
+    found = {GROUND: np.eye(3)}
+    if any(isinstance(body, PlanarBody) for each in traced.numeric.contacts for body in (each.first, each.second)):
+        symbols = [traced.state.t, traced.state.q, traced.parameters.symbols]
+        read = ca.Function("rotations", symbols, [ca.horzcat(*(pose.rotation for pose in traced.poses))])
+        start = given_start(traced.numeric, traced.layout)[0]
+        columns = np.array(read(0.0, start, traced.parameters.base))
+        found |= {link.joint.outboard: columns[:, 3 * k : 3 * k + 3] for k, link in enumerate(traced.links)}
+    return found
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:

@@ -160,6 +160,10 @@ class BodySymbols:
         velocity = twist[3:] - skew(p_BC_W) @ twist[:3]
         return BodyFrame(pose[:3] + p_BC_W, ca.sparsify(R_WB @ R_BC), velocity, twist[:3])
 
+    def moving(self, *parts: str) -> list[int]:
+        """The indices of those of some parts that are not ground."""
+        return [self._index[part] for part in parts if part != GROUND]
+
     def common_carrier(self, one: str, other: str) -> str:
         """The part farthest from ground that carries both of two parts in the tree.
 
@@ -175,11 +179,13 @@ class BodySymbols:
 
     def rate(self, expressions: ca.SX) -> ca.SX:
         """The time derivatives (m,) of expressions (m,) of the poses."""
-        rates = [
-            ca.vertcat(twist[3:], ca.vec(skew(twist[:3]) @ ca.reshape(pose[3:], 3, 3)))
-            for pose, twist in zip(self.poses, self.twists, strict=True)
-        ]
+        rates = [pose_rate(pose, twist) for pose, twist in zip(self.poses, self.twists, strict=True)]
         return ca.sparsify(ca.jacobian(expressions, ca.vertcat(*self.poses)) @ ca.vertcat(ca.SX(0, 1), *rates))
+
+
+def pose_rate(pose: ca.SX, twist: ca.SX) -> ca.SX:
+    """The time derivative (12,) of a pose, see `flat_pose`, of a part with the velocity [ω; v] in ground's axes."""
+    return ca.vertcat(twist[3:], ca.vec(skew(twist[:3]) @ ca.reshape(pose[3:], 3, 3)))
 
 
 def flat_pose(pose: SymbolicPose) -> ca.SX:

@@ -13,13 +13,13 @@ import numpy as np
 
 from mbd_sim.base.geometry.arrays import require_finite, vector
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.contents import commanded_drives, has_one_sided
 from mbd_sim.mechanism.elements.joint_types import STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class CoordinateLayout:
     """The slices of each joint's coordinates in q (nq,) and speeds in u (nv,), in declared order.
 
@@ -31,8 +31,6 @@ class CoordinateLayout:
     nq: int
     nv: int
     drives: dict[str, slice]
-
-    __repr__ = short_repr
 
 
 def coordinate_layout(mechanism: Mechanism) -> CoordinateLayout:

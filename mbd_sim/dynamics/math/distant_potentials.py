@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.dynamics.math.piecewise import POINTS, PotentialTable, gauss_formula
 
 INTERVAL_TOLERANCE = 2e-15  # of the integral over an interval, relative to that of the absolute value

@@ -42,13 +42,13 @@ from mbd_sim.simulation.model.commands import require_parts
 from mbd_sim.simulation.model.method_choice import choose_method
 from mbd_sim.simulation.model.prepared import require_method
 from mbd_sim.simulation.run.arguments import step_size
+from mbd_sim.studies.algebra.samples import with_forces_alone
 from mbd_sim.studies.optimization.parameter_inputs import (
     ParameterInputs,
     casadi_expression,
     parameter_inputs,
     start_numbers,
 )
-from mbd_sim.studies.symbolic.algebra.samples import with_forces_alone
 
 
 @dataclass(frozen=True, eq=False)

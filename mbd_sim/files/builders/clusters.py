@@ -12,7 +12,7 @@ from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, Rim
 from mbd_sim.mechanism.elements.parts import Attachment, Joint
-from mbd_sim.mechanism.welded import welded
+from mbd_sim.mechanism.touching import welded
 
 ALONE = 16  # corners of a shape that have rows of their own: with 20 of them, the first start takes 20 s
 MOST_SLOTS = 8  # of a cluster

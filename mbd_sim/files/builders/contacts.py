@@ -19,7 +19,7 @@ from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
+from mbd_sim.files.builders.outlines import planar_body, planar_face
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -46,9 +46,9 @@ from mbd_sim.mechanism.elements.contacts import (
 )
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.spanning_tree import split_reference
+from mbd_sim.mechanism.touching import first_of, free_parts, neighbor_groups, welded
 from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
-from mbd_sim.mechanism.welded import first_of, free_parts, neighbor_groups, welded
 
 SIDES = {-1: "-", 1: "+"}
 BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
@@ -226,8 +226,7 @@ class _ContactBuilder:
         points = context.points_by_part
         self._names = {name: known and dict.fromkeys(known) for name, known in points.items()}
         for name, spec in parts.items():
-            shapes = dict.fromkeys(shape.name for shape in touching_shapes(spec) if shape.name)
-            self._names[name] = {**shapes, **dict.fromkeys(spec.points)}
+            self._names[name] = {**dict.fromkeys(_shape_names(touching_shapes(spec))), **dict.fromkeys(spec.points)}
 
     def build(self, name: str, spec: ContactSpec) -> list[Contact]:
         before = len(self._context.problems)
@@ -347,17 +346,21 @@ class _ContactBuilder:
     def _outline_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """An outline and another one, or a roller; None, with a problem, for other shapes."""
-        found = [_planar(each, inside and each is second) for each in (first, second)]
-        if found[0] is None or found[1] is None:
-            other = second if found[1] is None else first
-            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
-            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
-            if inside and not isinstance(second.shape, schema.OutlineSpec):
-                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
-            self._context.report(where, message, remedy)
-            return None
-        return found[0], found[1]
+        """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
+        bodies = []
+        for each in (first, second):
+            encloses = inside and each is second
+            if isinstance(each.shape, schema.OutlineSpec):
+                bodies.append(planar_body(each.part, each.shape, pose_of(each.shape), encloses))
+            elif encloses:
+                message = f"{_article(each.kind)} cannot enclose an outline"
+                self._context.report(where, message, "Name the inner part first.")
+            elif isinstance(each.shape, schema.EllipsoidSpec):
+                message = "an outline cannot be in contact with an ellipsoid"
+                self._context.report(where, message, "Give it an outline of arcs, or another shape.")
+            else:
+                bodies.append(solid(each.part, each.shape))
+        return (bodies[0], bodies[1]) if len(bodies) == 2 else None
 
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
@@ -473,8 +476,9 @@ class _ContactBuilder:
             return []
         spec = self._parts.get(part)
         shapes = [] if spec is None else touching_shapes(spec)
-        if named := [shape for shape in shapes if name and shape.name == name]:
-            return [_TouchingShape(part, reference, named[0])]
+        names = _shape_names(shapes)
+        if name in names and ((shape := shapes[names.index(name)]).name or spec is None or name not in spec.points):
+            return [_TouchingShape(part, reference, shape)]
         if spec is None and part != GROUND:
             return []
         if name is not None:
@@ -487,17 +491,18 @@ class _ContactBuilder:
         if len(chosen) == 1:
             return [_TouchingShape(part, part, chosen[0])]
         return [
-            _TouchingShape(part, f"{part}.{shape.name or f'shape{number}'}", shape)
-            for number, shape in enumerate(chosen, start=1)
+            _TouchingShape(part, f"{part}.{name}", shape)
+            for name, shape in zip(_shape_names(chosen), chosen, strict=True)
         ]
 
 
-def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
-    """A shape, or a point, as the outline of a planar body; None for those that have none."""
-    if isinstance(shape.shape, schema.OutlineSpec):
-        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
-    body = None if encloses else round_body(shape.part, shape.shape)
-    return None if body is None else round_planar_body(body)
+def _shape_names(shapes: Sequence[AnyShapeSpec]) -> list[str]:
+    """The names of shapes; those without one are called by their places, from `shape1` or `hole1` on."""
+    kinds = ["hole" if shape.hole else "shape" for shape in shapes]
+    return [
+        shape.name or f"{kind}{kinds[: place + 1].count(kind)}"
+        for place, (shape, kind) in enumerate(zip(shapes, kinds, strict=True))
+    ]
 
 
 def _is_thin(body: Solid | Curved) -> bool:
@@ -507,8 +512,8 @@ def _is_thin(body: Solid | Curved) -> bool:
 
 def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
-    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
-        return outline_slots(first, second)
+    if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
+        return MOST_SLOTS  # fewer, once the plane is known
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0

@@ -158,7 +158,7 @@ def build_tree(
     :param massive: the parts to which springs with mass are attached.
     """
     needed = {joint.name: _needs_coordinate(joint, coupled, named) for joint in joints.values()}
-    preferred, cut = _by_priority(joints.values(), needed), _to_cut(joints.values())
+    preferred, cut = _by_priority(joints.values(), needed), {joint.name for joint in joints.values() if joint.cut}
     tree = spanning_tree(parts, joints.values(), preferred, cut)
     free = {name for name, joint in joints.items() if joint.type == "free"}
     stay = free | {name for name, joint in joints.items() if needed[name] or _has_given_start(joint)}
@@ -184,10 +184,6 @@ def _by_priority(joints: Collection[Joint], needed: Mapping[str, bool]) -> list[
 
 def _has_given_start(joint: Joint) -> bool:
     return any(joint.fixed_in_assembly + joint.fixed_speeds)
-
-
-def _to_cut(joints: Iterable[Joint]) -> set[str]:
-    return {joint.name for joint in joints if joint.cut}
 
 
 def _needs_coordinate(joint: Joint, coupled: Collection[str], named: Collection[str]) -> bool:

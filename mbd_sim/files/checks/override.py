@@ -44,7 +44,7 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
     :raises MechanismError: a key does not exist, or a value is not valid there.
     """
     source, locations, problems = mechanism.source, {}, []
-    changes = {name: _plain(value) for name, value in changes.items()}
+    changes = {name: (value.tolist() if hasattr(value, "tolist") else value) for name, value in changes.items()}
     for name in changes:
         try:
             locations[name] = location_of(mechanism, name)
@@ -80,11 +80,6 @@ def _validated(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     from mbd_sim.files.checks.validation import validate
 
     return validate(source)
-
-
-def _plain(value: Any) -> Any:
-    """A value as a file has it: NumPy's numbers and arrays become plain ones."""
-    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _changes_shape(source: Source, location: Location) -> bool:

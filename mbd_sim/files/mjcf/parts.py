@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from mbd_sim.base.errors import InputError
+from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
-from mbd_sim.files.mjcf.collisions import touching_geoms
+from mbd_sim.files.mjcf.collisions import PLANE, touching_geoms
 from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
-from mbd_sim.files.text.shape_entries import capsule, hull
-from mbd_sim.files.text.xml import rows
-from mbd_sim.mechanism.elements.parts import GROUND, PartFrame, is_frame_name
+from mbd_sim.files.text.xml import capsule, hull, rows
+from mbd_sim.mechanism.elements.parts import GROUND, MOST_CORNERS, PartFrame, is_frame_name
 from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.values.names import accepted_names, is_name, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin
@@ -53,23 +54,46 @@ def drawn(model: CompiledModel, geom: int) -> tuple[str, dict[str, Any]] | None:
 
 
 def _mesh(model: CompiledModel, geom: int, kind: str, place: Pose) -> tuple[str, dict[str, Any]] | None:
-    """A mesh as its file has it: the compiler has moved it to its center and principal axes."""
+    """A mesh as its file has it: the compiler has moved it to its center and principal axes. Others are hulls."""
     m, number = model.m, int(model.m.geom_dataid[geom])
     mesh = model.spec.meshes[number] if kind == "MESH" else None
-    if mesh is None or not mesh.file:
+    if mesh is None:
         model.leave_out(f"{kind.lower()} geoms, which are not drawn", "geom", geom)
         return None
     center = pose(m.mesh_pos[number], m.mesh_quat[number])
     own = place @ center.inverse()
-    file = PurePath(mesh.file).name if model.spec.strippath else mesh.file
-    record: dict[str, Any] = {"file": str(PurePath(model.spec.meshdir) / file)}
-    if np.any(mesh.scale != 1.0):
-        record["scale"] = mesh.scale.tolist()
+    record: dict[str, Any]
+    if mesh.file:
+        file = PurePath(mesh.file).name if model.spec.strippath else mesh.file
+        record = {"file": str(PurePath(model.spec.meshdir) / file)}
+        if np.any(mesh.scale != 1.0):
+            record["scale"] = mesh.scale.tolist()
+    elif (points := _hull_points(model, geom, mesh, center)) is not None:
+        record = {"type": "hull", "points": points}
+    else:
+        return None
     if np.any(own.position):
         record["at"] = rows(own.position)
     if np.any(own.rotation != np.eye(3)):
         record["rotate"] = {"quaternion": rows(to_quaternion(own.rotation))}
-    return "meshes", record | _color(model, geom)
+    return "meshes" if mesh.file else "shapes", record | _color(model, geom)
+
+
+def _hull_points(model: CompiledModel, geom: int, mesh: Any, center: Pose) -> list[list[float]] | None:
+    """The corners of the hull of a mesh whose vertices the MJCF has, or that MuJoCo makes; None if there is no hull."""
+    number = int(model.m.geom_dataid[geom])
+    first, count = int(model.m.mesh_vertadr[number]), int(model.m.mesh_vertnum[number])
+    made = model.m.mesh_vert[first : first + count].astype(float) @ center.rotation.T + center.position
+    vertices = np.reshape(mesh.uservert, (-1, 3)) * mesh.scale if len(mesh.uservert) else made
+    try:
+        hull = convex_hull(vertices, MOST_CORNERS)
+    except InputError as error:
+        model.leave_out(f"meshes that are not drawn and touch nothing: its vertices {error.message}", "geom", geom)
+        return None
+    if hull.beyond:
+        sentence = f"hulls with more than {MOST_CORNERS} corners, of which those farthest out are taken"
+        model.leave_out(sentence, "geom", geom, f", by {hull.beyond:.2g} m")
+    return [rows(vertices[corner]) for corner in hull.corners]
 
 
 def _color(model: CompiledModel, geom: int) -> dict[str, str]:
@@ -81,6 +105,7 @@ def _color(model: CompiledModel, geom: int) -> dict[str, str]:
     return {"color": "#" + "".join(f"{round(255.0 * min(max(value, 0.0), 1.0)):02x}" for value in rgba[:3].tolist())}
 
 
+WORLD = "world_geoms"  # the part with the geoms of the world that are no planes
 LAST_VISIBLE = 2  # group of geoms that MuJoCo draws by default
 
 UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -105,11 +130,15 @@ class ModelParts:
         self.shapes: dict[int, str] = {}  # the parts of geoms that touch
         owners = {index: self.parts[int(m.jnt_bodyid[index])] for index in range(m.njnt)}
         self.joints = accepted_names_of(self._names("joint", m.njnt, lambda i: f"{owners[i]}_joint"), "joint")
+        self.inward: dict[str, str] = {}  # the joints that lead to the parts
         self._used_parts = set(self.parts.values())
         for index in range(1, m.nbody):
             self._add_part(index)
+        world = self._shapes(0, unique_name(WORLD, self._used_parts))
         for index in range(1, m.nbody):
             self._add_joints(index)
+        if any(world.values()):
+            self._add_world(world)
         self.sites = self._add_sites()
 
     def _names(self, kind: str, count: int, otherwise: Any) -> dict[int, str]:
@@ -163,23 +192,32 @@ class ModelParts:
             part["inertia"] = tensor_entry(moments)
             if inertia_defect(moments) or not part["mass"]:
                 part["inertia_check"] = False
-        part |= self._shapes(index)
+        part |= self._shapes(index, name)
         if "shapes" in part:
             part.setdefault("inertia", [0.0, 0.0, 0.0])  # given, so that shapes are only drawn
         self.sections["parts"][name] = part
         self.origins["parts", name] = self.model.origin("body", index)
 
-    def _shapes(self, body: int) -> dict[str, Any]:
+    def _add_world(self, shapes: dict[str, Any]) -> None:
+        """Add the geoms of the world as a part that is fixed to ground."""
+        own = unique_name(WORLD, self._used_parts)
+        self._used_parts.add(own)
+        self.sections["parts"][own] = {"mass": 0.0, **shapes} | ({"inertia": [0.0] * 3} if "shapes" in shapes else {})
+        self.origins["parts", own] = self.model.origin("body", 0)
+        name = unique_name(f"{own}_fixed", {*self.joints.values(), *self.sections["joints"]})
+        self._add_joint(name, "body", 0, {"type": "fixed", "between": [GROUND, reference(own)]})
+
+    def _shapes(self, body: int, part: str) -> dict[str, Any]:
         """What is drawn of a body, and what of it touches, if that is something else."""
         m, found = self.model.m, dict[str, list[dict[str, Any]]](meshes=[], shapes=[], collisions=[])
         geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body] + m.body_geomnum[body]))
         has_visible = any(m.geom_group[geom] <= LAST_VISIBLE for geom in geoms)
         for geom in geoms:
-            if (entry := drawn(self.model, geom)) is None:
+            if (body == 0 and m.geom_type[geom] == PLANE) or (entry := drawn(self.model, geom)) is None:
                 continue
             kind, record = entry
             if geom in self.touching:
-                name, self.shapes[geom] = self.geom_names[geom], self.parts[body]
+                name, self.shapes[geom] = self.geom_names[geom], part
                 record |= {"name": name} if kind == "shapes" else {}
                 found["collisions"].append(record if kind == "shapes" else {**hull(record), "name": name})
                 if has_visible and m.geom_group[geom] > LAST_VISIBLE:
@@ -199,6 +237,7 @@ class ModelParts:
             name = unique_name(f"{own}_fixed", {*self.joints.values(), *self.sections["joints"]})
             record = {"type": "fixed", "between": [self.point(inner, place, own), reference(own)]}
             self._add_joint(name, "body", index, record)
+            self.inward[own] = name
         for joint in joints:
             name, last = self.joints[joint], joint == joints[-1]
             outer = own if last else unique_name(f"{own}_{name}", self._used_parts)
@@ -210,6 +249,7 @@ class ModelParts:
             between = [self.point(inner, base, name), self.point(outer, anchor, name)]
             self._add_joint(name, "joint", joint, {"type": record.pop("type"), "between": between, **record})
             inner, place = outer, identity_pose()
+            self.inward[outer] = name
 
     def _add_joint(self, name: str, kind: str, index: int, record: dict[str, Any]) -> None:
         self.sections["joints"][name] = record

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.files.mjcf.collisions import PLANE
 from mbd_sim.files.mjcf.compiled_model import CompiledModel
 from mbd_sim.files.mjcf.contacts import add_contacts
 from mbd_sim.files.mjcf.couplings import add_equalities, add_tendon, tendon_of
 from mbd_sim.files.mjcf.forces import Actuators, add_armature, add_gravity_compensation, add_joint_forces
 from mbd_sim.files.mjcf.keyframes import add_start
 from mbd_sim.files.mjcf.parts import ModelParts
+from mbd_sim.files.mjcf.sensors import add_sensors
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import rows
 from mbd_sim.mechanism.values.names import accepted_names
@@ -26,7 +26,6 @@ from mbd_sim.mechanism.values.source import Source
 
 TIME_STEP = 0.002  # s, unless the model gives another one
 UNUSED = {
-    "sensor": "sensors, which are not read",
     "flex": "flexes, which have masses but no stiffness here",
     "skin": "skins, which are only seen",
     "camera": "cameras",
@@ -41,8 +40,6 @@ def note_left_out(model: CompiledModel) -> None:
         for index in range(model.count(kind)):
             model.leave_out(sentence, kind, index)
     for geom in range(m.ngeom):
-        if m.geom_bodyid[geom] == 0 and m.geom_type[geom] != PLANE:
-            model.leave_out("geoms of the world, which are not drawn, and through which bodies pass", "geom", geom)
         if np.any(m.geom_fluid[geom][:1]) and (m.opt.density or m.opt.viscosity):
             model.leave_out("forces of the medium on ellipsoids", "geom", geom)
     for body in range(1, m.nbody):
@@ -91,6 +88,7 @@ def mjcf_source(text: str, file: str) -> Source:
         _let_assembly_move(parts.sections["joints"])
     add_armature(parts, tendons, Actuators(parts, tendons))
     add_contacts(parts)
+    add_sensors(parts)
     note_left_out(model)
     return _source(model, parts)
 

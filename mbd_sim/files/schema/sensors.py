@@ -137,6 +137,7 @@ class ForceTorqueSpec(SensorSpec):
 
     type: Literal["force_torque"]
     joint: str
+    at: str | None = Field(None, description="another frame on that part; the torque is about its origin")
     force: ForceErrorsSpec = Field(default={}, validate_default=True)
     torque: TorqueErrorsSpec = Field(default={}, validate_default=True)
 

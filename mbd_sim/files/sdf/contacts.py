@@ -1,4 +1,4 @@
-"""The contacts of an SDF: planes of its static models with the collision elements of all other links.
+"""The contacts of an SDF: planes and shapes of its static models with the collision elements of all other links.
 
 They act when they are asked for (`--floor`, `active: true`). Of two surfaces in contact the smaller coefficients of
 friction and of restitution count, as in Gazebo with ODE.
@@ -7,7 +7,7 @@ friction and of restitution count, as in Gazebo with ODE.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +18,10 @@ from mbd_sim.base.geometry.rotation import aligning_z, unit
 from mbd_sim.files.sdf.links import Values, collision_name, plane_of
 from mbd_sim.files.sdf.scopes import ScopedFrame, key_of, world_pose
 from mbd_sim.files.text.xml import Element
-from mbd_sim.mechanism.values.names import reference
+from mbd_sim.mechanism.values.names import accepted_names, reference, unique_name
 
 FRICTION = 1.0  # of the specification
-WAITING = "planes, which act with --floor, or with 'active: true' in contacts"
+WAITING = "{}, which act with --floor, or with 'active: true' in contacts"
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,7 @@ def contacts_of(
     """
     planes: list[tuple[str, Pose, SurfaceLaw, Element, str]] = []
     shapes: list[tuple[str, str, SurfaceLaw]] = []
+    still: list[tuple[str, str, SurfaceLaw, Element, str]] = []
     for link, part, is_static in links:
         key = key_of(link.element)
         for number, element in enumerate(link.element.all("collision"), start=1):
@@ -72,6 +73,8 @@ def contacts_of(
             if plane is None and not is_static:
                 if element.first("geometry") is not None:
                     shapes.append((part, collision_name(element, number), surface))
+            elif plane is None and element.first("geometry") is not None:
+                still.append((part, collision_name(element, number), surface, element, key))
             elif plane is not None and is_static:
                 normal = values.numbers(plane, "normal", where, 3) or [0.0, 0.0, 1.0]
                 turn = Pose(np.zeros(3), aligning_z(unit(normal)))
@@ -79,8 +82,6 @@ def contacts_of(
                 planes.append((part, pose, surface, element, key))
             elif plane is not None:
                 values.reading.leave_out_at("planes of links that move, through which others pass", element, key)
-            else:
-                values.reading.leave_out_at("shapes of static links, through which others pass", element, key)
     found: dict[str, dict[str, Any]] = {}
     for part, pose, surface, element, key in planes if shapes else ():
         groups: dict[tuple[tuple[str, float], ...], list[str]] = {}
@@ -95,5 +96,21 @@ def contacts_of(
                 **dict(law),
                 "active": False,
             }
-        values.reading.leave_out_at(WAITING, element, key)
+        values.reading.leave_out_at(WAITING.format("planes"), element, key)
+    for part, name, surface, element, key in still if shapes else ():
+        for owner, keys in _by_part(shapes, surface):
+            wanted = f"{owner}_{part}_{name}".replace(".", "_")
+            record = {"between": [owner, reference(part, name)], **keys, "active": False}
+            found[unique_name(accepted_names([wanted], "contact")[wanted], found)] = record
+        values.reading.leave_out_at(WAITING.format("shapes of static links"), element, key)
     return found
+
+
+def _by_part(shapes: list[tuple[str, str, SurfaceLaw]], still: SurfaceLaw) -> Iterator[tuple[str, dict[str, float]]]:
+    """References to parts, or to their shapes where these have different laws against a surface, with the laws."""
+    for part in dict.fromkeys(owner for owner, _, _ in shapes):
+        laws = {name: still.against(own) for owner, name, own in shapes if owner == part}
+        if all(law == next(iter(laws.values())) for law in laws.values()):
+            yield reference(part), next(iter(laws.values()))
+        else:
+            yield from ((reference(part, name), law) for name, law in laws.items())

@@ -30,7 +30,7 @@ TYPES = {
 }
 GEARBOX = "gearbox"
 OLD_AXES = ("1.0", "1.1", "1.2", "1.3", "1.4")  # versions whose axes are by default in the axes of the model
-READ = ("pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch")
+READ = ("pose", "sensor", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch")
 
 
 def joint_of(values: Values, node: ScopedFrame) -> dict[str, Any]:

@@ -10,13 +10,12 @@ import numpy as np
 from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import from_quaternion, from_rpy, to_quaternion, unit
-from mbd_sim.files.text.shape_entries import capsule, hull, with_collisions
-from mbd_sim.files.text.xml import NUMBER, Element, Reading, rows
+from mbd_sim.files.text.xml import NUMBER, Element, Reading, capsule, hull, rows, with_collisions
 from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
 from mbd_sim.mechanism.values.names import is_name
 
 PRODUCTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-READ = ("pose", "inertial", "visual", "collision")  # elements of a link
+READ = ("pose", "inertial", "visual", "collision", "sensor")  # elements of a link
 
 
 def part_of(values: Values, link: Element, key: str) -> dict[str, Any]:

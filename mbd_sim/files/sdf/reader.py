@@ -16,6 +16,7 @@ from mbd_sim.files.sdf.contacts import contacts_of
 from mbd_sim.files.sdf.joints import GEARBOX, gearbox_of, joint_of, mimics_of
 from mbd_sim.files.sdf.links import PRODUCTS, Values, part_of, rotated
 from mbd_sim.files.sdf.scopes import FRAMES, Scope, ScopedFrame, ScopeReader, key_of, link_of, world_pose
+from mbd_sim.files.sdf.sensors import FORCE_TORQUE, IMU, load_frame, sensor_record
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, rows
 from mbd_sim.files.urdf.reader import note_unread, read
@@ -124,6 +125,7 @@ class _SdfReader:
             "joints": {},
             "constraints": {},
             "contacts": {},
+            "sensors": {},
         }
 
     def source(self) -> Source:
@@ -147,6 +149,7 @@ class _SdfReader:
             self.data["contacts"][unique_name(name, self.data["contacts"])] = record
         for frame in self.frames:
             self._point(link_of(frame), world_pose(frame), frame.name, always=True)
+        self._add_sensors()
         self._note_rest()
         models = [*self.scope.of_kind("model")]
         name = models[0].name if len(models) == 1 else self.world.attributes.get("name") or "world"
@@ -285,6 +288,38 @@ class _SdfReader:
                 unique = unique_name(name, self.data["constraints"])
                 self.data["constraints"][unique] = record
                 self.origins["constraints", unique] = self.reading.origin(joint.element, key_of(joint.element))
+
+    def _add_sensors(self) -> None:
+        for link in self.links:
+            for sensor in link.element.all("sensor"):
+                key = key_of(link.element)
+                if (record := self._sensor(sensor, key, IMU)) is not None:
+                    place = world_pose(link) @ self.values.pose(sensor, key)
+                    self._add_sensor(
+                        sensor, key, record | {"at": self._point(link, place, sensor.attributes.get("name", IMU))}
+                    )
+        for joint in self.joints:
+            for sensor in joint.element.all("sensor"):
+                key, child = key_of(joint.element), self._end(joint, "child")
+                record = self._sensor(sensor, key, FORCE_TORQUE)
+                if record is not None and child is not None:
+                    place = load_frame(self.values, sensor, key, world_pose(joint), world_pose(child))
+                    at = self._point(child, place, sensor.attributes.get("name", FORCE_TORQUE))
+                    self._add_sensor(sensor, key, record | {"joint": self.joint_names[id(joint)], "at": at})
+
+    def _sensor(self, sensor: Element, key: str, kind: str) -> dict[str, Any] | None:
+        """The record of a sensor without its place, if it is of the kind that is read there."""
+        if sensor.attributes.get("type") in (IMU, FORCE_TORQUE) and sensor.attributes.get("type") != kind:
+            sentence = f"{sensor.attributes['type']} sensors that are not where the format has them"
+            self.reading.leave_out_at(sentence, sensor, key)
+            return None
+        return sensor_record(self.values, sensor, key)
+
+    def _add_sensor(self, sensor: Element, key: str, record: dict[str, Any]) -> None:
+        written = sensor.attributes.get("name", "") or str(record["type"])
+        name = unique_name(accepted_names([written], "sensor", is_frame_name)[written], self.data["sensors"])
+        self.data["sensors"][name] = record
+        self.origins["sensors", name] = self.reading.origin(sensor, key)
 
     def _note_rest(self) -> None:
         for element in self.root.children if self.world is not self.root else ():

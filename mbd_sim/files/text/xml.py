@@ -1,4 +1,4 @@
-"""XML text as elements with their lines, and the numbers, poses and names in them.
+"""XML text as elements with their lines, the numbers, poses and names in them, and what becomes of their shapes.
 
 Document type declarations are refused, so that only XML's five predefined entities exist. Size, depth and the number of
 elements are bounded, so that no file can exhaust the machine.
@@ -11,10 +11,10 @@ attributes.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -357,3 +357,33 @@ def placed(xyz: list[float], rpy: list[float]) -> dict[str, Any]:
 def rows(array: Array) -> list[float]:
     """An array as plain numbers, without negative zeros."""
     return [float(value) + 0.0 for value in array]
+
+
+Entry = TypeVar("Entry")
+
+
+def capsule(pose: Pose, radius: float, length: float) -> dict[str, Any]:
+    """A cylinder of a `length` in m along z with half a ball at each end: a rod with round ends."""
+    arm = pose.rotation @ np.array([0.0, 0.0, 0.5 * length])
+    return {"type": "rod", "from": rows(pose.position - arm), "to": rows(pose.position + arm), "radius": radius}
+
+
+def hull(mesh: dict[str, Any]) -> dict[str, Any]:
+    """What touches of a mesh: the convex hull of its file."""
+    return {"type": "hull", **{key: value for key, value in mesh.items() if key != "color"}}
+
+
+def with_collisions(found: dict[str, list[Entry]], kind_of: Callable[[Entry], str]) -> dict[str, list[Entry]]:
+    """The keys of a part for its `meshes`, its `shapes` and what touches, its `collisions`.
+
+    A part without shapes to draw is drawn as what touches, but for hulls. Only shapes that are drawn and touch nothing
+    need an empty list of collisions.
+
+    :param kind_of: the type of a shape.
+    """
+    plain = [entry for entry in found["collisions"] if kind_of(entry) != "hull"]
+    if not found["shapes"]:
+        same = len(plain) == len(found["collisions"])
+        found = {**found, "shapes": plain, "collisions": [] if same else found["collisions"]}
+        return {kind: entries for kind, entries in found.items() if entries}
+    return {kind: entries for kind, entries in found.items() if entries or kind == "collisions"}

@@ -15,8 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.files.text.shape_entries import capsule, hull, with_collisions
-from mbd_sim.files.text.xml import Element, Reading, placed, pose_of, rows
+from mbd_sim.files.text.xml import Element, Reading, capsule, hull, placed, pose_of, rows, with_collisions
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.constraints import Coupling
 from mbd_sim.mechanism.elements.parts import Joint

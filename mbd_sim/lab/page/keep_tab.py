@@ -15,7 +15,7 @@ from mbd_sim.lab.scene.traces import TIPS
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
 from mbd_sim.pictures.shapes.joints import default_traces
-from mbd_sim.simulation.run.state import RunPoint
+from mbd_sim.simulation.run.run_point import RunPoint
 
 PICTURE = (1440, 1080)  # px
 LONGEST = 120.0  # s, in which a browser without a GPU draws it

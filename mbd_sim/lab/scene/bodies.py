@@ -15,8 +15,18 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.meshes import reason_not_to_draw, triangles
 from mbd_sim.pictures.shapes.primitives import Form, Lines, Primitive, primitives, wires
-from mbd_sim.pictures.shapes.prisms import Prism
-from mbd_sim.pictures.shapes.solids import LINE_WIDTH, Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, triangles_of
+from mbd_sim.pictures.shapes.solids import (
+    LINE_WIDTH,
+    Box,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Prism,
+    Ring,
+    Rod,
+    Sphere,
+    triangles_of,
+)
 from mbd_sim.simulation.model.model import Model
 
 THIN = 0.25  # of the width of a line, for lines as thin as they can be seen

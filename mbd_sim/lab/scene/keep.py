@@ -16,8 +16,8 @@ from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.run.run_point import RunPoint
 from mbd_sim.simulation.run.simulation import BaseSimulation
-from mbd_sim.simulation.run.state import RunPoint
 
 PLOT = '<div style="position:fixed;left:12px;bottom:52px;width:min(34vw,420px);z-index:9">{}</div>'
 PICTURES = 30.0  # per second of the motion

@@ -9,8 +9,8 @@ import numpy as np
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES
+from mbd_sim.simulation.run.run_point import recorded_state
 from mbd_sim.simulation.run.simulation import BaseSimulation
-from mbd_sim.simulation.run.state import recorded_state
 
 
 def continue_run(new: BaseSimulation, other: BaseSimulation, file: Mapping[str, float]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.run.state import RunPoint
+from mbd_sim.simulation.run.run_point import RunPoint
 
 MOST_SAMPLES = 3600
 MOST_BYTES = 64e6

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.run.state import RunPoint
+from mbd_sim.simulation.run.run_point import RunPoint
 
 _LENGTH = struct.Struct("<Q")
 _CHUNK = 1 << 16  # bytes

@@ -17,7 +17,7 @@ from mbd_sim.lab.session.session import Session
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.simulation.model.live_values import PreparedValues
 from mbd_sim.simulation.run.events import EventKind
-from mbd_sim.simulation.run.state import RunPoint
+from mbd_sim.simulation.run.run_point import RunPoint
 
 LONGEST_TURN = 0.03  # s of real time for steps, after which requests are served
 

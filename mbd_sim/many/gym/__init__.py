@@ -1,4 +1,4 @@
-"""Gymnasium environments of mechanisms, without ROS: `pip install "mbd_sim[gym]"`.
+"""Gymnasium environments of mechanisms, without ROS: `pip install gymnasium`.
 
 Importing this package registers the tasks of `mbd_sim.many.gym.environment` with Gymnasium:
 

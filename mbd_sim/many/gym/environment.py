@@ -29,9 +29,7 @@ try:
 
     from mbd_sim.many.gym.agent_interface import AgentInterface, Limit, require_episodes, require_starts, with_limits
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        "mbd_sim.many.gym needs gymnasium: pip install gymnasium, or mbd_sim[gym].", name=error.name
-    ) from error
+    raise ModuleNotFoundError("mbd_sim.many.gym needs gymnasium: pip install gymnasium", name=error.name) from error
 
 
 Observation = NDArray[np.float64]

@@ -255,29 +255,6 @@ def _on_cluster(
         return list(client.gather(futures))
 
 
-SUFFIXES = (".parquet", ".csv")
-
-
-def write(path: Path, table: Table, metadata: dict[str, str]) -> None:
-    """Write a table; the metadata is written only to Parquet.
-
-    :raises MbdSimError: the file cannot be written.
-    """
-    require_packages("pyarrow", purpose="The table of a sweep")
-    import pyarrow as pa
-    import pyarrow.csv
-    import pyarrow.parquet
-
-    arrow = pa.table(dict(table)).replace_schema_metadata(metadata)
-    try:
-        if path.suffix == ".csv":
-            pyarrow.csv.write_csv(arrow, str(path))
-        else:
-            pyarrow.parquet.write_table(arrow, str(path))
-    except OSError as error:
-        raise MbdSimError(f"{path} cannot be written: {error}") from error
-
-
 def require_column(table_columns: Sequence[str], name: str) -> None:
     """Refuse a result that does not exist.
 

@@ -18,7 +18,7 @@ from typing import ClassVar, Literal, NamedTuple, Self, assert_never
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.mechanism.elements.parts import Attachment
 
@@ -229,7 +229,7 @@ class Servo:
     period: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Actuator:
     """A motor or a cylinder at a port, perhaps with a servo. Commands act after `delay` in s, in whole steps.
 
@@ -244,8 +244,6 @@ class Actuator:
     start: Mapping[str, float]
     delay: float = 0.0
     command_range: tuple[float, float] = (-math.inf, math.inf)
-
-    __repr__ = short_repr
 
     @property
     def control(self) -> Control:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Literal, assert_never
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.values.expression import TimeExpression
 
@@ -52,7 +52,7 @@ def is_one_sided(constraint: Constraint) -> bool:
     return any(getattr(constraint, key, None) is not None for key in ("law", "play", "capacity"))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Distance:
     """Two points at the distance `length` in m, a function of time."""
 
@@ -64,10 +64,8 @@ class Distance:
     bound: Bound | None = None
     law: ContactLaw | None = None
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Flat:
     """A point on the planes through `base` with these `normals` (k, 3): one normal makes a plane, two a line."""
 
@@ -79,10 +77,8 @@ class Flat:
     bound: Bound | None = None
     law: ContactLaw | None = None
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Surface:
     """A point at which all `equations` are 0: expressions of its coordinates x, y, z in m and of the time t in s.
 
@@ -99,10 +95,8 @@ class Surface:
     bound: Bound | None = None
     law: ContactLaw | None = None
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Coupling:
     """The relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`.
 
@@ -123,10 +117,8 @@ class Coupling:
     slip: Mapping[str, float] = field(default_factory=dict)
     follower: str | None = None
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Rolling:
     """A disc with this `axis`, or a ball if it is None, that rolls without slip on the plane through `plane`.
 
@@ -142,10 +134,8 @@ class Rolling:
     kind: str = "rolling"
     law: ContactLaw | None = None
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class KnifeEdge:
     """A point whose velocity in the plane with this `normal` has the given `direction` (a skate or a wheel edge)."""
 
@@ -156,10 +146,8 @@ class KnifeEdge:
     normal: Array
     kind: str = "knife_edge"
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Cable:
     """A taut cable that runs straight from point to point; its total `length` in m is a function of time."""
 
@@ -170,10 +158,8 @@ class Cable:
     bound: Bound | None = None
     law: ContactLaw | None = None
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Clutch:
     """A clutch or brake for the relative speed Σ factor · speed of joint coordinates by name.
 
@@ -187,8 +173,6 @@ class Clutch:
     static: float = 1.0
     law: ContactLaw | None = None
     kind: str = "clutch"
-
-    __repr__ = short_repr
 
 
 Constraint = Distance | Flat | Surface | Coupling | Rolling | KnifeEdge | Cable | Clutch

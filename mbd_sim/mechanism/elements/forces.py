@@ -5,16 +5,14 @@ Efforts and potentials of the file, which act along joint coordinates, are among
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.values.expression import TimeExpression
 from mbd_sim.mechanism.values.laws import ElasticLaw, GreenStrain, Linear, PowerLaw, Varying
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Spring:
     """A spring and a damper in parallel between two points at the distance l.
 
@@ -30,8 +28,6 @@ class Spring:
     damping: float
     mass: float = 0.0
 
-    __repr__ = short_repr
-
     @property
     def elastic(self) -> bool:
         """Whether it stores energy, which a spring without stiffness or with a law that varies does not."""
@@ -44,7 +40,7 @@ class Spring:
         return self.damping != 0.0 or not smooth
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Damper:
     """A damper between two points.
 
@@ -57,8 +53,6 @@ class Damper:
     law: PowerLaw
     needs_line: bool
 
-    __repr__ = short_repr
-
     @property
     def elastic(self) -> bool:
         """Whether it stores energy: a damper does not."""
@@ -70,7 +64,7 @@ class Damper:
         return self.law.coefficient
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class AppliedForce:
     """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time and the state.
 
@@ -84,15 +78,13 @@ class AppliedForce:
     axes_of: str
     axes: Array
 
-    __repr__ = short_repr
-
     @property
     def following(self) -> bool:
         """Whether its axes rotate with a part."""
         return self.axes_of != GROUND
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class AppliedEffort:
     """An effort in N or N·m along a named joint coordinate or angular velocity, as an expression of time and state."""
 
@@ -100,20 +92,16 @@ class AppliedEffort:
     coordinate: str
     effort: TimeExpression
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class AppliedPotential:
     """A potential in J as an expression of joint coordinates, and of time; its forces act along the coordinates."""
 
     name: str
     energy: TimeExpression
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class Bushing:
     """An elastic connection of two frames, with the potential ½ zᵀ K z, and dampers with the forces C w.
 
@@ -132,8 +120,6 @@ class Bushing:
     stiffness: Array
     damping: Array
     in_joint: bool = False
-
-    __repr__ = short_repr
 
 
 TwoPointElement = Spring | Damper

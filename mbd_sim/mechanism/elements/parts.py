@@ -14,7 +14,7 @@ import numpy as np
 
 from mbd_sim.base.errors import counted
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, CommandedDrive, JointCoordinate, JointKind, JointType
 from mbd_sim.mechanism.outlines.pieces import Outline
 from mbd_sim.mechanism.values.expression import TimeExpression
@@ -46,7 +46,7 @@ class Polyhedron:
     faces: tuple[tuple[int, ...], ...]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Shape:
     """A shape to draw: `kind` as in the file, its box centered on `pose`; rods and axial shapes are along z.
 
@@ -63,8 +63,6 @@ class Shape:
     hull: Polyhedron | None = None
     name: str | None = None
     outline: Outline | None = None
-
-    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,24 +236,20 @@ class Move:
         return self.distance > other.distance or self.angle > other.angle
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Attachment:
     """A point (3,) of a part, or of ground, in that part's frame."""
 
     part: str
     point: Array
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, eq=False)
+@record
 class PartFrame:
     """A frame of a part, or of ground: its `pose` in that part's frame."""
 
     part: str
     pose: Pose
-
-    __repr__ = short_repr
 
     @property
     def is_of_part(self) -> bool:

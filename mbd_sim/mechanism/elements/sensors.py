@@ -12,7 +12,7 @@ from typing import ClassVar, Literal
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.elements.parts import PartFrame
 
 
@@ -72,7 +72,7 @@ class Sampling:
     __repr__ = short_repr
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Sensor(ABC):
     """What all sensors have in common; `errors` has an entry for each of the `quantities`.
 
@@ -85,8 +85,6 @@ class Sensor(ABC):
     sampling: Sampling
     errors: tuple[ErrorModel, ...]
 
-    __repr__ = short_repr
-
     def __init_subclass__(cls, *, kind: str, message_type: str) -> None:
         cls.kind, cls.message_type = kind, message_type
 
@@ -96,7 +94,7 @@ class Sensor(ABC):
         """What it measures, in order."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Imu(Sensor, kind="imu", message_type="sensor_msgs/msg/Imu"):
     """Angular velocity and specific force of a frame, in its axes, and on request its orientation in ground's frame.
 
@@ -106,21 +104,17 @@ class Imu(Sensor, kind="imu", message_type="sensor_msgs/msg/Imu"):
     at: PartFrame
     orientation: bool
 
-    __repr__ = short_repr
-
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures."""
         return (ANGULAR_VELOCITY, SPECIFIC_FORCE, *((ORIENTATION,) if self.orientation else ()))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Accelerometer(Sensor, kind="accelerometer", message_type="sensor_msgs/msg/Imu"):
     """The specific force at a point, in the axes of its frame."""
 
     at: PartFrame
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -128,14 +122,12 @@ class Accelerometer(Sensor, kind="accelerometer", message_type="sensor_msgs/msg/
         return (SPECIFIC_FORCE,)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class ForceTorque(Sensor, kind="force_torque", message_type="geometry_msgs/msg/WrenchStamped"):
-    """The load that a joint transmits to its second part, about and in the axes of the joint's frame `at` there."""
+    """The load that a joint transmits to its second part, about and in the axes of a frame `at` there."""
 
     joint: str
     at: PartFrame
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -143,7 +135,7 @@ class ForceTorque(Sensor, kind="force_torque", message_type="geometry_msgs/msg/W
         return (FORCE, TORQUE)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Encoder(Sensor, kind="encoder", message_type="sensor_msgs/msg/JointState"):
     """The position of a coordinate in whole steps of the resolution, rounded down.
 
@@ -157,22 +149,18 @@ class Encoder(Sensor, kind="encoder", message_type="sensor_msgs/msg/JointState")
     counts: int | None
     index: float | None
 
-    __repr__ = short_repr
-
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures; the errors are those of the position."""
         return (Quantity("position", self.unit, ("",)),)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Tachometer(Sensor, kind="tachometer", message_type="sensor_msgs/msg/JointState"):
     """The speed of a coordinate."""
 
     coordinate: str
     unit: str
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -180,13 +168,11 @@ class Tachometer(Sensor, kind="tachometer", message_type="sensor_msgs/msg/JointS
         return (Quantity("velocity", f"{self.unit}/s", ("",)),)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MotorCurrent(Sensor, kind="current", message_type="sensor_msgs/msg/JointState"):
     """The current of an actuator with a DC motor."""
 
     actuator: str
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -194,7 +180,7 @@ class MotorCurrent(Sensor, kind="current", message_type="sensor_msgs/msg/JointSt
         return (CURRENT,)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class RangeFinder(Sensor, kind="range", message_type="sensor_msgs/msg/Range"):
     """The distance from the origin of `at` to a plane along x of this frame, or to a point in any direction.
 
@@ -211,21 +197,17 @@ class RangeFinder(Sensor, kind="range", message_type="sensor_msgs/msg/Range"):
     field_of_view: float
     radiation: Literal["ultrasound", "infrared"]
 
-    __repr__ = short_repr
-
     @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures."""
         return (DISTANCE,)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PoseSensor(Sensor, kind="pose", message_type="geometry_msgs/msg/PoseStamped"):
     """The pose of a frame in ground's frame."""
 
     at: PartFrame
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -233,14 +215,12 @@ class PoseSensor(Sensor, kind="pose", message_type="geometry_msgs/msg/PoseStampe
         return (POSITION, ORIENTATION)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class TwistSensor(Sensor, kind="twist", message_type="geometry_msgs/msg/TwistStamped"):
     """The velocity of a point and the angular velocity of its part, in ground's axes or in those `in_frame`."""
 
     at: PartFrame
     in_frame: bool
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -248,13 +228,11 @@ class TwistSensor(Sensor, kind="twist", message_type="geometry_msgs/msg/TwistSta
         return (VELOCITY, ANGULAR_VELOCITY)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Odometry(Sensor, kind="odometry", message_type="nav_msgs/msg/Odometry"):
     """The pose of a frame in ground's frame, and its velocities in its own axes."""
 
     at: PartFrame
-
-    __repr__ = short_repr
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:

@@ -76,7 +76,7 @@ class Digits:
         if count <= PLAIN:
             return 0.0
         if count < FEWEST:
-            place = min(place, max(self._last, _magnitude(number) + 1 - self._significant))
+            place = min(place, max(self._last, int(np.floor(np.log10(abs(number)))) + 1 - self._significant))
         return 0.5 * 10.0**place
 
 
@@ -84,7 +84,3 @@ def _written(number: float) -> tuple[int, int]:
     """The count of significant digits of a number, and the power of ten of the last one."""
     _, digits, exponent = Decimal(f"{number:.12g}").normalize().as_tuple()
     return len(digits) if number else 0, int(exponent)
-
-
-def _magnitude(number: float) -> int:
-    return int(np.floor(np.log10(abs(number))))

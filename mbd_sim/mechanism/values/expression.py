@@ -55,10 +55,6 @@ class Arithmetic:
     look_up: Callable[..., Any]
 
 
-def _branch_taken(condition: Any, a: Branch, b: Branch) -> Any:
-    return a(NUMBERS) if condition else b(NUMBERS)
-
-
 def _both_branches(condition: Any, a: Branch, b: Branch) -> Any:
     value, _ = a(FORM), b(FORM)
     return value
@@ -75,7 +71,7 @@ NUMBERS: Arithmetic = Arithmetic(
     {name: (count, per_variant(function)) for name, (count, function) in FUNCTIONS.items()},
     power=per_variant(math.pow),
     divide=lambda a, b: a / b,
-    where=_branch_taken,
+    where=lambda condition, a, b: a(NUMBERS) if condition else b(NUMBERS),
     look_up=lambda table, *at: table.at(*at),
 )
 

@@ -32,8 +32,18 @@ from mbd_sim.pictures.drawing.sheet import (
 )
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.palette import Color, from_hex, mixed
-from mbd_sim.pictures.shapes.prisms import Prism
-from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, half_sizes, solid_of
+from mbd_sim.pictures.shapes.solids import (
+    Box,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Prism,
+    Ring,
+    Rod,
+    Sphere,
+    half_sizes,
+    solid_of,
+)
 
 BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths: of rods, from and to; and of rods on which something slides
 DOT, MAX_DOT = 5.0, 11.0  # pt

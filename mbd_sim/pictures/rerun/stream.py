@@ -31,8 +31,7 @@ from mbd_sim.pictures.shapes.joints import LONG
 from mbd_sim.pictures.shapes.meshes import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Lines, Primitive, primitives
-from mbd_sim.pictures.shapes.prisms import Prism
-from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Ring, Rod, Sphere, triangles_of
+from mbd_sim.pictures.shapes.solids import Box, Cone, Cylinder, Ellipsoid, Prism, Ring, Rod, Sphere, triangles_of
 from mbd_sim.simulation.run.events import ERRORS, EventKind
 
 RERUN_READS = (".glb", ".gltf", ".obj", ".stl")  # files of meshes

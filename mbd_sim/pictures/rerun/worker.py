@@ -26,6 +26,7 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.base.operating_system import lower_priority
 from mbd_sim.pictures.rerun import sinks
 from mbd_sim.pictures.rerun.sinks import is_live
 
@@ -79,8 +80,7 @@ def main() -> int:
     """Read the scene description and the rows from standard input until it ends; returns the exit code."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries must not mix with the answers
-    with contextlib.suppress(OSError):
-        os.nice(NICENESS)
+    lower_priority(NICENESS)
     os.environ.setdefault("RUST_LOG", RERUN_LOG)
     return _run(sys.stdin.buffer, answers)
 

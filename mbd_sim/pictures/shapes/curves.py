@@ -11,8 +11,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
-from mbd_sim.dynamics.math.evaluation import all_evaluated
-from mbd_sim.dynamics.math.expressions import function_of
+from mbd_sim.dynamics.math.expressions import all_evaluated, function_of
 from mbd_sim.mechanism.elements.constraints import Surface, is_one_sided
 
 EquationPair = Callable[[Array], tuple[Array, Array]]  # from a point (3,): two values (2,), gradients (2, 3)
@@ -111,7 +110,7 @@ def _grid(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach:
 
     meridians = [meridian(point)]
     levels = [cut(at, up) for at in _evenly_spaced(meridians[0], LEVEL_LINES)]
-    longest = max(levels, key=_length)
+    longest = max(levels, key=lambda line: float(np.sum(np.linalg.norm(np.diff(line, axis=0), axis=1))))
     if len(longest) > 2 and np.array_equal(longest[0], longest[-1]):
         for at in _evenly_spaced(longest, MERIDIANS):
             if all(_distance(line, at) > STEP * reach for line in meridians):
@@ -212,10 +211,6 @@ def _evenly_spaced(line: Array, count: int) -> list[Array]:
 
 def _distance(line: Array, at: Array) -> float:
     return float(np.min(np.linalg.norm(line - at, axis=1)))
-
-
-def _length(line: Array) -> float:
-    return float(np.sum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
 
 
 def _reach(point: Array, base: Pose) -> float:

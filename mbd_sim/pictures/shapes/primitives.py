@@ -47,7 +47,6 @@ from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder, joint_radius
 from mbd_sim.pictures.shapes.palette import Color
-from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     POINT_MASS_RADIUS,
@@ -55,6 +54,7 @@ from mbd_sim.pictures.shapes.solids import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Prism,
     Ring,
     Rod,
     Solid,

@@ -20,18 +20,18 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from mbd_sim.recordings.mcap.contents import chunk_index_of
-from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
-from mbd_sim.recordings.mcap.scanner import (
+from mbd_sim.recordings.mcap.contents import (
     MAGIC,
     PARSE_ERRORS,
     RECORD_HEADER,
     ByteSource,
     Definitions,
     FileBytes,
+    chunk_index_of,
     data_stream,
     scan_records,
 )
+from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
 from mbd_sim.recordings.messages.cdr import ReadingError
 
 _FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4

@@ -6,8 +6,7 @@ What is in a complete file is read from its summary, and in others record by rec
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,20 +14,31 @@ from typing import Any
 from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
 
-from mbd_sim.recordings.mcap.contents import Contents, Span, chunk_index_of, counts_of
-from mbd_sim.recordings.mcap.repair import chunk_records, read_data_section, read_summary, strictly_read
-from mbd_sim.recordings.mcap.scanner import (
+from mbd_sim.recordings.mcap.contents import (
     MAGIC,
     PARSE_ERRORS,
     RECORD_HEADER,
     BrokenRecordError,
     ByteSource,
+    Contents,
     FileBytes,
+    Span,
     attachment_is_intact,
+    chunk_index_of,
+    counts_of,
     data_stream,
     scan_messages,
 )
-from mbd_sim.recordings.messages.cdr import Block, DamagedError, Message, ReadingError, RecordedFile, RecordedTopic
+from mbd_sim.recordings.mcap.repair import chunk_records, read_data_section, read_summary, strictly_read
+from mbd_sim.recordings.messages.cdr import (
+    Block,
+    DamagedError,
+    Message,
+    ReadingError,
+    RecordedFile,
+    RecordedTopic,
+    topics_by_name,
+)
 
 
 def read_mcap(path: Path) -> RecordedFile:
@@ -51,7 +61,7 @@ def read_mcap(path: Path) -> RecordedFile:
     mechanism = next((one.data for one in attachments if one is not None and one.name == "mechanism.yaml"), None)
     return RecordedFile(
         path=path,
-        topics=_by_name(topics.values()),
+        topics=topics_by_name(topics.values()),
         metadata={record.name: record.metadata for record in records if record is not None},
         mechanism_text=None if mechanism is None else mechanism.decode("utf-8", "replace"),
         blocks=_blocks(path, found, names),
@@ -175,12 +185,3 @@ def _topic(found: Contents, channel: Channel) -> RecordedTopic:
         count=found.statistics.counts[channel.id],
         hash=channel.metadata.get("topic_type_hash", ""),
     )
-
-
-def _by_name(topics: Iterable[RecordedTopic]) -> dict[str, RecordedTopic]:
-    """Return topics by name; one that several channels share counts the messages of all."""
-    found: dict[str, RecordedTopic] = {}
-    for topic in topics:
-        earlier = found[topic.name].count if topic.name in found else 0
-        found[topic.name] = replace(topic, count=topic.count + earlier)
-    return found

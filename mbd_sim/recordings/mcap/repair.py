@@ -33,19 +33,24 @@ from mcap.records import (
     Statistics,
 )
 
-from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, Span, attachment_index, chunk_index, encoded
-from mbd_sim.recordings.mcap.scanner import (
+from mbd_sim.recordings.mcap.contents import (
     MAGIC,
     MESSAGE_HEADER,
     PARSE_ERRORS,
     RECORD_HEADER,
     BrokenRecordError,
     ByteSource,
+    Contents,
     Definitions,
+    FileStatistics,
+    Span,
+    attachment_index,
     attachment_is_intact,
     chunk_content,
+    chunk_index,
     crc_of,
     data_stream,
+    encoded,
     scan_records,
 )
 from mbd_sim.recordings.messages.cdr import RUN_METADATA

@@ -22,12 +22,25 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
 
-from mbd_sim.recordings.mcap.contents import Contents, FileStatistics, attachment_index, chunk_index, encoded
-from mbd_sim.recordings.mcap.scanner import MAGIC, Definitions
+from mbd_sim.base.operating_system import (
+    BINARY,
+    OPEN_FILES,
+    RENAMES_OPEN_FILES,
+    force_names_to_disk,
+    force_to_disk,
+    free_bytes,
+)
+from mbd_sim.recordings.mcap.contents import (
+    MAGIC,
+    Contents,
+    Definitions,
+    FileStatistics,
+    attachment_index,
+    chunk_index,
+    encoded,
+)
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, RecordedTopic
 from mbd_sim.recordings.messages.definitions import Topic
-
-OPEN_FILES = Path("/proc/self/fd")  # of this process, such as one in memory
 
 
 def draft_path(path: Path) -> Path:
@@ -51,7 +64,7 @@ class DurableFile:
         self._path = path
         is_named = path.parent != OPEN_FILES and (path.is_file() or not path.exists())  # else a device, pipe or memory
         self._draft = draft_path(path) if is_named and not existing else None
-        flags = os.O_WRONLY | os.O_CLOEXEC | (0 if existing else os.O_CREAT | os.O_TRUNC)
+        flags = os.O_WRONLY | BINARY | (0 if existing else os.O_CREAT | os.O_TRUNC)
         try:
             self._descriptor = os.open(self._draft or path, flags, 0o666)
         except OSError as error:
@@ -74,9 +87,19 @@ class DurableFile:
             self._position += written
             left = left[written:]
         if self._draft is not None:
-            self._draft.replace(self._path)
+            self._name(self._draft)
             self._draft = None
         return len(data)
+
+    def _name(self, draft: Path) -> None:
+        """Give the file its name."""
+        if RENAMES_OPEN_FILES:
+            draft.replace(self._path)
+            return
+        os.close(self._descriptor)
+        draft.replace(self._path)
+        self._descriptor = os.open(self._path, os.O_WRONLY | BINARY)
+        os.lseek(self._descriptor, self._position, os.SEEK_SET)
 
     def truncate(self, size: int) -> None:
         """Remove everything after the first `size` bytes; the next `write` continues there.
@@ -101,10 +124,7 @@ class DurableFile:
 
     def free(self) -> int | None:
         """Return the number of bytes left on the disk, or None if this is not a regular file."""
-        if not self._regular:
-            return None
-        system = os.fstatvfs(self._descriptor)
-        return system.f_bavail * system.f_frsize
+        return free_bytes(self._descriptor, self._path) if self._regular else None
 
     def sync(self) -> None:
         """Force the written data to the disk; from any thread."""
@@ -114,20 +134,12 @@ class DurableFile:
             position = self._position
             try:
                 if not self._synced and self._draft is None:
-                    self._sync_folder()
-                os.fdatasync(self._descriptor)
+                    force_names_to_disk(self._path.parent)
+                force_to_disk(self._descriptor)
             except OSError as error:
                 if error.errno not in (errno.EINVAL, errno.ENOSYS):  # some file systems do not support it
                     self._error = error
             self._synced = position
-
-    def _sync_folder(self) -> None:
-        """Force the file's name to the disk as well."""
-        folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
     def close(self) -> None:
         """Force the rest to the disk and close; calling it again has no effect.

@@ -12,8 +12,8 @@ The types that runs consist of are decoded as fast as `verify` needs it, all oth
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,16 +29,8 @@ _HEADER = len(_ENCAPSULATION)  # alignment counts from its end
 
 
 @dataclass(frozen=True, slots=True)
-class Doubles:
-    """The place of consecutive doubles in a message: the offset of the first byte, and how many there are."""
-
-    offset: int
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
-class Singles:
-    """The place of consecutive `float32` numbers in a message: the offset of the first byte, and how many there are."""
+class FieldPlace:
+    """The place of consecutive numbers in a message: the offset of the first byte, and how many there are."""
 
     offset: int
     size: int
@@ -55,7 +47,7 @@ class SerializedMessage:
         self._nanoseconds = self._seconds + 1
         self.stamp(0)
 
-    def view(self, place: Doubles) -> Array:
+    def view(self, place: FieldPlace) -> Array:
         """A writable view (size,) of doubles, which become zero."""
         if not place.size:
             return np.empty(0)
@@ -63,7 +55,7 @@ class SerializedMessage:
         view[:] = 0.0
         return view
 
-    def single_view(self, place: Singles) -> NDArray[np.float32]:
+    def single_view(self, place: FieldPlace) -> NDArray[np.float32]:
         """A writable view (size,) of `float32` numbers."""
         return np.frombuffer(self._data, dtype=np.float32, count=place.size, offset=place.offset)
 
@@ -94,12 +86,12 @@ class MessageBuilder:
         """Append a `uint8`."""
         self._data += struct.pack("<B", value)
 
-    def singles(self, count: int) -> Singles:
+    def singles(self, count: int) -> FieldPlace:
         """Append `float32` fields, whose values can be written later."""
         self._align(4)
         offset = len(self._data)
         self._data += bytes(4 * count)
-        return Singles(offset, count)
+        return FieldPlace(offset, count)
 
     def integer(self, value: int) -> None:
         """Append a `uint32`, or the length of a sequence."""
@@ -125,15 +117,15 @@ class MessageBuilder:
         self._data += bytes(8)
         self.text(frame)
 
-    def doubles(self, count: int) -> Doubles:
+    def doubles(self, count: int) -> FieldPlace:
         """Append `float64` fields, whose values can be written later."""
         if count:
             self._align(8)
         offset = len(self._data)
         self._data += bytes(8 * count)
-        return Doubles(offset, count)
+        return FieldPlace(offset, count)
 
-    def sequence(self, count: int) -> Doubles:
+    def sequence(self, count: int) -> FieldPlace:
         """Append a `float64[]`, whose values can be written later."""
         self.integer(count)
         return self.doubles(count)
@@ -200,6 +192,15 @@ class RecordedTopic:
     encoding: str
     count: int
     hash: str = ""
+
+
+def topics_by_name(topics: Iterable[RecordedTopic]) -> dict[str, RecordedTopic]:
+    """Topics by name; one that stands several times, as in several files, counts the messages of all."""
+    found: dict[str, RecordedTopic] = {}
+    for topic in topics:
+        earlier = found[topic.name].count if topic.name in found else 0
+        found[topic.name] = replace(topic, count=topic.count + earlier)
+    return found
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ from mbd_sim.simulation.run.events import (
     EventKind,
     Payload,
 )
+from mbd_sim.simulation.run.run_point import RunPoint
 from mbd_sim.simulation.run.simulation import BaseSimulation
-from mbd_sim.simulation.run.state import RunPoint
 
 HISTORY, SAMPLES = "history", "samples"  # after the live values, in this order, if there are any
 LABELS = ("steps", "start_energy", "state", "inputs")  # before those of the live values
@@ -71,17 +71,22 @@ def parse_new_state(
 EventWriter = Callable[[Event], bytes | None]  # the serialized message of an event; None if it has none
 
 
-def applied_efforts(model: Model) -> EventWriter:
-    """The efforts that act from the event's step on, labeled with the coordinates."""
-    message, values = labeled_array(model.coordinate_names)
+def _array_of(labels: Sequence[str], payload: type[AppliedEfforts | AppliedCommands]) -> EventWriter:
+    """The values of one kind of payload, labeled."""
+    message, values = labeled_array(labels)
 
     def write(event: Event) -> bytes | None:
-        if not isinstance(event.payload, AppliedEfforts):
+        if not isinstance(event.payload, payload):
             return None
         values[:] = event.payload.values
         return message.payload()
 
     return write
+
+
+def applied_efforts(model: Model) -> EventWriter:
+    """The efforts that act from the event's step on, labeled with the coordinates."""
+    return _array_of(model.coordinate_names, AppliedEfforts)
 
 
 def no_efforts(model: Model) -> bytes:
@@ -91,15 +96,7 @@ def no_efforts(model: Model) -> bytes:
 
 def applied_commands(model: Model) -> EventWriter:
     """The commands of actuators that act from the event's step on, labeled with `actuator.channel`."""
-    message, values = labeled_array(channel_names(model.mechanism.commanded))
-
-    def write(event: Event) -> bytes | None:
-        if not isinstance(event.payload, AppliedCommands):
-            return None
-        values[:] = event.payload.values
-        return message.payload()
-
-    return write
+    return _array_of(channel_names(model.mechanism.commanded), AppliedCommands)
 
 
 def start_commands(model: Model) -> bytes:
@@ -136,20 +133,12 @@ def live_values(model: Model) -> EventWriter:
 
 def new_states(model: Model) -> EventWriter:
     """The state from which the run continues."""
-
-    def write(event: Event) -> bytes | None:
-        return new_state_message(event.payload) if isinstance(event.payload, RunPoint) else None
-
-    return write
+    return lambda event: new_state_message(event.payload) if isinstance(event.payload, RunPoint) else None
 
 
 def event_texts(model: Model) -> EventWriter:
     """The text of an event; commands have none, as their numbers are published."""
-
-    def write(event: Event) -> bytes | None:
-        return None if event.kind is EventKind.COMMAND else string_message(event.text)
-
-    return write
+    return lambda event: None if event.kind is EventKind.COMMAND else string_message(event.text)
 
 
 def live_values_at_start(model: Model, live: Mapping[str, float]) -> bytes:

@@ -26,7 +26,7 @@ from mbd_sim.simulation.kernel.sensors import Arrival
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.state_records import Energies, Violation
 from mbd_sim.simulation.run.moving_points import named_frame
-from mbd_sim.simulation.run.state import RunPoint, joint_state_arrays, joint_state_names
+from mbd_sim.simulation.run.run_point import RunPoint, joint_state_arrays, joint_state_names
 
 
 class Due(Flag):
@@ -61,6 +61,11 @@ class Snapshot:
     repeated: bool = False
     arrivals: Sequence[Arrival] = ()
     taken: float = math.inf
+
+    @property
+    def now(self) -> tuple[float, Array, Array]:
+        """Time, state and inputs, as the readings of a `Model` take them."""
+        return self.time, self.point.state, self.point.inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +110,7 @@ def joint_states(model: Model, frame_prefix: str = "") -> StateWriter:
     message, (position, velocity, effort) = _joint_state(joint_state_names(model))
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        position[:], velocity[:], effort[:] = joint_state_arrays(
-            model, snapshot.time, snapshot.point.state, snapshot.point.inputs
-        )
+        position[:], velocity[:], effort[:] = joint_state_arrays(model, *snapshot.now)
 
     return StateWriter(message, write)
 
@@ -137,7 +140,7 @@ def constraint_violation(model: Model, frame_prefix: str = "") -> StateWriter:
     message, values = labeled_array(Violation._fields)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        values[:] = model.violation(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        values[:] = model.violation(*snapshot.now)
 
     return StateWriter(message, write)
 
@@ -151,7 +154,7 @@ def contact_states(model: Model, frame_prefix: str = "") -> StateWriter:
     message, columns = _joint_state(model.contact_readings.entry_names())
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        rows = model.contact_readings.entries(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        rows = model.contact_readings.entries(*snapshot.now)
         for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
             column[:] = values
 
@@ -172,7 +175,7 @@ def joint_reactions(model: Model, frame_prefix: str) -> StateWriter:
     rows = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        reactions = model.reactions(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+        reactions = model.reactions(*snapshot.now)
         for row, reaction in zip(rows, reactions.values(), strict=True):
             row[:3], row[3:] = reaction.force, reaction.moment
 
@@ -189,7 +192,7 @@ class SharedPoses:
     def rows(self, model: Model, snapshot: Snapshot) -> Array:
         """(parts, 7): see `ros_poses`."""
         if snapshot is not self._snapshot:
-            self._rows = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
+            self._rows = ros_poses(model.pose_array(*snapshot.now))
             self._snapshot = snapshot
         return self._rows
 
@@ -213,7 +216,7 @@ def transforms(model: Model, frame_prefix: str) -> StateWriter:
     message, rows = _transform_message([(GROUND, part) for part in model.part_names], frame_prefix)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        poses = ros_poses(model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs))
+        poses = ros_poses(model.pose_array(*snapshot.now))
         for row, values in zip(rows, poses, strict=True):
             row[:] = values
 
@@ -226,7 +229,7 @@ def floating_transforms(model: Model, frame_prefix: str) -> StateWriter:
     message, rows = _transform_message([(joint.parent, joint.child) for joint in joints], frame_prefix)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        poses = {**model.poses(snapshot.time, snapshot.point.state, snapshot.point.inputs), GROUND: identity_pose()}
+        poses = {**model.poses(*snapshot.now), GROUND: identity_pose()}
         for row, joint in zip(rows, joints, strict=True):
             pose = poses[joint.parent].inverse() @ poses[joint.part] @ joint.pose
             row[:3], row[3:] = pose.position, quaternions(pose.rotation[None])[0]
@@ -322,7 +325,7 @@ def accelerations(model: Model, frame_prefix: str, requested: Sequence[str]) -> 
     message, values = labeled_array(source.labels, source.sizes)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        source.write(values, snapshot.time, snapshot.point.state, snapshot.point.inputs, snapshot.point.live)
+        source.write(values, *snapshot.now, snapshot.point.live)
 
     return StateWriter(message, write)
 

@@ -20,7 +20,7 @@ from mbd_sim.recordings.messages.cdr import Message
 from mbd_sim.recordings.run.metadata import run_metadata
 from mbd_sim.recordings.run.reader import COMMANDS, TopicRole
 from mbd_sim.recordings.run.recomputation import SEQUENCE_MODULUS, Recomputation
-from mbd_sim.simulation.run.state import joint_state_arrays, joint_state_names
+from mbd_sim.simulation.run.run_point import joint_state_arrays, joint_state_names
 
 QUANTITIES = ("position", "velocity", "effort")
 

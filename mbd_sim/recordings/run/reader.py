@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
@@ -35,6 +35,7 @@ from mbd_sim.recordings.messages.cdr import (
     ReadingError,
     RecordedFile,
     RecordedTopic,
+    topics_by_name,
 )
 from mbd_sim.recordings.run.paths import natural_order
 
@@ -71,12 +72,7 @@ class Recording:
     @cached_property
     def topics(self) -> Mapping[str, RecordedTopic]:
         """All topics by name, with the number of messages in all files."""
-        found: dict[str, RecordedTopic] = {}
-        for file in self.files:
-            for name, topic in file.topics.items():
-                earlier = found[name].count if name in found else 0
-                found[name] = replace(topic, count=topic.count + earlier)
-        return found
+        return topics_by_name(topic for file in self.files for topic in file.topics.values())
 
     @property
     def problems(self) -> list[str]:

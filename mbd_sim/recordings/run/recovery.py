@@ -17,20 +17,21 @@ from mcap.records import Chunk, Header, MessageIndex
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.recordings.mcap.check import summary_problem
-from mbd_sim.recordings.mcap.contents import FileStatistics, encoded
-from mbd_sim.recordings.mcap.reader import read_mcap
-from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, definition_problem, read_data_section
-from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, bag_text, read_bag_metadata, write_metadata
-from mbd_sim.recordings.mcap.scanner import (
+from mbd_sim.recordings.mcap.contents import (
     MAGIC,
     MESSAGE_HEADER,
     RECORD_HEADER,
     ByteSource,
     FileBytes,
+    FileStatistics,
     crc_of,
     data_stream,
+    encoded,
     scan_records,
 )
+from mbd_sim.recordings.mcap.reader import read_mcap
+from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, definition_problem, read_data_section
+from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, bag_text, read_bag_metadata, write_metadata
 from mbd_sim.recordings.mcap.writer import DurableFile, write_end
 from mbd_sim.recordings.messages.cdr import RecordedFile
 from mbd_sim.recordings.messages.definitions import Topic

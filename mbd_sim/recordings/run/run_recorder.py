@@ -9,9 +9,10 @@ from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.errors import InputError, nearest
+from mbd_sim.base.operating_system import OPEN_FILES
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.text.yaml_text import mechanism_text
-from mbd_sim.recordings.mcap.writer import OPEN_FILES, DiskNearlyFullError, McapWriter
+from mbd_sim.recordings.mcap.writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recordings.messages.definitions import Topic, offered_qos_profiles
 from mbd_sim.recordings.messages.events import EventWriter, Journal, publication_schedule
 from mbd_sim.recordings.messages.states import AccelerationMessages, StateWriter

@@ -28,7 +28,7 @@ from mbd_sim.recordings.run.reader import COMMANDS, TopicRole, open_recording
 from mbd_sim.recordings.run.recomputation import LiveValueMismatch, Recomputation, RecomputeError
 from mbd_sim.simulation.model.state_records import Energies, Violation
 from mbd_sim.simulation.run.events import EventKind, parse_event
-from mbd_sim.simulation.run.state import integrated_energies, joint_state_arrays, joint_state_names, recorded_state
+from mbd_sim.simulation.run.run_point import integrated_energies, joint_state_arrays, joint_state_names, recorded_state
 
 NumberDifference = tuple[str, float, float]  # the name of a number, as recorded, and as computed
 

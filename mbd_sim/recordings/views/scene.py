@@ -25,7 +25,7 @@ from mbd_sim.recordings.views.sensor_columns import SensorTables
 from mbd_sim.recordings.views.table import Progress, RunTable, iterate_messages
 from mbd_sim.simulation.model.state_records import Energies
 from mbd_sim.simulation.run.events import Event, EventKind, parse_event
-from mbd_sim.simulation.run.state import integrated_energies, recorded_state
+from mbd_sim.simulation.run.run_point import integrated_energies, recorded_state
 
 if TYPE_CHECKING:
     from mbd_sim.pictures.rerun.stream import RerunStream

@@ -7,7 +7,8 @@ in an `ActuatorBuffer`.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -86,6 +87,17 @@ class CommandBuffer:
         self._bases: Mapping[str, Base] = {}  # those with live values that have changed
         self._lock = threading.Lock()
 
+    @contextmanager
+    def _taking(self) -> Iterator[None]:
+        """Count a command as accepted, or as rejected where it does not fit; under the lock."""
+        with self._lock:
+            try:
+                yield
+            except CommandError:
+                self.rejected += 1
+                raise
+            self.accepted += 1
+
     def keep_within(self, ranges: CommandRanges, bases: Sequence[Base]) -> None:
         """Clamp commands to other ranges from now on, and convert velocities as other bases of the same names do."""
         with self._lock:
@@ -133,13 +145,8 @@ class CommandBuffer:
 
         :raises CommandError: rejected; nothing changes.
         """
-        with self._lock:
-            try:
-                self._actuators.take(self._actuators.in_order(values), self._actuators.map.takers)
-            except CommandError:
-                self.rejected += 1
-                raise
-            self.accepted += 1
+        with self._taking():
+            self._actuators.take(self._actuators.in_order(values), self._actuators.map.takers)
 
     def efforts_by_name(self, efforts: Mapping[str, float]) -> None:
         """Take efforts of some coordinates, besides what their actuators exert; the others keep theirs.
@@ -153,13 +160,8 @@ class CommandBuffer:
 
         :raises CommandError: rejected; nothing changes.
         """
-        with self._lock:
-            try:
-                self._actuators.take(self._actuators.merged(commands), commands)
-            except CommandError:
-                self.rejected += 1
-                raise
-            self.accepted += 1
+        with self._taking():
+            self._actuators.take(self._actuators.merged(commands), commands)
 
     def renew(self, efforts: Mapping[str, float], commands: Mapping[str, float]) -> None:
         """Restart the watchdogs of efforts and of commands by channel that are still the newest, as if repeated."""
@@ -184,14 +186,9 @@ class CommandBuffer:
 
         :raises CommandError: rejected; nothing changes.
         """
-        with self._lock:
-            try:
-                commands = self._bases.get(base.name, base).commands(Velocity.of(linear, angular))
-                self._actuators.take(self._actuators.merged(commands.takers), commands.takers, self.timeout)
-            except CommandError:
-                self.rejected += 1
-                raise
-            self.accepted += 1
+        with self._taking():
+            commands = self._bases.get(base.name, base).commands(Velocity.of(linear, angular))
+            self._actuators.take(self._actuators.merged(commands.takers), commands.takers, self.timeout)
             self._reduced += commands.limited
 
     def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> Followed:
@@ -253,14 +250,9 @@ class CommandBuffer:
         efforts: Mapping[str, float] | Sequence[float],
         actuators: Mapping[str, Mapping[Channel, float]] = MappingProxyType({}),
     ) -> None:
-        with self._lock:
-            try:
-                commands = self._actuators.merged(actuators) if actuators else None
-                self._requested = self.map.merged(self._requested, efforts)
-            except CommandError:
-                self.rejected += 1
-                raise
-            self.accepted += 1
+        with self._taking():
+            commands = self._actuators.merged(actuators) if actuators else None
+            self._requested = self.map.merged(self._requested, efforts)
             if commands is not None:
                 self._actuators.take(commands, actuators)
             if commands is None or efforts:

@@ -356,10 +356,9 @@ class TrajectoryGoal:
         found = next(_exceeded(self.goal, deviations), None)
         if found is None:
             return Verdict(Outcome.SUCCEEDED, "")
-        late = elapsed - self.duration
-        return (
-            Verdict(Outcome.MISSED_GOAL, f"{found} {late:.3f} s after the end") if late > self.time_tolerance else None
-        )
+        if (late := elapsed - self.duration) <= self.time_tolerance:
+            return None
+        return Verdict(Outcome.MISSED_GOAL, f"{found} {late:.3f} s after the end")
 
 
 def _exceeded(tolerances: Mapping[str, Tolerance], deviations: Mapping[str, Setpoint]) -> Iterator[str]:

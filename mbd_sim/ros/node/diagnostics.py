@@ -202,7 +202,7 @@ class Diagnostics:
             elif not problem and abs(energies.residual) > MAX_RESIDUAL * scale:
                 problem = advice or f"the energy balance is off by {energies.residual:.2e} J: use a smaller step"
         if snapshot is not None and self.model.row_names:
-            violation = self.model.violation(snapshot.time, snapshot.point.state, snapshot.point.inputs)
+            violation = self.model.violation(*snapshot.now)
             values |= {
                 "constraint violation (m)": f"{violation.position:.3e}",
                 "constraint violation (m/s)": f"{violation.velocity:.3e}",

@@ -115,7 +115,7 @@ class EntityServices:
 
     def _on_get(self, request: Any, response: Any) -> Any:
         if problem := self._unknown(request.entity):
-            return self._fail(response, self._result.RESULT_NOT_FOUND, problem)
+            return _fail(response, self._result.RESULT_NOT_FOUND, problem)
         self._prepare()
         found = list[tuple[int, Mapping[str, PartMotion]]]()
 
@@ -124,40 +124,44 @@ class EntityServices:
             return ""
 
         if problem := self._stepping_thread.between_steps(read):
-            return self._fail(response, self._result.RESULT_OPERATION_FAILED, problem)
+            return _fail(response, self._result.RESULT_OPERATION_FAILED, problem)
         time_ns, motion = found[0][0], found[0][1][request.entity]
         state, (w, x, y, z) = response.state, to_quaternion(motion.pose.rotation).tolist()
         state.header = Header(stamp=Time(nanoseconds=time_ns).to_msg(), frame_id=self._ground)
         state.pose = PoseMessage(
             position=_filled(Point(), motion.pose.position), orientation=Quaternion(w=w, x=x, y=y, z=z)
         )
-        state.twist = Twist(linear=_vector(motion.velocity), angular=_vector(motion.angular_velocity))
-        state.acceleration = Accel(linear=_vector(motion.acceleration), angular=_vector(motion.angular_acceleration))
+        state.twist = Twist(
+            linear=_filled(Vector3(), motion.velocity), angular=_filled(Vector3(), motion.angular_velocity)
+        )
+        state.acceleration = Accel(
+            linear=_filled(Vector3(), motion.acceleration), angular=_filled(Vector3(), motion.angular_acceleration)
+        )
         response.result.result = self._result.RESULT_OK
         return response
 
     def _on_set(self, request: Any, response: Any) -> Any:
         part, state, result = request.entity, request.state, self._result
         if problem := self._unknown(part):
-            return self._fail(response, result.RESULT_NOT_FOUND, problem)
+            return _fail(response, result.RESULT_NOT_FOUND, problem)
         joint = free_joint_of(self._model, part)
         if joint is None:
             text = f"part '{part}' does not move freely: its joints determine its pose. Set them on ~/set_state."
-            return self._fail(response, result.RESULT_OPERATION_FAILED, text)
+            return _fail(response, result.RESULT_OPERATION_FAILED, text)
         if state.header.frame_id not in ("", GROUND, self._ground):
             text = f"the frame {quoted(state.header.frame_id)} is not known. Use '{self._ground}', or leave it empty."
-            return self._fail(response, result.RESULT_OPERATION_FAILED, text)
+            return _fail(response, result.RESULT_OPERATION_FAILED, text)
         sets_pose, sets_twist = (getattr(request, flag, True) for flag in FLAGS)
         if not (sets_pose or sets_twist):
             text = "it sets neither pose nor twist; an acceleration follows from the forces"
-            return self._fail(response, result.RESULT_FEATURE_UNSUPPORTED, text)
+            return _fail(response, result.RESULT_FEATURE_UNSUPPORTED, text)
         pose = _pose(state.pose)
         velocity, angular_velocity = _array(state.twist.linear), _array(state.twist.angular)
         if sets_pose and pose is None:
             text = "the pose is not valid. Give finite numbers, and a quaternion of norm 1."
-            return self._fail(response, self._invalid_pose, text)
+            return _fail(response, self._invalid_pose, text)
         if sets_twist and not np.all(np.isfinite([velocity, angular_velocity])):
-            return self._fail(response, result.RESULT_OPERATION_FAILED, "the twist is not finite. Give finite numbers.")
+            return _fail(response, result.RESULT_OPERATION_FAILED, "the twist is not finite. Give finite numbers.")
         self._prepare()
 
         def values() -> StateValues:
@@ -170,7 +174,7 @@ class EntityServices:
             return StateValues(*free_joint_values(self._model, joint, {**now, part: motion}))
 
         if problem := self._stepping_thread.set_state(values):
-            return self._fail(response, result.RESULT_OPERATION_FAILED, problem)
+            return _fail(response, result.RESULT_OPERATION_FAILED, problem)
         response.result.result = result.RESULT_OK
         return response
 
@@ -188,13 +192,10 @@ class EntityServices:
             return ""
         return f"there is no part {quoted(part)}. {nearest(part, self._model.part_names)}".strip()
 
-    def _fail(self, response: Any, code: int, text: str) -> Any:
-        response.result.result, response.result.error_message = code, text
-        return response
 
-
-def _vector(values: Array) -> Vector3:
-    return _filled(Vector3(), values)
+def _fail(response: Any, code: int, text: str) -> Any:
+    response.result.result, response.result.error_message = code, text
+    return response
 
 
 def _filled(message: Any, values: Array) -> Any:
@@ -285,23 +286,20 @@ class SimulationServices:
     def _on_set_state(self, request: Any, response: Any) -> Any:
         requested, states = request.state.state, self._states
         if requested == self.state:
-            return self._fail(response, self._transition.ALREADY_IN_TARGET_STATE, "already in this state")
-        if requested == states.STATE_PLAYING:
+            return _fail(response, self._transition.ALREADY_IN_TARGET_STATE, "already in this state")
+        if requested in (states.STATE_PLAYING, states.STATE_PAUSED):
             self._stopped = False
-            self._stepping_thread.pause(False)
-        elif requested == states.STATE_PAUSED:
-            self._stopped = False
-            self._stepping_thread.pause(True)
+            self._stepping_thread.pause(requested == states.STATE_PAUSED)
         elif requested == states.STATE_STOPPED:
             self._stepping_thread.pause(True)
             if problem := self._stepping_thread.reset(rewind_clock=True):
-                return self._fail(response, self._transition.STATE_TRANSITION_ERROR, problem)
+                return _fail(response, self._transition.STATE_TRANSITION_ERROR, problem)
             self._stopped = True
         elif requested == getattr(states, "STATE_QUITTING", None):
             self._node.create_timer(ANSWER_TIME, self._end, clock=Clock(clock_type=ClockType.STEADY_TIME))
         else:
             text = "this state is not supported: the mechanism is always loaded"
-            return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)
+            return _fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)
         return self._succeed(response)
 
     def _on_reset(self, request: Any, response: Any) -> Any:
@@ -309,23 +307,19 @@ class SimulationServices:
         rewind, state = bool(scope & self._scopes.SCOPE_TIME), bool(scope & self._scopes.SCOPE_STATE)
         if not (rewind or state):
             text = "spawning entities is not supported"
-            return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)
+            return _fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)
         if problem := self._stepping_thread.reset(rewind, state=state):
-            return self._fail(response, self._result.RESULT_OPERATION_FAILED, problem)
+            return _fail(response, self._result.RESULT_OPERATION_FAILED, problem)
         return self._succeed(response)
 
     def _on_step(self, request: Any, response: Any) -> Any:
         if request.steps > MAX_STEPS:
             text = f"{request.steps} steps are too many for one call: at most {MAX_STEPS}"
-            return self._fail(response, self._result.RESULT_OPERATION_FAILED, text)
+            return _fail(response, self._result.RESULT_OPERATION_FAILED, text)
         if problem := self._stepping_thread.step(request.steps):
-            return self._fail(response, self._result.RESULT_OPERATION_FAILED, problem)
+            return _fail(response, self._result.RESULT_OPERATION_FAILED, problem)
         return self._succeed(response)
 
     def _succeed(self, response: Any) -> Any:
         response.result.result = self._result.RESULT_OK
-        return response
-
-    def _fail(self, response: Any, code: int, text: str) -> Any:
-        response.result.result, response.result.error_message = code, text
         return response

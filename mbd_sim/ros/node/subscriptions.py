@@ -68,21 +68,33 @@ class Subscriptions:
         A wrench on `~/wrench/<part>` acts at the part's mass center, one on `~/wrench/<part>/<point>` at that point.
         """
         self.commands, self.wrenches, self._on_efforts = commands, wrenches, on_efforts
-        self._on_state, self._warn, self._clock = on_state, warn, clock
+        self._on_state, self._warn = on_state, warn
         self.states_accepted = self.states_rejected = 0
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
         self._last_warnings: dict[str, float] = {}  # by topic, s of the steady clock
         self._node, self._subscriptions = node, dict[str, Subscription]()
-        self._subscribe(Float64MultiArray, "~/commands", self._take_by_order)
-        self._subscribe(JointState, JOINT_COMMANDS, self._take_by_name)
-        self._subscribe(Float64MultiArray, ACTUATORS, self._take_actuators)
-        self._subscribe(JointTrajectory, TRAJECTORY, self._take_trajectory)
+        for message_type, name, take in (
+            (Float64MultiArray, "~/commands", lambda message: commands.by_order(message.data)),
+            (
+                JointState,
+                JOINT_COMMANDS,
+                lambda message: commands.by_name(message.name, message.effort, message.position, message.velocity),
+            ),
+            (Float64MultiArray, ACTUATORS, lambda message: commands.actuators_by_order(message.data)),
+            (
+                JointTrajectory,
+                TRAJECTORY,
+                lambda message: commands.follow(trajectory_of(message), clock.ns, clock.zero_ns),
+            ),
+        ):
+            self._subscribe(message_type, name, partial(self._take_command, name, take))
         self._subscribe(JointState, SET_STATE, self._take_state)
         tokens = topic_names(base.name for base in mechanism.bases)
         for base in mechanism.bases:
             topic = CMD_VEL if len(mechanism.bases) == 1 else f"{tokens[base.name]}/{CMD_VEL}"
-            self._subscribe(TwistStamped if stamped_cmd_vel else Twist, topic, partial(self._take_twist, topic, base))
+            take = partial(self._take_command, topic, partial(self._move, base))
+            self._subscribe(TwistStamped if stamped_cmd_vel else Twist, topic, take)
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:
             topic = f"~/wrench/{tokens[part]}"
@@ -126,47 +138,18 @@ class Subscriptions:
         """How often commands stopped arriving."""
         return self.commands.expired + self.wrenches.expired
 
-    def _take_by_order(self, message: Float64MultiArray) -> None:
+    def _take_command(self, topic: str, take: Callable[[Any], object], message: Any) -> None:
+        """Pass a message to the buffer of commands; `take` accepts or refuses it as a whole."""
         try:
-            self.commands.by_order(message.data)
-        except CommandError as error:
-            self.reject("~/commands", error)
-        else:
-            self._on_efforts()
-
-    def _take_by_name(self, message: JointState) -> None:
-        try:
-            self.commands.by_name(message.name, message.effort, message.position, message.velocity)
-        except CommandError as error:
-            self.reject(JOINT_COMMANDS, error)
-        else:
-            self._on_efforts()
-
-    def _take_actuators(self, message: Float64MultiArray) -> None:
-        try:
-            self.commands.actuators_by_order(message.data)
-        except CommandError as error:
-            self.reject(ACTUATORS, error)
-        else:
-            self._on_efforts()
-
-    def _take_trajectory(self, message: JointTrajectory) -> None:
-        try:
-            self.commands.follow(trajectory_of(message), self._clock.ns, self._clock.zero_ns)
-        except CommandError as error:
-            self.reject(TRAJECTORY, error)
-        else:
-            self._on_efforts()
-
-    def _take_twist(self, topic: str, base: Base, message: Twist | TwistStamped) -> None:
-        twist = message.twist if isinstance(message, TwistStamped) else message
-        vectors = ((vector.x, vector.y, vector.z) for vector in (twist.linear, twist.angular))
-        try:
-            self.commands.move(base, *vectors)
+            take(message)
         except CommandError as error:
             self.reject(topic, error)
         else:
             self._on_efforts()
+
+    def _move(self, base: Base, message: Twist | TwistStamped) -> None:
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        self.commands.move(base, *((vector.x, vector.y, vector.z) for vector in (twist.linear, twist.angular)))
 
     def _take_wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
         force, torque = message.wrench.force, message.wrench.torque

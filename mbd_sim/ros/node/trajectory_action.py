@@ -20,7 +20,7 @@ from mbd_sim.ros.commands.command_buffer import Followed
 from mbd_sim.ros.commands.trajectory_player import Outcome, Setpoint, Tolerance, TrajectoryGoal
 from mbd_sim.ros.node.subscriptions import nanoseconds, trajectory_of
 from mbd_sim.ros.stepping.thread import SteppingThread
-from mbd_sim.simulation.run.state import joint_state_arrays, joint_state_names
+from mbd_sim.simulation.run.run_point import joint_state_arrays, joint_state_names
 
 ACTION = "~/follow_joint_trajectory"
 PERIOD = 0.02  # s of real time between two looks at the goals

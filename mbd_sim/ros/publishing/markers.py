@@ -23,13 +23,13 @@ from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, default_traces, pulls, weight
 from mbd_sim.pictures.shapes.palette import Color
 from mbd_sim.pictures.shapes.primitives import Connector, Lines, Primitive, connectors, primitives, wires
-from mbd_sim.pictures.shapes.prisms import Prism
 from mbd_sim.pictures.shapes.solids import (
     LINE_WIDTH,
     Box,
     Cone,
     Cylinder,
     Ellipsoid,
+    Prism,
     Ring,
     Rod,
     Sphere,
@@ -205,7 +205,7 @@ class Markers:
     def payload(self, snapshot: Snapshot) -> bytes:
         """The message at a snapshot, serialized."""
         ground = pack_poses(np.zeros(3), np.eye(3))
-        poses = np.vstack([self._model.pose_array(snapshot.time, snapshot.point.state, snapshot.point.inputs), ground])
+        poses = np.vstack([self._model.pose_array(*snapshot.now), ground])
         origins, rotations = unpack_poses(poses[self._part_rows])
         positions = origins + np.einsum("nij,nj->ni", rotations, self._positions)
         rows = pack_poses(positions, rotations @ self._rotations)

@@ -21,7 +21,7 @@ from rclpy.serialization import serialize_message
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.recordings.messages import definitions
-from mbd_sim.recordings.messages.cdr import Doubles, SerializedMessage
+from mbd_sim.recordings.messages.cdr import FieldPlace, SerializedMessage
 from mbd_sim.recordings.messages.definitions import OfferedQos, Topic, offered_qos_profiles
 from mbd_sim.recordings.messages.topics import OutputTopic, is_vital
 
@@ -148,4 +148,4 @@ class MessageTemplate(SerializedMessage):
     def doubles(self, number: int, count: int) -> Array:
         """A writable view (count,) of the message's doubles from `slot(number)` on."""
         offset = self._data.find(struct.pack("=d", slot(number))) if count else 0
-        return self.view(Doubles(offset, count))
+        return self.view(FieldPlace(offset, count))

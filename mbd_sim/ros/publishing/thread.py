@@ -125,7 +125,7 @@ class PublishingThread:
         for writer in self._state_writers.values():
             writer.payload(snapshot, energies)
         if model.row_names:
-            model.violation(snapshot.time, snapshot.point.state, snapshot.point.inputs)  # for the diagnostics
+            model.violation(*snapshot.now)  # for the diagnostics
         self._sensors.prepare(snapshot.point.state, snapshot.point.inputs)
         self._markers = Markers(model, self._frame_prefix)
         self._markers.payload(snapshot)

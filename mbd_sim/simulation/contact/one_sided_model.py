@@ -20,7 +20,9 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSystem
+from mbd_sim.compiler.steps.slots import Slot, SlotSystem
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
+from mbd_sim.dynamics.contact.slots import MOTION
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
@@ -117,9 +119,8 @@ class OneSidedModel:
         self.slots = np.array([gap.numbers is not None for gap in one_sided.gaps], dtype=bool)
         self.features: FeaturePairs | None = None
         if np.any(self.slots):
-            first, accuracy = self.span.start, tolerance * one_sided.units.length
-            closed, features = (first + part.start for part in (self.layout.closed, self.layout.features))
-            self.features = FeaturePairs(one_sided, closed, features, kernel, part_names, accuracy)
+            features, accuracy = self.span.start + self.layout.features.start, tolerance * one_sided.units.length
+            self.features = FeaturePairs(one_sided, features, kernel, part_names, accuracy)
         self.load_components = functions.load_components
         self._single = [number for number, components in enumerate(self.load_components) if components == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
@@ -303,14 +304,8 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
     slips = [element.rows for element in functions.equations.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
-    def factored(function: ca.Function, pattern: ca.Sparsity | None) -> FactoredSystem:
-        if pattern is None:
-            return FactoredSystem(function, None)
-        places = pattern.row()
-        return FactoredSystem(function, [places[first:beyond] for first, beyond in pairwise(pattern.colind())])
-
     def pair(solved: SolvedPair) -> tuple[FactoredSystem, ca.Function]:
-        return factored(solved.system, solved.pattern), solved.result
+        return FactoredSystem(solved.system, solved.factors), solved.result
 
     return OneSidedSystem(
         gaps=layout.gaps,
@@ -325,13 +320,28 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
             "restitution": functions.restitution,
             "joint_loads": functions.loads,
         },
-        terms=factored(functions.terms, functions.terms_pattern),
+        terms=FactoredSystem(functions.terms, functions.terms_factors),
         first_mode=equations.inputs.one_sided.start,
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,
+        slots=_slot_system(functions),
         loads=loads,
         slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
         tolerance=guard_tolerance(equations),
         gap_units=functions.equations.gap_units,
         slow=functions.equations.slow,
     )
+
+
+def _slot_system(functions: OneSidedFunctions) -> SlotSystem:
+    slots = functions.slots
+    calls = [
+        Slot(
+            call.function,
+            slots.first_number + call.numbers,
+            tuple(MOTION * part for part in call.parts),
+            call.values,
+        )
+        for call in slots.calls
+    ]
+    return SlotSystem(slots.motions, calls, slots.size, slots.unused)

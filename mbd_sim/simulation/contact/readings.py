@@ -12,7 +12,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.mechanism.elements.contacts import Contact
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.contact.records import ContactState, with_friction

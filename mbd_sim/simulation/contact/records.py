@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 
 REMEDY = "Take smaller steps, or choose time stepping with method moreau."
 
@@ -72,7 +72,7 @@ class ContactObserver(Protocol):
         """A change at a contact."""
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class ContactState:
     """A contact at one instant.
 
@@ -95,8 +95,6 @@ class ContactState:
     slip: Array
     point: Array | None = None
     force: Array | None = None
-
-    __repr__ = short_repr
 
     @property
     def friction_entries(self) -> list[tuple[float, float, float]]:

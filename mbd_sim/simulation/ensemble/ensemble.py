@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import DivergedError, counted
 from mbd_sim.base.geometry.arrays import require_finite
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.operating_system import processors
 from mbd_sim.compiler.ensemble_kernel import MemberGroups
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
@@ -43,7 +43,7 @@ from mbd_sim.simulation.run.arguments import (
 )
 from mbd_sim.simulation.run.changes import require_allowed_speeds
 from mbd_sim.simulation.run.moving_points import motion_of
-from mbd_sim.simulation.run.state import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
+from mbd_sim.simulation.run.run_point import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
 
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
@@ -110,7 +110,7 @@ class Ensemble(ReadOnlyAttributes):
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values
         self._put_inputs(inputs)
-        self._threads = len(os.sched_getaffinity(0)) if threads is None else positive_count(threads, "threads")
+        self._threads = processors() if threads is None else positive_count(threads, "threads")
         self._start_energies = np.zeros(len(changes))
         self.reset()
         self._seal()

@@ -23,7 +23,7 @@ from mbd_sim.simulation.model.builder import partial_system
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.advice import advice_on_step, divergence
 from mbd_sim.simulation.run.changes import require_outside
-from mbd_sim.simulation.run.state import MemberFailure
+from mbd_sim.simulation.run.run_point import MemberFailure
 from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import of_vector, product
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.elements.sensors import (
     ORIENTATION,
     Accelerometer,
@@ -177,7 +177,7 @@ INDEX = "index"  # the value of an encoder beside its position
 _AXES = 9  # numbers of a rotation matrix
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SensorReading:
     """A measurement: the time in s and the number of its sample, and the values of its quantities by name.
 
@@ -188,8 +188,6 @@ class SensorReading:
     time: float
     sample: int
     values: Mapping[str, Array]
-
-    __repr__ = short_repr
 
     def __getitem__(self, quantity: str) -> Array:
         return self.values[quantity]
@@ -229,8 +227,11 @@ class SensorModel:
         self.noises: list[Noise] = []
         self.errors: list[MeasurementErrors] = []
         self._layouts = [_Layout(sensor) for sensor in self.sensors]
-        sizes = len(model.start), len(model.inputs)
-        self._readers = [model.sensor_readers.bound(sensor.name, *sizes) for sensor in self.sensors]
+        self._steps = np.empty(1, np.int64)  # this and the next are what the readers read
+        self._y, self._inputs = np.empty(len(model.start)), np.empty(len(model.inputs))
+        clock, arrays = (self._steps, np.array([step])), (self._y, self._inputs)
+        functions = [model.on_request.sensor(sensor.name) for sensor in self.sensors]
+        self._readers = [function.bound(clock, arrays, (function.size,)) for function in functions]
         for sensor, timing in zip(self.sensors, self.timings, strict=True):
             counts = [len(quantity.components) for quantity in sensor.quantities]
             noise = Noise(mechanism.sensor_seed, sensor.name, sum(counts), sensor.sampling.drop_out)
@@ -246,8 +247,9 @@ class SensorModel:
 
     def _exact_values(self, number: int, time: float, sample: StateSample) -> Array:
         sensor, model = self.sensors[number], self._model
-        given = model.with_contact_forces(time, sample.y, sample.inputs)
-        exact = self._readers[number].read(time, sample.y, given)
+        self._steps[0], self._y[:] = sample.steps, sample.y
+        self._inputs[:] = model.with_contact_forces(time, sample.y, sample.inputs)
+        exact = self._readers[number]()
         match sensor:
             case ForceTorque():
                 return self._load(sensor, time, sample, exact)

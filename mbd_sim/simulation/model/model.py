@@ -19,11 +19,11 @@ from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, LOSS_STATES
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import LiveParameters
 from mbd_sim.simulation.model.prepared import PreparedModel, load_prepared, model_key, require_method, store_prepared
-from mbd_sim.simulation.model.state_records import Energies, Losses, Reaction, Violation
+from mbd_sim.simulation.model.state_records import Energies, Losses, PartMotion, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
-    from mbd_sim.compiler.python.bound_call import Call, Clock, CompiledReaders
+    from mbd_sim.compiler.python.bound_call import Call, Clock, CompiledFunction
     from mbd_sim.dynamics.contact.passing import PassingFunctions
     from mbd_sim.dynamics.equations import Equations
     from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
@@ -33,10 +33,11 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
     from mbd_sim.simulation.contact.readings import ContactReadings
     from mbd_sim.simulation.model.actuator_states import AnyActuatorState
-    from mbd_sim.simulation.model.functions import LoadPathReader, MotionReaders, RequestedFunctions
-    from mbd_sim.simulation.model.state_records import PartMotion
+    from mbd_sim.simulation.model.functions import RequestedFunctions
 
-COMPILED = 5_000  # instructions of the multipliers up to which they are compiled, as with `LoadPathReader`
+# Instructions up to which multipliers and paths of loads are compiled, within about 0.3 s, which pays after some 3000
+# calls. The time of compilation and the calls grow in proportion.
+COMPILED = 5_000
 UNKNOWN_ENERGY = (
     "the energy balance is unknown: at this elongation the potential of a spring with 'force' is not computed "
     "(docs/mechanism_file.md); the motion is not affected"
@@ -147,41 +148,33 @@ class Model:
         }
 
     @cached_property
-    def sensor_readers(self) -> CompiledReaders:
-        """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
-        from mbd_sim.compiler.python.bound_call import CompiledReaders
-
-        return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
-
-    @cached_property
     def on_request(self) -> RequestedFunctions:
         """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
         from mbd_sim.simulation.model.functions import RequestedFunctions
 
         return RequestedFunctions(lambda: self.equations, self.key)
 
-    @cached_property
-    def _motion_readers(self) -> MotionReaders:
-        from mbd_sim.simulation.model.functions import MotionReaders
-
-        return MotionReaders(self.equations)
-
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """u' (nv,), then the accelerations of `driven_names`, under all forces, those of contacts included."""
-        return self._motion_readers.accelerations(time, y, self.with_contact_forces(time, y, inputs))
+        return self.on_request.named("accelerations").read(time, y, self.with_contact_forces(time, y, inputs))
 
     def bound_accelerations(self, clock: Clock, y: Array, inputs: Array) -> Call:
         """u' (nv,) of arrays that stay where they are, as a fast callable; only without contacts."""
-        return self._motion_readers.bound_accelerations(clock, y, inputs, self.layout.nv)
+        function = self.on_request.named("accelerations")
+        return function.bound(clock, (y, inputs), (function.size,), slice(self.layout.nv))
 
     def part_motions(self, time: float, y: Array, inputs: Array) -> Mapping[str, PartMotion]:
         """The motion of each part in ground's frame and axes."""
-        given = self.with_contact_forces(time, y, inputs)
-        return self._motion_readers.parts(time, y, given, self.poses(time, y, inputs))
+        poses, rows = self.poses(time, y, inputs), self.motion_rows(time, y, inputs)
+        return {
+            name: PartMotion(poses[name], *(vector.copy() for vector in row))
+            for name, row in zip(self.part_names, rows, strict=True)
+        }
 
     def motion_rows(self, time: float, y: Array, inputs: Array) -> Array:
         """(parts, 4, 3): velocity, angular velocity and their rates, of each part in ground's frame and axes."""
-        return self._motion_readers.rows(time, y, self.with_contact_forces(time, y, inputs))
+        given = self.with_contact_forces(time, y, inputs)
+        return self.on_request.named("part_motions").read(time, y, given).reshape(-1, 4, 3)
 
     def drives(self, time: float, y: Array, inputs: Array) -> Array:
         """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""
@@ -250,7 +243,7 @@ class Model:
         """
         given = self.with_contact_forces(time, y, inputs)
         if self.compiles_multipliers:
-            values = self._multiplier_reader.read("multipliers", time, y, given)
+            values = self.on_request.named("multipliers").read(time, y, given)
         else:
             values = self.load_sharing.multipliers(time, y, given)
         return {name: values[rows] for name, rows in self.rows_of.items()}
@@ -283,35 +276,22 @@ class Model:
         if self.shares_load:
             found = self.load_sharing.reactions(time, y, given)
         else:
-            found = self._reaction_reader.read("reactions", time, y, given).reshape(-1, 6)
+            found = self.on_request.named("reactions").read(time, y, given).reshape(-1, 6)
         names = [*self.mechanism.joints, *self.mechanism.closing]
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
-
-    @cached_property
-    def _reaction_reader(self) -> CompiledReaders:
-        from mbd_sim.compiler.python.bound_call import CompiledReaders
-
-        return CompiledReaders({"reactions": self.equations.reactions})
-
-    @cached_property
-    def _multiplier_reader(self) -> CompiledReaders:
-        from mbd_sim.compiler.python.bound_call import CompiledReaders
-
-        return CompiledReaders({"multipliers": self.equations.multipliers})
 
     @cached_property
     def load_sharing(self) -> LoadSharing:
         """How redundant joints and constraints share the load."""
         from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
 
-        return LoadSharing(self.mechanism, self.equations, self.load_paths)
+        return LoadSharing(self.mechanism, self.equations, None if self.load_paths is None else self.load_paths.read)
 
     @cached_property
-    def load_paths(self) -> LoadPathReader:
-        """What load sharing reads of the equations."""
-        from mbd_sim.simulation.model.functions import LoadPathReader
-
-        return LoadPathReader(self.equations)
+    def load_paths(self) -> CompiledFunction | None:
+        """The function of `Equations.load_paths`; None where it is too long to be compiled."""
+        short = self.equations.load_paths.function.n_instructions() <= COMPILED
+        return self.on_request.named("load_paths") if short else None
 
     @cached_property
     def passing(self) -> PassingFunctions | None:

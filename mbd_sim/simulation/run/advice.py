@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from mbd_sim.base.errors import DivergedError, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.contents import one_sided_names
 from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
     AppliedForce,
@@ -18,8 +20,8 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
+from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.model.spectrum import fastest_mode
 from mbd_sim.simulation.model.state_records import Energies
 
 if TYPE_CHECKING:
@@ -42,21 +44,24 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
         return None
     method = model.method.one_step
     meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
-    fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
+    mode = fastest_mode(model.equations, *((0.0, model.start) if meaningless else (time, y)), inputs)
+    fastest, name = mode.rate, next(iter(model.mechanism.coordinate_names[mode.speed :]), "")
     stiff = step * fastest > method.stability_limit
     better = step * (TARGET / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
     if stiff:
         better = min(better, MARGIN * method.stability_limit / fastest)
     proposals = []
     may_be_stiff = not method.for_stiff and _may_become_stiff(model)
-    if stiff or (not math.isfinite(estimate) and may_be_stiff):
+    if one_sided_names(model.mechanism):  # which no method for stiff mechanisms treats
+        proposals += [f"less damping and stiffness, or more inertia, at {name}"] if stiff else []
+    elif stiff or (not math.isfinite(estimate) and may_be_stiff):
         proposals.append("method rosenbrock")
     elif method.order < 8 and method.explicit:
         proposals.append("method tsitouras8")
     if not proposals or better * USELESS >= step:
         proposals.insert(0, f"step {round_down(better):g}")
     size = f"is estimated at {estimate:.1g}" if math.isfinite(estimate) else "is unbounded"
-    rates = f", which has rates of {fastest:.1g}/s" if stiff else ""
+    rates = f", which has rates of {fastest:.1g}/s at {name}" if stiff else ""
     return (
         f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
         f"Try {' or '.join(proposals)}."
@@ -122,10 +127,17 @@ def _may_be_stiff(element: ForceElement) -> bool:
 
 
 def divergence(
-    model: Model, time: float, n: int, step: float, advice: str | None, undefined: UndefinedExpression | None
+    model: Model,
+    time: float,
+    n: int,
+    step: float,
+    advice: str | None,
+    undefined: UndefinedExpression | None,
+    closed: Sequence[str] = (),
 ) -> DivergedError:
     """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s.
 
+    :param closed: the contacts that are closed at this time.
     :param undefined: an expression without a finite value there, see `undefined_expression`.
     """
     head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s."
@@ -136,6 +148,8 @@ def divergence(
     causes = "efforts, stiffnesses, initial values and drives"
     if model.row_names:
         causes += ", and that the loops can follow the motion"
+    if closed:
+        causes += f", and whether these closed contacts leave room for what drives press on them: {', '.join(closed)}"
     return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
 
 

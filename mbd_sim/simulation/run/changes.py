@@ -24,7 +24,7 @@ from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
 from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.state import recorded_state
+from mbd_sim.simulation.run.run_point import recorded_state
 
 DIGITS = 1e-3  # of all speeds, in the metric of the mass matrix, by which given ones may be rounded
 ROUNDING = 1e-6  # in natural units, by how much a value may change so that loops close, as one printed with six digits

@@ -17,7 +17,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.simulation.kernel.memory import KernelMemory
-from mbd_sim.simulation.run.state import RunPoint
+from mbd_sim.simulation.run.run_point import RunPoint
 
 
 class EventKind(StrEnum):

@@ -52,7 +52,8 @@ class CompiledReadings:
         function = self._model.equations.derivatives
         if function.n_instructions() > COMPILED:
             return None
-        return self._model.on_request.derivatives().bound(self._memory.clock, self._arrays, (-1, function.size1_out(0)))
+        shape = -1, function.size1_out(0)
+        return self._model.on_request.named("derivatives").bound(self._memory.clock, self._arrays, shape)
 
     @cached_property
     def multipliers(self) -> Callable[[], Array] | None:
@@ -60,7 +61,7 @@ class CompiledReadings:
         model = self._model
         if model.one_sided is not None or not model.compiles_multipliers:
             return None
-        return model.on_request.multipliers().bound(self._memory.clock, self._arrays, (len(model.row_names),))
+        return model.on_request.named("multipliers").bound(self._memory.clock, self._arrays, (len(model.row_names),))
 
     @cached_property
     def reactions(self) -> Callable[[], dict[str, Reaction]] | None:
@@ -70,10 +71,11 @@ class CompiledReadings:
         if model.one_sided is not None:
             return None
         if not model.shares_load:
-            return model.on_request.reactions().bound_records(clock, self._arrays, names, Reaction, ((3,), (3,)))
+            return model.on_request.named("reactions").bound_records(clock, self._arrays, names, Reaction, ((3,), (3,)))
         sharing = model.load_sharing
-        if (read := model.load_paths.bound(clock, self._arrays)) is None:
+        if (paths := model.load_paths) is None:
             return None
+        read = paths.bound(clock, self._arrays, (paths.size,))
         return lambda: {
             name: Reaction(row[:3], row[3:]) for name, row in zip(names, sharing.shared_reactions(read()), strict=True)
         }
@@ -117,7 +119,7 @@ class DynamicsReadings:
     @cached_property
     def _momentum(self) -> Callable[[], Array]:
         arrays = (self._memory.y, self._memory.inputs)
-        return self._model.on_request.momentum().bound(self._memory.clock, arrays, (6,))
+        return self._model.on_request.named("momentum").bound(self._memory.clock, arrays, (6,))
 
     def forward(self, efforts: Efforts | None) -> Array:
         """The accelerations u' (nv,) for given efforts: see `Simulation.forward_dynamics`."""

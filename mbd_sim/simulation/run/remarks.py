@@ -21,8 +21,7 @@ import numpy as np
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.passing import PassingFunctions
-from mbd_sim.dynamics.math.evaluation import evaluated
-from mbd_sim.dynamics.math.expressions import function_of, time_functions
+from mbd_sim.dynamics.math.expressions import evaluated, function_of, time_functions
 from mbd_sim.files.checks.bare_angles import bare_angle_remarks
 from mbd_sim.mechanism.contents import expressions_of_forces
 from mbd_sim.mechanism.elements.constraints import (

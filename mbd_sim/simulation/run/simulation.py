@@ -33,7 +33,7 @@ from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, re
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, RunListener, RunReports
 from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs
 from mbd_sim.simulation.run.present_state import PresentState
-from mbd_sim.simulation.run.state import RunLayout, RunPoint, require_same_layout
+from mbd_sim.simulation.run.run_point import RunLayout, RunPoint, require_same_layout
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.contact.records import ContactObserver
@@ -172,7 +172,8 @@ class BaseSimulation(PresentState):
                 from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
-                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
+                closed = [name for name, contact in self.contacts().items() if contact.normal > 0.0]
+                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined, closed)
             self._reports.report_contacts()
 
     def advance(self, n: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -84,25 +83,21 @@ def transmission_extremes(motion: DrivenMotion, joints: CouplerAndFollower) -> t
     """The least and the greatest transmission angle in rad."""
     angle = TransmissionAngle(motion.system, joints)
     values = np.array([angle(q) for q in motion.q])
-
-    def at(row: int, s: float) -> float:
-        return angle(motion.at(row, s))
-
-    return _extreme(motion, values, at, greatest=False), _extreme(motion, values, at, greatest=True)
+    return _extreme(motion, angle, values, greatest=False), _extreme(motion, angle, values, greatest=True)
 
 
-def _extreme(motion: DrivenMotion, values: Array, at: Callable[[int, float], float], *, greatest: bool) -> Extreme:
+def _extreme(motion: DrivenMotion, angle: TransmissionAngle, values: Array, *, greatest: bool) -> Extreme:
     sign = -1.0 if greatest else 1.0
     row = int(np.argmin(sign * values))
     best, place = float(values[row]), float(motion.s[row])
 
     def signed(first: int, s: float) -> float:
-        return sign * at(first, s)
+        return sign * angle(motion.at(first, s))
 
     for first in (row - 1, row):
         if 0 <= first < len(motion) - 1:
             low, high = float(motion.s[first]), float(motion.s[first + 1])
             s = least_place(partial(signed, first), low, high, SECTIONS)
-            if sign * (value := at(first, s)) < sign * best - ROUNDING:
-                best, place = value, s
+            if (value := signed(first, s)) < sign * best - ROUNDING:
+                best, place = sign * value, s
     return Extreme(best, float(motion.line.drives(place)[motion.leading]), greatest)

@@ -24,7 +24,7 @@ from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
 from mbd_sim.base.errors import InputError, counted, listed, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.mechanism.contents import require_two_sided
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
@@ -35,7 +35,7 @@ from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion, PointFunctio
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class DriveLoads:
     """What a motion requires, one row for each configuration; nan at dead points and change points.
 
@@ -47,8 +47,6 @@ class DriveLoads:
     efforts: Mapping[str, Array]
     reactions: Mapping[str, Reaction]
     power: Array
-
-    __repr__ = short_repr
 
 
 @interruptible_tracing()

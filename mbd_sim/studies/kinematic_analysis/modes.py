@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem
 
@@ -22,7 +21,7 @@ REACH = 2.0  # sizes of the mechanism, up to which displacements are drawn
 SAME = 1e-6  # difference of two configurations that are one, in natural units
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class AssemblyModes:
     """The configurations q (k, nq) that were found, in order of their coordinates.
 
@@ -34,8 +33,6 @@ class AssemblyModes:
     q: Array
     found: Sequence[int]
     starts: int
-
-    __repr__ = short_repr
 
     def __len__(self) -> int:
         return len(self.q)

@@ -15,16 +15,15 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.run.moving_points import named_frame
 from mbd_sim.studies.kinematic_analysis.curve import (
     Kind,
     SingularPoint,
-    TracedCurve,
     require_reached,
     require_regular,
     sampled,
@@ -35,15 +34,13 @@ from mbd_sim.studies.kinematic_analysis.modes import modes_at
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem, coordinate_columns, coordinate_index, is_rotation
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PointMotion:
     """`position`, `velocity` and `acceleration` (n, 3) of a point in ground's axes, in m and s."""
 
     position: Array
     velocity: Array
     acceleration: Array
-
-    __repr__ = short_repr
 
 
 class PointFunctions:
@@ -409,17 +406,13 @@ def _first(system: KinematicSystem, line: DriveLine, mode: int | None, *, follow
         return system.start, 0.0
     approach = DriveLine(system, given, line.start)
     curve = traced_curve(approach, approach.forward(system.start, 0.0, 1.0), through=False)
-    if not _is_complete(curve):
+    if curve.singular or curve.points[-1].s != 1.0:
         along = (given - line.start) @ (line.stop - line.start) / float(np.sum((line.stop - line.start) ** 2))
         off = np.abs(line.drives(float(along)) - given) / system.scale[system.u_driven]
         if follow and 0.0 <= along <= 1.0 and np.max(off) <= 1e-12:
             return system.start, float(along)
         require_reached(system, approach, curve)
     return curve.points[-1].q, 0.0
-
-
-def _is_complete(curve: TracedCurve) -> bool:
-    return not curve.singular and curve.points[-1].s == 1.0
 
 
 def _directions(s: Array) -> Array:

@@ -10,21 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
-from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.dynamics.math.expressions import all_evaluated, evaluated
 from mbd_sim.dynamics.terms import term_function
 from mbd_sim.mechanism.contents import require_two_sided
-from mbd_sim.mechanism.elements.parts import GROUND, Part
+from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.simulation.run.moving_points import points_of
+from mbd_sim.studies.algebra.samples import with_forces_alone
 from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
 from mbd_sim.studies.kinematic_analysis.system import (
     SINGULAR,
@@ -34,7 +36,6 @@ from mbd_sim.studies.kinematic_analysis.system import (
     undriven,
 )
 from mbd_sim.studies.optimization.parameter_inputs import parameter_inputs
-from mbd_sim.studies.symbolic.algebra.samples import with_forces_alone
 
 CONSISTENT = 1e-7  # error of the derivatives of redundant equations, relative
 
@@ -58,6 +59,8 @@ class StateDerivatives:
 
 
 Quantity = Callable[[States, StateDerivatives, Array], tuple[Array, Array]]
+# Of q, u, u' and p: values, each with its derivatives by displacements (nv), u (nv), u' (nv) and p (np) side by side.
+_WithDerivatives = Callable[[Array, Array, Array, Array], list[tuple[Array, Array]]]
 
 
 class ParametricMotion:
@@ -128,9 +131,8 @@ class ParametricMotion:
         system = self.at(parameters)
         zeros = np.zeros((len(system.drives), count))
         for q, u, a in zip(states.q, states.u, states.u_rates, strict=True):
-            blocks = self._rows.at(q, u, a, parameters)
+            (_, of_position), (_, of_velocity), (_, of_acceleration) = self._rows(q, u, a, parameters)
             solve = _Solver(system, q)
-            (_, of_position), (_, of_velocity), (_, of_acceleration) = blocks
             by_p = slice(3 * nv, None)
             dq = solve(-of_position[:, by_p], zeros)
             du = solve(-(of_velocity[:, by_p] + of_velocity[:, :nv] @ dq), zeros)
@@ -193,14 +195,14 @@ class ParametricMotion:
             system, values, slopes = self.at(parameters), [], []
             drives, count = len(system.drives), len(self.keys)
             for row, (q, u, a) in enumerate(zip(states.q, states.u, states.u_rates, strict=True)):
-                ((forces, by),) = tree.at(q, u, a, parameters)
+                ((forces, by),) = tree(q, u, a, parameters)
                 solve = _Solver(system, q)
-                units = solve(np.zeros((len(system.gradient(q)), drives)), np.eye(drives))
+                units = solve(np.zeros((len(system.constraints.gradient(0.0, q)), drives)), np.eye(drives))
                 dq, du, da = derivatives.q[row], derivatives.u[row], derivatives.u_rates[row]
                 change = by[:, 3 * nv :] + by[:, :nv] @ dq + by[:, nv : 2 * nv] @ du + by[:, 2 * nv : 3 * nv] @ da
                 slope = units.T @ change
                 for index in range(drives):
-                    _, (_, moved), _ = self._rows.at(q, units[:, index], a, parameters)
+                    _, (_, moved), _ = self._rows(q, units[:, index], a, parameters)
                     tilt = solve(-(moved[:, 3 * nv :] + moved[:, :nv] @ dq), np.zeros((drives, count)))
                     slope[index] += forces.ravel() @ tilt
                 values.append(units.T @ forces.ravel())
@@ -236,7 +238,13 @@ class ParametricMotion:
             along = ca.jacobian(one, self._q) @ self._to_rates
             slopes = [along, ca.jacobian(one, self._u), ca.jacobian(one, self._a), ca.jacobian(one, self._p)]
             outputs += [one, ca.densify(ca.horzcat(*slopes))]
-        return _WithDerivatives(ca.Function(name, arguments, outputs, {"cse": True}))
+        function = ca.Function(name, arguments, outputs, {"cse": True})
+
+        def evaluate(*at: Array) -> list[tuple[Array, Array]]:
+            found = all_evaluated(function, *at)
+            return list(zip(found[::2], found[1::2], strict=True))
+
+        return evaluate
 
     def _quantity(self, expression: ca.SX) -> Quantity:
         function, nv = self._derivatives("quantity", [expression]), self.system.layout.nv
@@ -244,24 +252,13 @@ class ParametricMotion:
         def value_and_slope(states: States, derivatives: StateDerivatives, parameters: Array) -> tuple[Array, Array]:
             values, slopes = [], []
             for row, (q, u, a) in enumerate(zip(states.q, states.u, states.u_rates, strict=True)):
-                ((value, by),) = function.at(q, u, a, parameters)
+                ((value, by),) = function(q, u, a, parameters)
                 slope = by[:, 3 * nv :] + by[:, :nv] @ derivatives.q[row] + by[:, nv : 2 * nv] @ derivatives.u[row]
                 values.append(value.ravel())
                 slopes.append(slope + by[:, 2 * nv : 3 * nv] @ derivatives.u_rates[row])
             return np.array(values), np.array(slopes)
 
         return value_and_slope
-
-
-@dataclass(frozen=True, eq=False)
-class _WithDerivatives:
-    """Values, each with its derivatives by displacements (nv), u (nv), u' (nv) and p (np) side by side."""
-
-    function: ca.Function
-
-    def at(self, q: Array, u: Array, u_rates: Array, parameters: Array) -> list[tuple[Array, Array]]:
-        found = all_evaluated(self.function, q, u, u_rates, parameters)
-        return list(zip(found[::2], found[1::2], strict=True))
 
 
 class _Solver:
@@ -292,26 +289,21 @@ class _Solver:
 
 def without_forces(mechanism: Mechanism) -> Mechanism:
     """The mechanism without masses and forces, on which its positions do not depend."""
-
-    def massless(part: Part) -> Part:
-        return replace(part, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
-
-    parts: Mapping[str, Part] = {name: massless(part) for name, part in mechanism.parts.items()}
+    nothing: Mapping[str, Any] = {"mass": 0.0, "center": np.zeros(3), "inertia": np.zeros((3, 3))}
+    parts = {name: replace(part, **nothing) for name, part in mechanism.parts.items()}
     return replace(
         mechanism, parts=parts, springs=(), dampers=(), applied=(), efforts=(), potentials=(), bushings=(),
         contacts=(), actuators=(), bases=(), sensors=(),
     )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Sensitivity:
     """Derivatives by the parameters, for each row of a motion: (n, ..., np); nan at dead points and change points."""
 
     position: Array
     velocity: Array
     acceleration: Array
-
-    __repr__ = short_repr
 
 
 class MotionSensitivity:

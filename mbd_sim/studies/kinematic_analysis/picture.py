@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,18 +94,6 @@ def _coordinates(curves: _Curves, titles: tuple[str, str], units: tuple[str, str
             yield MotionPanel(title, unit, {name: factor * motion.coordinate(name)[order] for name in names})
 
 
-def _positions(curves: _Curves) -> Iterator[MotionPanel]:
-    return _coordinates(curves, ("Angles", "Displacements"), ("deg", "m"), 0)
-
-
-def _velocities(curves: _Curves) -> Iterator[MotionPanel]:
-    return _coordinates(curves, ("Angular velocities", "Velocities"), ("rad/s", "m/s"), 1)
-
-
-def _accelerations(curves: _Curves) -> Iterator[MotionPanel]:
-    return _coordinates(curves, ("Angular accelerations", "Accelerations"), ("rad/s²", "m/s²"), 2)
-
-
 def _points(curves: _Curves) -> Iterator[MotionPanel]:
     if curves.points:
         motions = {name: curves.motion.point(name) for name in curves.points}
@@ -145,9 +134,11 @@ def _reactions(curves: _Curves) -> Iterator[MotionPanel]:
 
 
 _BUILDERS: Mapping[str, Callable[[_Curves], Iterator[MotionPanel]]] = {
-    "positions": _positions,
-    "velocities": _velocities,
-    "accelerations": _accelerations,
+    "positions": partial(_coordinates, titles=("Angles", "Displacements"), units=("deg", "m"), order=0),
+    "velocities": partial(_coordinates, titles=("Angular velocities", "Velocities"), units=("rad/s", "m/s"), order=1),
+    "accelerations": partial(
+        _coordinates, titles=("Angular accelerations", "Accelerations"), units=("rad/s²", "m/s²"), order=2
+    ),
     "points": _points,
     "transmission": _transmission,
     "advantage": _advantage,
@@ -251,15 +242,11 @@ def _draw_panel(axes: Any, motion: DrivenMotion, panel: MotionPanel) -> None:
     axes.set(xlabel=f"{motion.drive_name} ({'deg' if angle else 'm'})", ylabel=panel.unit)
     axes.grid(alpha=0.25)
     if angle and np.ptp(x) > 120.0:
-        axes.xaxis.set_major_locator(_multiples_of(30.0 if np.ptp(x) <= 240.0 else 60.0))
+        from matplotlib.ticker import MultipleLocator
+
+        axes.xaxis.set_major_locator(MultipleLocator(30.0 if np.ptp(x) <= 240.0 else 60.0))
     if len(panel.lines) > 1 or not any(name in panel.title for name in panel.lines):
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-
-
-def _multiples_of(step: float) -> Any:
-    from matplotlib.ticker import MultipleLocator
-
-    return MultipleLocator(step)
 
 
 def _dots(motion: DrivenMotion, points: Sequence[str], targets: Array | None) -> Array:

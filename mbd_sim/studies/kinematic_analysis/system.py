@@ -26,8 +26,7 @@ from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.start import assemble, rheonomic
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import trace
-from mbd_sim.dynamics.math.evaluation import evaluated
-from mbd_sim.dynamics.math.expressions import require_smooth
+from mbd_sim.dynamics.math.expressions import evaluated, require_smooth
 from mbd_sim.dynamics.math.rank import least_solution
 from mbd_sim.files.checks.bare_angles import bare_argument_remark
 from mbd_sim.files.checks.override import number_at
@@ -229,11 +228,8 @@ def _without_drive(joint: Joint) -> Joint:
 
 
 def _at_rest(joint: Joint) -> Joint:
-    return (
-        joint
-        if joint.drive
-        else replace(joint, velocity=np.zeros(joint.kind.nv), fixed_speeds=(False,) * joint.kind.nv)
-    )
+    count = joint.kind.nv
+    return joint if joint.drive else replace(joint, velocity=np.zeros(count), fixed_speeds=(False,) * count)
 
 
 def _plain(word: str) -> float | str:
@@ -280,7 +276,7 @@ class KinematicSystem:
         self.start = self.assembly.start.q
         self.values = self.traced.parameters.base
         self.u_driven = np.array([mechanism.coordinate_names.index(name) for name in drives], dtype=np.intp)
-        self.q_driven = np.array([self._place_in_q(name) for name in drives], dtype=np.intp)
+        self.q_driven = np.array(coordinate_columns(mechanism), dtype=np.intp)[self.u_driven]
         self.dependent = np.setdiff1d(np.arange(self.layout.nv), self.u_driven)
         self.scale = self.constraints.scales
         self.angles = self._plain_angles()
@@ -299,10 +295,6 @@ class KinematicSystem:
         other = copy(self)
         other.values, other.constraints = values, self.constraints.with_values(values)
         return other
-
-    def gradient(self, q: Array) -> Array:
-        """G (m, nv)."""
-        return self.constraints.gradient(0.0, q)
 
     def bias(self, q: Array, u: Array) -> Array:
         """γ (m,)."""
@@ -375,9 +367,6 @@ class KinematicSystem:
             if joint.kind.quaternion is None:
                 found[self.layout.q[name]] = [one.rotation for one in joint.kind.coordinates]
         return found
-
-    def _place_in_q(self, name: str) -> int:
-        return coordinate_columns(self.mechanism)[self.mechanism.coordinate_names.index(name)]
 
     def _require_determined(self) -> None:
         free, given = self.degrees_of_freedom, len(self.drives)

@@ -71,6 +71,11 @@ def grounded_outputs(motion: DrivenMotion) -> list[str]:
     return [name for name in motion.outputs if name in grounded] or list(motion.outputs)
 
 
+def drive_at(motion: DrivenMotion, value: float | np.floating) -> str:
+    """Where the first moving drive is, in rad or m, for people: `crank = 30 deg`."""
+    return f"{motion.drive_name} = {shown(motion.mechanism, motion.drive_name, float(value))}"
+
+
 def _load_columns(motion: DrivenMotion, loads: DriveLoads) -> dict[str, Array]:
     found = {}
     for name, effort in loads.efforts.items():
@@ -105,15 +110,9 @@ def motion_text(
     lines = [*_head(motion), *_singular(motion), *_limits(motion)]
     for joints in pins:
         least, most = transmission_extremes(motion, joints)
-        name = motion.drive_name
-        lines.append(
-            _row(
-                "Transmission angle",
-                f"{joints.pin}: from {_degrees(least.value)} at {name} = {shown(motion.mechanism, name, least.drive)} "
-                f"to {_degrees(most.value)} at {name} = {shown(motion.mechanism, name, most.drive)}",
-            )
-        )
-    lines += [_row("Advantage", f"{name}: {_advantage(motion, name)}") for name in grounded_outputs(motion)]
+        ends = (f"{np.degrees(one.value):.6g} deg at {drive_at(motion, one.drive)}" for one in (least, most))
+        lines.append(row("Transmission angle", f"{joints.pin}: from {' to '.join(ends)}"))
+    lines += [row("Advantage", f"{name}: {_advantage(motion, name)}") for name in grounded_outputs(motion)]
     if loads is not None:
         lines += _loads(motion, loads)
     return "\n".join([*lines, *further, "", *_table(motion, columns or _usual_columns(motion, points, loads))])
@@ -123,21 +122,18 @@ def modes_text(mechanism: Mechanism, modes: AssemblyModes) -> str:
     """The assembly modes, one a line, and how they were found."""
     given = ", ".join(f"{name} = {shown(mechanism, name, value)}" for name, value in modes.drives.items())
     found = f"{len(modes)} at {given}, found from {modes.starts} starts, each at least {min(modes.found)} times"
-    lines = [_row("Assembly modes", found)]
+    lines = [row("Assembly modes", found)]
     for number, q in enumerate(modes.q, 1):
         positions = zip(mechanism.coordinate_names, coordinate_columns(mechanism), strict=False)
         values = [f"{name} = {shown(mechanism, name, float(q[column]))}" for name, column in positions if column >= 0]
-        lines.append(_row(f"  {number}", ", ".join(values)))
+        lines.append(row(f"  {number}", ", ".join(values)))
     if modes.chance_of_another:
-        lines.append(_row("", f"there may be more: another start finds one with {modes.chance_of_another:.2g}"))
+        lines.append(row("", f"there may be more: another start finds one with {modes.chance_of_another:.2g}"))
     return "\n".join(lines)
 
 
-def _degrees(angle: float) -> str:
-    return f"{np.degrees(angle):.6g} deg"
-
-
-def _row(head: str, text: str) -> str:
+def row(head: str, text: str) -> str:
+    """A line of a report, with its heading."""
     return f"{head:<{HEAD}}{text}".rstrip()
 
 
@@ -150,7 +146,7 @@ def _head(motion: DrivenMotion) -> Iterator[str]:
         elif index == motion.leading:
             unit = "rad/s" if is_rotation(motion.mechanism, name) else "m/s"
             text += f", {len(motion)} positions, at {motion.speed:.6g} {unit}"
-        yield _row("Drive" if index == 0 else "", text)
+        yield row("Drive" if index == 0 else "", text)
 
 
 def _singular(motion: DrivenMotion) -> Iterator[str]:
@@ -160,51 +156,41 @@ def _singular(motion: DrivenMotion) -> Iterator[str]:
             for one in motion.singular
             if one.kind == kind
         ]
-        yield _row(title, "; ".join(places) or "none")
+        yield row(title, "; ".join(places) or "none")
 
 
 def _limits(motion: DrivenMotion) -> Iterator[str]:
     for name in grounded_outputs(motion):
         found = [
-            f"{'greatest' if one.greatest else 'least'} {_shown(motion, name, one.value)} at "
-            f"{motion.drive_name} = {shown(motion.mechanism, motion.drive_name, one.drive)}"
+            f"{'greatest' if one.greatest else 'least'} {value_shown(one.value, rotation=motion.is_rotation(name))} at "
+            f"{drive_at(motion, one.drive)}"
             for one in limit_positions(motion, name)
         ]
         if found:
-            yield _row("Limit positions", f"{name}: {'; '.join(found)}")
-
-
-def _shown(motion: DrivenMotion, name: str, value: float) -> str:
-    return value_shown(value, rotation=motion.is_rotation(name))
+            yield row("Limit positions", f"{name}: {'; '.join(found)}")
 
 
 def _advantage(motion: DrivenMotion, name: str) -> str:
     values = np.abs(motion.advantage(name))
     if not np.any(np.isfinite(values)):
         return "infinite: it stands still"
-    row = int(np.nanargmin(values))
-    place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
-    unit = _advantage_unit(motion, name)
-    return f"at least {values[row]:.6g}{unit}, at {motion.drive_name} = {place}"
-
-
-def _advantage_unit(motion: DrivenMotion, name: str) -> str:
+    index = int(np.nanargmin(values))
     one, other = (motion.is_rotation(key) for key in (name, motion.drive_name))
-    return "" if one == other else " N·m/N" if one else " N/(N·m)"
+    unit = "" if one == other else " N·m/N" if one else " N/(N·m)"
+    return f"at least {values[index]:.6g}{unit}, at {drive_at(motion, motion.drive[index])}"
 
 
 def _loads(motion: DrivenMotion, loads: DriveLoads) -> Iterator[str]:
     def peak(values: Array, unit: str) -> str:
-        row = int(np.nanargmax(np.abs(values)))
-        place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
-        return f"{values[row]:.6g} {unit} at {motion.drive_name} = {place}, of {len(motion)} positions"
+        index = int(np.nanargmax(np.abs(values)))
+        return f"{values[index]:.6g} {unit} at {drive_at(motion, motion.drive[index])}, of {len(motion)} positions"
 
     for name, effort in loads.efforts.items():
         unit = "N·m" if is_rotation(motion.mechanism, name) else "N"
-        yield _row("Largest effort", f"{name}: {peak(effort, unit)}")
+        yield row("Largest effort", f"{name}: {peak(effort, unit)}")
         yield from _jumps(motion, effort, unit)
     for name, reaction in loads.reactions.items():
-        yield _row("Largest force", f"{name}: {peak(np.linalg.norm(reaction.force, axis=1), 'N')}")
+        yield row("Largest force", f"{name}: {peak(np.linalg.norm(reaction.force, axis=1), 'N')}")
 
 
 def _jumps(motion: DrivenMotion, values: Array, unit: str) -> Iterator[str]:
@@ -213,13 +199,12 @@ def _jumps(motion: DrivenMotion, values: Array, unit: str) -> Iterator[str]:
     span = np.nanmax(values) - np.nanmin(values)
     if not np.any(changes > JUMP * span):
         return
-    row = int(np.nanargmax(changes))
-    name = motion.drive_name
-    first, second = (shown(motion.mechanism, name, float(motion.drive[k])) for k in (row, row + 1))
-    yield _row(
+    index = int(np.nanargmax(changes))
+    second = shown(motion.mechanism, motion.drive_name, float(motion.drive[index + 1]))
+    yield row(
         "",
-        f"it changes by {changes[row]:.6g} {unit} between {name} = {first} and {second}, so that the largest may be "
-        f"missed: take more positions than {len(motion)}, unless it jumps there",
+        f"it changes by {changes[index]:.6g} {unit} between {drive_at(motion, motion.drive[index])} and {second}, "
+        f"so that the largest may be missed: take more positions than {len(motion)}, unless it jumps there",
     )
 
 
@@ -302,10 +287,9 @@ def exceeded_limits(
     for pattern, limit in limits:
         for name, values in chosen_columns(columns, [pattern]).items():
             sizes = np.abs(np.nan_to_num(values, nan=0.0))
-            row, beyond = int(np.argmax(sizes)), int(np.sum(sizes > limit))
-            place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
+            index, beyond = int(np.argmax(sizes)), int(np.sum(sizes > limit))
             verdict = f"exceeded in {beyond} of {len(motion)} positions" if beyond else "kept"
-            largest = f"at most {limit:.6g}, {verdict}: {values[row]:.6g} at {motion.drive_name} = {place}"
-            lines.append(f"{'Limit':<20}{name}: {largest}")
+            largest = f"{values[index]:.6g} at {drive_at(motion, motion.drive[index])}"
+            lines.append(row("Limit", f"{name}: at most {limit:.6g}, {verdict}: {largest}"))
             exceeded = exceeded or beyond > 0
     return lines, exceeded

@@ -6,26 +6,24 @@ Sensitivities and tolerances are given as columns of a table and as lines of a r
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
 from mbd_sim.base.errors import InputError, counted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.kinematic_analysis.curve import shown
 from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
 from mbd_sim.studies.kinematic_analysis.parametric import MotionSensitivity
 from mbd_sim.studies.kinematic_analysis.system import is_rotation
-from mbd_sim.studies.kinematic_analysis.text import grounded_outputs
+from mbd_sim.studies.kinematic_analysis.text import drive_at, grounded_outputs, row
 
 Distribution = Literal["normal", "uniform"]
 DEVIATIONS = 3.0  # standard deviations in a tolerance, for normal distributions
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Deviation:
     """The deviation of a quantity from its nominal value, in each row of a motion: (n,) or (n, 3).
 
@@ -40,8 +38,6 @@ class Deviation:
     deviation: Array
     least: Array
     greatest: Array
-
-    __repr__ = short_repr
 
 
 class ToleranceAnalysis:
@@ -132,9 +128,6 @@ class ToleranceAnalysis:
         return np.array(rows)
 
 
-HEAD = 20  # width of the first column
-
-
 def sensitivity_columns(sensitivity: MotionSensitivity, points: Sequence[str]) -> dict[str, Array]:
     """The derivatives (n,) of positions by each parameter, such as `rocker.position_rad.by_l`, in SI units."""
     found = {}
@@ -145,7 +138,7 @@ def sensitivity_columns(sensitivity: MotionSensitivity, points: Sequence[str]) -
     for name in points:
         slopes = sensitivity.point(name).position
         for index, key in enumerate(sensitivity.keys):
-            found |= {f"{name}.{axis}_m.by_{key}": slopes[:, row, index] for row, axis in enumerate("xyz")}
+            found |= {f"{name}.{axis}_m.by_{key}": slopes[:, k, index] for k, axis in enumerate("xyz")}
     return found
 
 
@@ -173,7 +166,7 @@ def sensitivity_lines(sensitivity: MotionSensitivity, points: Sequence[str]) -> 
         for name in points:
             slopes = np.linalg.norm(sensitivity.point(name).position[:, :, index], axis=1)
             texts.append(f"{name} {_peak(motion, slopes)}")
-        yield f"{'Sensitivity':<{HEAD}}by {key} (SI units): {'; '.join(texts)}"
+        yield row("Sensitivity", f"by {key} (SI units): {'; '.join(texts)}")
 
 
 def tolerance_lines(tolerances: ToleranceAnalysis, points: Sequence[str]) -> Iterator[str]:
@@ -196,15 +189,14 @@ def _deviation_lines(motion: DrivenMotion, name: str, deviation: Deviation, unit
     text += f"{np.nanmax(deviation.root_sum_square):.4g} {unit}"
     if np.any(np.isfinite(deviation.deviation)):
         text += f", standard deviation of samples up to {np.nanmax(deviation.deviation):.4g} {unit}"
-    yield f"{'Tolerances':<{HEAD}}{name}: {text}"
+    yield row("Tolerances", f"{name}: {text}")
 
 
 def _peak(motion: DrivenMotion, values: Array) -> str:
     if not np.any(np.isfinite(values)):
         return "undefined"
-    row = int(np.nanargmax(np.abs(values)))
-    place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
-    return f"{values[row]:.4g} at {motion.drive_name} = {place}"
+    index = int(np.nanargmax(np.abs(values)))
+    return f"{values[index]:.4g} at {drive_at(motion, motion.drive[index])}"
 
 
 def _deviation_columns(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Literal
 
@@ -26,7 +25,7 @@ from mbd_sim.analysis.equilibria.rest_balance import Rest, RestBalance, displace
 from mbd_sim.analysis.linear.linearization import size_of_zeros
 from mbd_sim.base.errors import CommandError, DivergedError, InputError, MbdSimError, MechanismError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.simulation.run.changes import require_outside
@@ -213,7 +212,7 @@ ORDERED = 9  # decimals of imaginary parts, relative to the largest eigenvalue, 
 About = Literal["equilibrium", "start"]
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class EigenvalueLocus:
     """The `eigenvalues` (…, n) in 1/s for all combinations of `values` (each (k,), in SI units) at the keys `names`.
 
@@ -226,8 +225,6 @@ class EigenvalueLocus:
     values: tuple[Array, ...]
     eigenvalues: NDArray[np.complex128]
     rate: float = 1.0
-
-    __repr__ = short_repr
 
     @property
     def growth(self) -> Array:

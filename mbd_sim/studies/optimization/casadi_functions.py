@@ -8,7 +8,7 @@ computed trajectory, not of the exact one (differentiation of the discretized eq
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from operator import index
 
@@ -18,22 +18,22 @@ import numpy as np
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.layouts.actuators import require_continuous
-from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+from mbd_sim.integrators.explicit import EXPLICIT, Tableau
 from mbd_sim.mechanism.contents import channel_names, require_two_sided
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.mechanism.values.names import readings, reference
+from mbd_sim.studies.algebra.samples import with_forces_alone
 from mbd_sim.studies.optimization.parameter_inputs import ParameterInputs, parameter_inputs
-from mbd_sim.studies.symbolic.algebra.samples import with_forces_alone
 
 REFUSED = "cannot be given as CasADi functions"
 SMOOTH = "Remove them, or use smooth ones: stops and contacts with a 'stiffness', friction without 'sticking'."
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class CasadiFunctions:
     """Functions of the time `t` in s, the state `x` (nx,), the efforts `e` (ne,) and the parameters `p` (np,).
 
@@ -50,8 +50,6 @@ class CasadiFunctions:
     efforts: Array
     equations: Equations = field(repr=False)
     _inputs: ParameterInputs = field(repr=False)
-
-    __repr__ = short_repr
 
     @property
     def coordinates(self) -> tuple[str, ...]:

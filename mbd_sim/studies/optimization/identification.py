@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import DivergedError, InputError, MbdSimError, MechanismError, listed, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.optimization.measured_runs import MeasuredRun, Residuals, measured_runs
@@ -174,7 +174,7 @@ class ParameterEstimate:
     __repr__ = short_repr
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Identification:
     """The `estimates` by key, their `covariance` (np, np), and the standard deviation of each measured number.
 
@@ -186,8 +186,6 @@ class Identification:
     covariance: Array
     noise: Array
     measured: tuple[str, ...]
-
-    __repr__ = short_repr
 
 
 def identify(

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import skew
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 from mbd_sim.studies.optimization.sensitivities import Sensitivities
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class MeasuredRun:
     """What was measured every `step` s from the time `start` on, n + 1 times, in SI units; nan where nothing was.
 
@@ -34,8 +34,6 @@ class MeasuredRun:
     start: float = 0.0
     outputs: Mapping[str, Array] = field(default_factory=dict)
     first_state: Array | None = None
-
-    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """:raises InputError: states or efforts are not tables of numbers, which may be given as lists."""

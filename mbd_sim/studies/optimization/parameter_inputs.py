@@ -1,6 +1,6 @@
 """Numbers of the equations as CasADi expressions of parameters of the file.
 
-The formulas are those of `mbd_sim.studies.symbolic.algebra.formulas`, so that derivatives with respect to a length or a
+The formulas are those of `mbd_sim.studies.algebra.formulas`, so that derivatives with respect to a length or a
 mass are exact.
 """
 
@@ -22,9 +22,9 @@ from mbd_sim.files.checks.override import location_of, values_of, with_values
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.formulas import Formula, ParameterSamples, formulas
-from mbd_sim.studies.symbolic.algebra.polynomial import Exact
-from mbd_sim.studies.symbolic.algebra.samples import number_samples, with_forces_alone
+from mbd_sim.studies.algebra.formulas import Formula, ParameterSamples, formulas
+from mbd_sim.studies.algebra.polynomial import Exact
+from mbd_sim.studies.algebra.samples import number_samples, with_forces_alone
 
 ONE = Formula(((Exact(Fraction(1)), ()),))
 

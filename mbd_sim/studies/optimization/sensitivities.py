@@ -7,7 +7,7 @@ as the states do: one compiled kernel integrates both.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import casadi as ca
@@ -16,7 +16,7 @@ import numpy as np
 from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.simulation.run.simulation import BaseSimulation
@@ -25,7 +25,7 @@ from mbd_sim.studies.optimization.start_projection import StartProjection
 from mbd_sim.studies.optimization.tangent_kernel import TangentKernel, tangent_method
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Derivatives:
     """Derivatives of a quantity of k numbers at n times, in SI units.
 
@@ -40,8 +40,6 @@ class Derivatives:
     by_start: Array | None
     by_efforts: Array | None
 
-    __repr__ = short_repr
-
     def of(self, numbers: slice, times: slice = slice(None)) -> Derivatives:
         """The derivatives of some of the numbers, at some of the times, as views."""
         start, efforts = (
@@ -50,7 +48,7 @@ class Derivatives:
         return Derivatives(self.by_parameters[times, numbers], start, efforts)
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Sensitivities:
     """A trajectory with its derivatives.
 
@@ -66,8 +64,6 @@ class Sensitivities:
     points: Mapping[str, tuple[Array, Derivatives]]
     _nq: int = field(repr=False)
     _nv: int = field(repr=False)
-
-    __repr__ = short_repr
 
     def at(self, times: slice) -> Sensitivities:
         """Views of the results at some of the times."""

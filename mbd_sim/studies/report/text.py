@@ -1,4 +1,4 @@
-"""The report of `mbd_sim check` about a mechanism, as text."""
+"""The report of `mbd_sim check` about a mechanism, as text; reports that were made before come from the cache."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from mbd_sim.base.disk_cache import cached, casadi_version, records_digest
 from mbd_sim.base.errors import counted, listed, printable
+from mbd_sim.mechanism.mechanism import Mechanism
 
 POSITION_ROUND_OFF = 1e-14  # relative to the size of the mechanism
 
@@ -316,3 +318,18 @@ def _all_rounded(values: list[float]) -> list[float]:
 def _rounded(value: float, scale: float = 1.0) -> float:
     """The value, or 0 where it is round-off in comparison with `scale`."""
     return value if abs(value) > POSITION_ROUND_OFF * scale else 0.0
+
+
+def cached_report(mechanism: Mechanism) -> dict[str, Any]:
+    """The contents of `report`, found by everything that they depend on; a mechanism is built only if need be.
+
+    :raises MechanismError: see `Simulation`.
+    """
+
+    def made() -> dict[str, Any]:
+        from mbd_sim.simulation.run.simulation import BaseSimulation
+        from mbd_sim.studies.report.mechanism_report import report
+
+        return report(BaseSimulation(mechanism))
+
+    return cached(made, "report", records_digest(mechanism), casadi_version())

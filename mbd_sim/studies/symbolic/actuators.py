@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import casadi as ca
+import sympy as sp
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.dynamics.actuators.forces import actuator_forces
@@ -18,10 +19,9 @@ from mbd_sim.integrators.between_steps import Sampler
 from mbd_sim.mechanism.elements.actuators import Actuator
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.names import escaped
-
-if TYPE_CHECKING:
-    from mbd_sim.studies.symbolic.algebra.polynomial import Algebra, Polynomial
+from mbd_sim.studies.algebra.names import escaped
+from mbd_sim.studies.algebra.polynomial import Algebra, Polynomial
+from mbd_sim.studies.symbolic.expressions import simplified
 
 LETTERS = {"current": "i", "integral": "I"}  # of states; others are x with their name
 
@@ -98,10 +98,9 @@ def symbolic_actuators(
 
     :param inputs: the polynomials of t, q, u, the efforts, and the parameters, if there are any.
     """
-    from mbd_sim.studies.symbolic.expressions import simplified
-
     traced, mechanism = found.traced, found.traced.numeric
-    symbols = [_Symbols(actuator, slots, names) for actuator, slots in _pairs(traced)]
+    pairs = zip(mechanism.actuators, traced.actuators.slots, strict=True)
+    symbols = [_Symbols(actuator, slots, names) for actuator, slots in pairs]
     time, y, given = state_and_inputs(traced, algebra, inputs, symbols)
     (slopes,) = simplified(mechanism, algebra, found.slopes, [time, y, given])
     samples: dict[int, Any] = {}
@@ -123,23 +122,11 @@ def symbolic_actuators(
     )
 
 
-class ActuatorSymbols(Protocol):
-    """The symbols of the commands by channel, and of the states by name."""
-
-    @property
-    def commands(self) -> Mapping[Channel, Any]:
-        """Those in effect."""
-
-    @property
-    def state_symbols(self) -> Mapping[str, Any]:
-        """Those that are integrated or held."""
-
-
 def state_and_inputs(
     traced: TracedMechanism,
     algebra: Algebra,
     inputs: Sequence[Sequence[Polynomial]],
-    actuators: Sequence[ActuatorSymbols],
+    actuators: Sequence[_Symbols | SymbolicActuator],
 ) -> tuple[Sequence[Polynomial], list[Polynomial], list[Polynomial]]:
     """The polynomials of t, of the state y, and of the inputs; delayed commands are those in effect.
 
@@ -161,16 +148,10 @@ def state_and_inputs(
     return time, y, given
 
 
-def _pairs(traced: TracedMechanism) -> list[tuple[Actuator, ActuatorSlots]]:
-    return list(zip(traced.numeric.actuators, traced.actuators.slots, strict=True))
-
-
 class _Symbols:
     """The symbols of an actuator."""
 
     def __init__(self, actuator: Actuator, slots: ActuatorSlots, names: dict[Any, str]) -> None:
-        import sympy as sp
-
         name = escaped(actuator.name)
         self.actuator, self.slots = actuator, slots
         self.effort = sp.Symbol(f"f_{actuator.name}", real=True)

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
+import sympy as sp
 
-from mbd_sim.studies.symbolic.algebra.names import escaped
-
-if TYPE_CHECKING:
-    from mbd_sim.dynamics.constraints.rows import ConstraintRow
-    from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
-    from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.constraints.rows import ConstraintRow
+from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.studies.algebra.names import escaped
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,6 @@ def inputs_with_parameters(derived: Equations) -> tuple[list[ca.SX], ca.SX]:
 
 def multipliers_of(rows: Sequence[ConstraintRow], names: dict[Any, str]) -> tuple[Any, ...]:
     """A symbol for each row, named after its owner, and numbered if the owner has several rows."""
-    import sympy as sp
-
     owners, made = [str(row.owner[1]) for row in rows], []
     for row, owner in enumerate(owners):
         several = owners.count(owner) > 1
@@ -128,7 +125,11 @@ def contact_function(derived: Equations) -> ca.Function:
     readings = contact.read(t, y, inputs, ca.SX.zeros(rows, 1))
     velocity = readings[gaps : gaps + rows]
     at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
-    sizes = ca.reshape(contact.terms.call([t, y, inputs])[2][rows:], len(contact.equations.frictions), 2)
+    sizes = ca.reshape(
+        contact.terms.call([t, y, inputs, contact.slots.values(t, y, inputs)])[2][rows:],
+        len(contact.equations.frictions),
+        2,
+    )
     restitution = contact.restitution.call([inputs])[0]
     outputs = [readings[:gaps], ca.jacobian(velocity, u), at_rest, restitution, sizes]
     return ca.Function("contacts", [t, q, u, efforts, *given], [ca.sparsify(output) for output in outputs])
@@ -185,8 +186,6 @@ def row_order(contacts: OneSidedEquations) -> list[int]:
 
 
 def _multiplier(subscript: str, names: dict[Any, str]) -> Any:
-    import sympy as sp
-
     symbol = sp.Symbol(f"lambda_{subscript}", real=True)
     names[symbol] = rf"\lambda_{{{subscript}}}"
     return symbol

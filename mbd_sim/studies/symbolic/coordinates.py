@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
+import sympy as sp
 
 from mbd_sim.dynamics.lagrange import LagrangeEquations
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.names import escaped, greek_name
-
-if TYPE_CHECKING:
-    from mbd_sim.studies.symbolic.algebra.polynomial import Algebra
+from mbd_sim.studies.algebra.names import escaped, greek_name
+from mbd_sim.studies.algebra.polynomial import Algebra
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +30,6 @@ class Coordinate:
 
 def symbolic_coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coordinate:
     """The symbols of a joint; `names` gets their LaTeX."""
-    import sympy as sp
-
     joint = mechanism.joints[name]
     labels = joint.coordinate_names
     if not labels:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import casadi as ca
+import sympy as sp
 
 from mbd_sim.base.errors import MbdSimError, listed
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.packages import require_packages
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.constraints.start import given_start
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
@@ -20,9 +20,10 @@ from mbd_sim.mechanism.contents import expressions_of_forces, has_one_sided, req
 from mbd_sim.mechanism.elements.contacts import Cam
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.mechanism.values.laws import Linear
+from mbd_sim.studies.algebra.evaluation import polynomials
+from mbd_sim.studies.algebra.polynomial import MAX_INSTRUCTIONS, Algebra, too_large
+from mbd_sim.studies.algebra.samples import ParameterSymbol, SymbolicValues, as_in_textbooks, symbolic_values
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
-from mbd_sim.studies.symbolic.algebra.polynomial import MAX_INSTRUCTIONS, too_large
-from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol, SymbolicValues, as_in_textbooks, symbolic_values
 from mbd_sim.studies.symbolic.constraints import (
     SymbolicConstraint,
     SymbolicContact,
@@ -44,7 +45,7 @@ from mbd_sim.studies.symbolic.sensors import SymbolicSensor, TracedSensors, symb
 MAX_SPEEDS = 6
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SymbolicEquations:
     """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
 
@@ -73,8 +74,6 @@ class SymbolicEquations:
     built_in: Mapping[str, str] = field(default_factory=dict)
     sensors: tuple[SymbolicSensor, ...] = ()
     sides: tuple[Any, ...] = ()
-
-    __repr__ = short_repr
 
     @property
     def q(self) -> tuple[Any, ...]:
@@ -113,12 +112,10 @@ def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = 
 
     :param parameters: keys of numbers in its file that become symbols, as for live values, and with them the gravity;
         None for all parameters of the file. By default all numbers are those of the file.
-    :raises MissingPackageError: SymPy is not installed.
     :raises MechanismError: there is no such key.
     :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom, or
         contacts with cams.
     """
-    require_packages("sympy", purpose="Deriving equations as formulas")
     require_no_commanded_drives(require_mechanism(mechanism), "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     _require_formulas(mechanism)
@@ -161,9 +158,6 @@ def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
 
 
 def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _Traced) -> SymbolicEquations:
-    import sympy as sp
-
-    from mbd_sim.studies.symbolic.algebra.polynomial import Algebra
     from mbd_sim.studies.symbolic.expressions import energies_if_short, simplified
 
     names: dict[Any, str] = {}
@@ -175,8 +169,6 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     for coordinate in coordinates:
         define_unit_quaternion(algebra, coordinate)
     if values is not None:
-        from mbd_sim.studies.symbolic.algebra.evaluation import polynomials
-
         names |= {parameter.symbol: parameter.latex for parameter in values.symbols}
         inputs.append(polynomials(algebra, values))
     functions = [traced.terms, *traced.others]
@@ -184,6 +176,8 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     energies = energies_if_short(mechanism, algebra, traced.energies, [*inputs[:3], *inputs[4:]])
     derived = traced.derived
     one_sided = None if derived is None else derived.one_sided
+    kept = derived.start.independent if derived else ()
+    left_out = tuple(row.name for k, row in enumerate(derived.rows if derived else ()) if k not in kept)
     actuators = symbolic_actuators(traced.actuators, algebra, inputs, names) if traced.actuators else ()
     equations = SymbolicEquations(
         mechanism=mechanism.name,
@@ -194,7 +188,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
         forces=tuple(_with_actuators(row[0], number, actuators) for number, row in enumerate(forces)),
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
-        left_out=_left_out(derived) if derived else (),
+        left_out=left_out,
         contacts=symbolic_contacts(one_sided.equations, rows[1], names) if one_sided else (),
         energies=energies,
         actuators=actuators,
@@ -210,8 +204,6 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
 
 def on_side(equations: SymbolicEquations) -> SymbolicEquations:
     """The equations without |x| and sign x of lengths: as they are where all `sides` are positive."""
-    import sympy as sp
-
     if not equations.sides:
         return equations
     pairs = [(one, side) for side in equations.sides for one in (side, -side)]
@@ -234,8 +226,6 @@ def _sides(mechanism: Mechanism, equations: SymbolicEquations) -> tuple[Any, ...
 
     None if laws and forces of the file may have absolute values of their own, which mean both sides.
     """
-    import sympy as sp
-
     laws = [*(one.law for one in mechanism.springs), *(joint.spring for joint in mechanism.joints.values())]
     if any(not isinstance(law, Linear | None) for law in laws) or any(True for _ in expressions_of_forces(mechanism)):
         return ()
@@ -254,10 +244,6 @@ def _sides(mechanism: Mechanism, equations: SymbolicEquations) -> tuple[Any, ...
 
 def _with_actuators(force: Any, row: int, actuators: Sequence[SymbolicActuator]) -> Any:
     return sum((actuator.along[row] * actuator.effort for actuator in actuators), force)
-
-
-def _left_out(derived: Equations) -> tuple[str, ...]:
-    return tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.independent)
 
 
 def _constraints(
@@ -303,7 +289,7 @@ def _require_formulas(mechanism: Mechanism) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SympyModel:
     """M u' + h = Q + Gᵀ λ, with q' = N(q) u, in SymPy; SI units.
 
@@ -338,8 +324,6 @@ class SympyModel:
     b: Any
     sensors: Mapping[str, Mapping[str, Any]]
 
-    __repr__ = short_repr
-
     @property
     def L(self) -> Any:  # noqa: N802
         """The Lagrangian T - V in J."""
@@ -360,13 +344,10 @@ def sympy(mechanism: Mechanism, parameters: Sequence[str] | None = None) -> Symp
 
     :param parameters: keys of the numbers of its file that become symbols, as for live values, and with them the
         gravity; () for none. By default all parameters of the file.
-    :raises MissingPackageError: SymPy is not installed.
     :raises MechanismError: there is no such key.
     :raises MbdSimError: the equations are too long to be read, or cannot be written as formulas.
     """
     equations = symbolic_equations(mechanism, parameters)
-    import sympy as sp
-
     rows, energies, nv = equations.rows, equations.energies, len(equations.u)
     return SympyModel(
         equations=equations,
@@ -391,6 +372,4 @@ def sympy(mechanism: Mechanism, parameters: Sequence[str] | None = None) -> Symp
 
 
 def _column(entries: Sequence[Any]) -> Any:
-    import sympy as sp
-
     return sp.Matrix(len(entries), 1, list(entries))

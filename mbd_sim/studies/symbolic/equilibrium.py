@@ -10,10 +10,11 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
-from mbd_sim.studies.symbolic.algebra.polynomial import Exact, exact, in_sympy
+from mbd_sim.studies.algebra.polynomial import Exact, exact, in_sympy
 from mbd_sim.studies.symbolic.equations import SymbolicEquations
 
 NEAR = 1e-7  # between an equilibrium in numbers and its formula
@@ -31,26 +32,17 @@ def free_equilibrium(
     :param found: the coordinates (nq,) in numbers.
     :param numbers: the values of all symbols.
     """
-    import sympy as sp
-
     place = _recognized(equations, found)
     exact_place = dict(zip(equations.q, place, strict=True))
     if all(sp.simplify(force.subs(exact_place)) == 0 for force in forces):
         return tuple(place), {}
-    for fixed in (_angles(equations, place), {}):
+    angles = {q: value for q, value in exact_place.items() if not value.is_Float}  # zero, or simple fractions of a turn
+    for fixed in (angles, {}):
         solved = _solved(equations, [force.subs(fixed) for force in forces], fixed, found, numbers)
         if solved is not None:
             return solved, {}
-    symbols = [sp.Symbol(f"{symbol}_0", real=True) for symbol in equations.q]
-    equations.names.update(
-        {own: f"{{{equations.names[symbol]}}}^{{0}}" for own, symbol in zip(symbols, equations.q, strict=True)}
-    )
-    return tuple(symbols), dict(zip(symbols, map(float, found), strict=True))
-
-
-def _angles(equations: SymbolicEquations, place: Sequence[Any]) -> dict[Any, Any]:
-    """The coordinates whose value is zero or a simple fraction of a turn."""
-    return {q: value for q, value in zip(equations.q, place, strict=True) if not value.is_Float}
+    symbols = _symbols(equations, equations.q)
+    return symbols, dict(zip(symbols, map(float, found), strict=True))
 
 
 def _solved(
@@ -61,8 +53,6 @@ def _solved(
     numbers: Mapping[Any, float],
 ) -> tuple[Any, ...] | None:
     """The solution of the equations of equilibrium that has the values found; None if there is no formula."""
-    import sympy as sp
-
     unknown = [q for q in equations.q if q not in fixed]
     left = [force for force in (sp.simplify(force) for force in forces) if force != 0]
     if not unknown or any(not force.free_symbols & set(unknown) for force in left):
@@ -85,8 +75,6 @@ def _solved(
 
 def _degree(forces: Sequence[Any], unknown: Sequence[Any]) -> int:
     """The total degree in the unknowns, 0 if the forces are not polynomials."""
-    import sympy as sp
-
     try:
         return max((sp.Poly(force, *unknown).total_degree() for force in forces), default=0)
     except sp.PolynomialError:
@@ -95,8 +83,6 @@ def _degree(forces: Sequence[Any], unknown: Sequence[Any]) -> int:
 
 def _recognized(equations: SymbolicEquations, found: Array) -> list[Any]:
     """The coordinates (nq,) as fractions of a turn, those of quaternions as fractions and roots, or as decimals."""
-    import sympy as sp
-
     numbers = iter(found.tolist())
     place = []
     for coordinate in equations.coordinates:
@@ -112,8 +98,6 @@ def _recognized(equations: SymbolicEquations, found: Array) -> list[Any]:
 
 def recognized(value: float) -> Any:
     """A number as a fraction of a turn if it is one, else as a decimal."""
-    import sympy as sp
-
     if abs(value) < NEAR:
         return sp.S.Zero
     number: Exact = exact(round(value / np.pi * 12.0) / 12.0)
@@ -149,8 +133,6 @@ def constrained_equilibrium(
 
 def _place(equations: SymbolicEquations, found: Array, numbers: Mapping[Any, float]) -> tuple[Any, ...] | None:
     """The coordinates as formulas; None if they have none."""
-    import sympy as sp
-
     place = dict(zip(equations.q, _recognized(equations, found), strict=True))
     unknown = [q for q, value in place.items() if value.is_Float]
     known = {q: value for q, value in place.items() if not value.is_Float}
@@ -172,8 +154,6 @@ def _place(equations: SymbolicEquations, found: Array, numbers: Mapping[Any, flo
 
 def _loads(equations: SymbolicEquations, balance: Any, gradient: Any, place: dict[Any, Any]) -> tuple[Any, ...] | None:
     """The multipliers as formulas; None if nothing balances."""
-    import sympy as sp
-
     unknown = list(equations.multipliers)
     left = [sp.simplify(row) for row in (balance - gradient.T * sp.Matrix(unknown)).subs(place)]
     solutions = sp.solve([row for row in left if row != 0], unknown, dict=True)
@@ -184,8 +164,6 @@ def _loads(equations: SymbolicEquations, balance: Any, gradient: Any, place: dic
 
 def _symbols(equations: SymbolicEquations, of: tuple[Any, ...]) -> tuple[Any, ...]:
     """Symbols for values at the equilibrium."""
-    import sympy as sp
-
     symbols = tuple(sp.Symbol(f"{symbol}_0", real=True) for symbol in of)
     equations.names.update({own: f"{{{equations.names[one]}}}^{{0}}" for own, one in zip(symbols, of, strict=True)})
     return symbols
@@ -203,8 +181,6 @@ def states_at_rest(
     :param rates: of the states (k,) at rest.
     :param numbers: the values of all symbols at the equilibrium.
     """
-    import sympy as sp
-
     symbols = [state.symbol for one in equations.actuators for state in one.states]
     formulas: dict[Any, Any] = {}
     left = {index: sp.expand(entry) for index, entry in enumerate((*rates, *balance))}

@@ -14,8 +14,8 @@ import sympy as sp
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.evaluation import evaluate, expression, ratio
-from mbd_sim.studies.symbolic.algebra.polynomial import (
+from mbd_sim.studies.algebra.evaluation import evaluate, expression
+from mbd_sim.studies.algebra.polynomial import (
     MAX_OPERATIONS,
     MAX_TERMS,
     MAX_TOTAL_OPERATIONS,
@@ -225,7 +225,7 @@ def _written(algebra: Algebra, harmonics: Mapping[Harmonic, Fraction]) -> Any:
     functions = {"sin": sp.sin, "cos": sp.cos}
     return sp.Add(
         *(
-            ratio(value) * functions[kind](sp.Add(*(factor * algebra.arguments[a] for a, factor in angle)))
+            sp.Rational(value) * functions[kind](sp.Add(*(factor * algebra.arguments[a] for a, factor in angle)))
             for (kind, angle), value in harmonics.items()
         )
     )

@@ -9,16 +9,20 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import sympy as sp
+
 from mbd_sim.base.errors import quoted
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
-from mbd_sim.studies.symbolic.algebra.names import escaped, shortest_numbers, write
+from mbd_sim.studies.algebra.names import escaped, shortest_numbers, write
 from mbd_sim.studies.symbolic.constraints import SymbolicConstraint
 from mbd_sim.studies.symbolic.equations import SymbolicEquations, on_side
 from mbd_sim.studies.symbolic.latex_elements import (
     actuator_lines,
+    aligned,
     contact_lines,
     meanings,
     sensor_lines,
+    signed,
 )
 from mbd_sim.studies.symbolic.linearization import SymbolicLinearization
 
@@ -40,10 +44,7 @@ def linearization_lines(linearization: SymbolicLinearization, equations: Symboli
     return [
         rf"Small differences $\delta$ from the equilibrium ${place}$" + (f", where {known}," if known else ""),
         rf"satisfy ${_equation(linearization)}$ with",
-        r"\begin{align*}",
-        *(rf"  {row} \\" for row in rows[:-1]),
-        f"  {rows[-1]}",
-        r"\end{align*}",
+        *aligned(rows),
         *_order(linearization, equations),
         *_polynomial_lines(linearization, names),
     ]
@@ -143,8 +144,6 @@ def _rows(name: str, matrix: Any, names: Names) -> list[str]:
 
 def _powers(linearization: SymbolicLinearization, names: Names) -> Iterator[str]:
     """The terms of the characteristic polynomial, from the highest power of s."""
-    import sympy as sp
-
     terms = sp.Poly(linearization.polynomial, linearization.s).terms()
     for number, ((power,), value) in enumerate(terms):
         coefficient = shortest_numbers([sp.factor(value), sp.expand(value)])
@@ -175,9 +174,7 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
     lines = [
         rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath,amssymb}}.",
         *_energy_lines(equations),
-        r"\begin{align*}",
         *_aligned(motion_rows(equations)),
-        r"\end{align*}",
         *_side_lines(equations),
         *actuator_lines(equations.actuators, equations.names),
         *_constraint_lines(equations),
@@ -189,9 +186,7 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
             constrained=bool(equations.constraints),
         ),
         rf"In matrix form, ${_matrix_form(equations)}$ with",
-        r"\begin{align*}",
         *_aligned([([name], [value]) for name, value in entry_rows(equations)]),
-        r"\end{align*}",
         *linear,
         *sensor_lines(equations.sensors, equations.names),
         r"Here",
@@ -208,8 +203,8 @@ def _side_lines(equations: SymbolicEquations) -> list[str]:
     if not equations.sides:
         return []
     rows = [([write(side, equations.names)], ["0"]) for side in equations.sides]
-    aligned = [line.replace("&=", "&>") for line in _aligned(rows)]
-    return ["as long as no spring passes through zero length:", r"\begin{align*}", *aligned, r"\end{align*}"]
+    conditions = (line.replace("&=", "&>") for line in _aligned(rows))
+    return ["as long as no spring passes through zero length:", *conditions]
 
 
 def energy_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
@@ -244,9 +239,7 @@ def _energy_lines(equations: SymbolicEquations) -> list[str]:
     after = rf"With the Lagrangian {lagrangian}, the equations of motion are"
     return [
         f"The {begin} are" if letters != ("T",) else f"The {begin} is",
-        r"\begin{align*}",
         *_aligned(rows),
-        r"\end{align*}",
         after,
     ]
 
@@ -286,12 +279,7 @@ def _rate_terms(equations: SymbolicEquations, constraint: SymbolicConstraint) ->
 def _constraint_lines(equations: SymbolicEquations) -> list[str]:
     if not equations.constraints:
         return []
-    return [
-        r"with the constraints",
-        r"\begin{align*}",
-        *_aligned(constraint_rows(equations)),
-        r"\end{align*}",
-    ]
+    return ["with the constraints", *_aligned(constraint_rows(equations))]
 
 
 def _matrix_form(equations: SymbolicEquations) -> str:
@@ -335,10 +323,11 @@ def _times(factor: str, entry: Any, symbol: str) -> str:
 
 
 def _aligned(rows: list[tuple[list[str], list[str]]]) -> Iterator[str]:
-    """One line for each equation, or one line for each term if the equation is too long for a page."""
+    """Equations one below the other, with a line for each, or for each term if the equation is too long for a page."""
+    yield r"\begin{align*}"
     for number, (left, right) in enumerate(rows, 1):
         end = r" \\" if number < len(rows) else ""
-        first, second = _signed(left), _signed(right)
+        first, second = signed(left), signed(right)
         if sum(map(len, first + second)) <= LONGEST_LINE:
             yield f"  {' '.join(first)} &= {' '.join(second)}{end}"
             continue
@@ -350,10 +339,7 @@ def _aligned(rows: list[tuple[list[str], list[str]]]) -> Iterator[str]:
         yield f"  {first[0] if len(first) == 1 else ''} &= {lines[0]}" + (r" \\" if lines[1:] else end)
         for number, term in enumerate(lines[1:], 2):
             yield rf"  & \quad {{}} {term}" + (r" \\" if number < len(lines) else end)
-
-
-def _signed(terms: list[str]) -> list[str]:
-    return [term if number == 0 or term.startswith("-") else f"+ {term}" for number, term in enumerate(terms or ["0"])]
+    yield r"\end{align*}"
 
 
 WIDEST = 48.0  # of a line, in digits; about 700 px in a browser of the usual size

@@ -12,15 +12,16 @@ from typing import Any
 
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.elements.sensors import Encoder
+from mbd_sim.studies.algebra.names import escaped, plain, write
+from mbd_sim.studies.algebra.samples import ParameterSymbol
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator
-from mbd_sim.studies.symbolic.algebra.names import escaped, plain, write
-from mbd_sim.studies.symbolic.algebra.samples import ParameterSymbol
 from mbd_sim.studies.symbolic.constraints import SymbolicConstraint, SymbolicContact
 from mbd_sim.studies.symbolic.coordinates import Coordinate
 from mbd_sim.studies.symbolic.equations import SymbolicEquations
 from mbd_sim.studies.symbolic.sensors import INDEX, SymbolicSensor
 
 Names = dict[Any, str]
+_RELATIONS = (r"\perp", r"\in ")
 Terms = Callable[[SymbolicConstraint], list[str]]
 
 
@@ -39,7 +40,7 @@ def contact_lines(
     what = (any(contact.gap for contact in contacts), any(contact.slip for contact in contacts))
     words = {(True, True): "one-sided constraints and friction", (True, False): "one-sided constraints"}
     begin = "and" if constrained else "with"
-    lines = [f"{begin} the {words.get(what, 'friction')}", *_aligned(conditions)]
+    lines = [f"{begin} the {words.get(what, 'friction')}", *_equations(conditions)]
     gaps = [contact for contact in contacts if contact.gap is not None and not contact.clutch]
     slips = [contact for contact in contacts if contact.gap is not None and contact.slip]
     if gaps:
@@ -47,7 +48,7 @@ def contact_lines(
         impacts += [_law(contact, names, impulsive=True) for contact in slips]
         still = "the constraints still hold and " if constrained else ""
         law = r"$M \left(u^{+} - u^{-}\right) = G^{T} \Lambda$"
-        lines += [f"At an impact, {law}, where {still}all closed gaps satisfy", *_aligned(impacts)]
+        lines += [f"At an impact, {law}, where {still}all closed gaps satisfy", *_equations(impacts)]
     return lines
 
 
@@ -78,11 +79,11 @@ def _conditions(contact: SymbolicContact, names: Names, rate: Terms, gap: Terms)
     if contact.gap is not None:
         row = contact.gap
         force = names[row.multiplier]
-        yield _size(contact), _sum(rate(row) if contact.clutch else gap(row))
+        yield _size(contact), " ".join(signed(rate(row) if contact.clutch else gap(row)))
         yield rf"0 \leq {_size(contact)}", rf"\perp {force} \geq 0"
     if contact.slip:
         for number, row in enumerate(contact.slip, 1):
-            yield _slip(contact, number), _sum(rate(row))
+            yield _slip(contact, number), " ".join(signed(rate(row)))
         yield _law(contact, names)
 
 
@@ -143,19 +144,19 @@ def _slip(contact: SymbolicContact, number: int | None = None) -> str:
     return rf"v_{{{contact.name},{number}}}"
 
 
-def _sum(terms: Sequence[str]) -> str:
-    shown = terms or ["0"]
-    return " ".join([shown[0], *(term if term.startswith("-") else f"+ {term}" for term in shown[1:])])
+def signed(terms: Sequence[str]) -> list[str]:
+    """The terms of a sum with their signs; 0 if there are none."""
+    return [term if number == 0 or term.startswith("-") else f"+ {term}" for number, term in enumerate(terms or ["0"])]
 
 
-def _aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    lines = [f"  {left} &{'' if _related(right) else '='} {right}" for left, right in pairs]
-    return [r"\begin{align*}", *(f"{line} \\\\" for line in lines[:-1]), lines[-1], r"\end{align*}"]
+def aligned(lines: Sequence[str]) -> list[str]:
+    """Formulas one below the other."""
+    return [r"\begin{align*}", *(rf"  {line} \\" for line in lines[:-1]), f"  {lines[-1]}", r"\end{align*}"]
 
 
-def _related(right: str) -> bool:
-    """Whether a right side begins with a relation of its own."""
-    return right.startswith((r"\perp", r"\in "))
+def _equations(pairs: Sequence[tuple[str, str]]) -> list[str]:
+    """Equations from their left and right sides, of which some begin with a relation of their own."""
+    return aligned([f"{left} &{'' if right.startswith(_RELATIONS) else '='} {right}" for left, right in pairs])
 
 
 # Of the quantities; the tilde tells what is measured from the coordinates, loads and currents themselves.
@@ -193,13 +194,7 @@ def sensor_lines(sensors: Sequence[SymbolicSensor], names: Names) -> list[str]:
     rows = list(sensor_rows(sensors, names))
     lines = []
     if rows:
-        lines = [
-            "The sensors measure, without their errors and delays,",
-            r"\begin{align*}",
-            *(rf"  {left} &= {right} \\" for left, right in rows[:-1]),
-            rf"  {rows[-1][0]} &= {rows[-1][1]}",
-            r"\end{align*}",
-        ]
+        lines = ["The sensors measure, without their errors and delays,", *_equations(rows)]
     others = (rf"The measurement of sensor \texttt{{{_name(one)}}} is {one.reason}." for one in sensors if one.reason)
     return [*lines, *others]
 
@@ -262,17 +257,9 @@ def actuator_lines(actuators: Sequence[SymbolicActuator], names: Names) -> list[
         return []
     if any(actuator.law is None for actuator in actuators):
         return ["The laws of the actuators are too long to be written out."]
-    lines = [f"  {left} &= {right}" for left, right in actuator_rows(actuators, names)]
     sampled = any(state.sampled is not None for actuator in actuators for state in actuator.states)
     after = ["where ${}^{+}$ marks the values after a sample, which are held until the next one."] if sampled else []
-    return [
-        "The actuators obey",
-        r"\begin{align*}",
-        *(rf"{line} \\" for line in lines[:-1]),
-        lines[-1],
-        r"\end{align*}",
-        *after,
-    ]
+    return ["The actuators obey", *_equations(actuator_rows(actuators, names)), *after]
 
 
 def actuator_meanings(actuators: Sequence[SymbolicActuator], names: Names) -> Iterator[str]:

@@ -11,19 +11,20 @@ The characteristic polynomial is given where it is short enough to be read.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+import sympy as sp
 
 from mbd_sim.analysis.equilibria.equilibrium import nearest_equilibrium
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.mechanism.contents import has_one_sided
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.symbolic.algebra.names import shortest_numbers
-from mbd_sim.studies.symbolic.algebra.polynomial import MAX_OPERATIONS
+from mbd_sim.studies.algebra.names import shortest_numbers
+from mbd_sim.studies.algebra.polynomial import MAX_OPERATIONS
 from mbd_sim.studies.symbolic.coordinates import Coordinate
 from mbd_sim.studies.symbolic.equations import SymbolicEquations
 from mbd_sim.studies.symbolic.equilibrium import NEAR, constrained_equilibrium, free_equilibrium, states_at_rest
@@ -40,8 +41,6 @@ def characteristic_polynomial(blocks: Sequence[Any], s: Any, gradient: Any, fact
 
     :param blocks: M, C, K, E, A, B and S, see `SymbolicLinearization`.
     """
-    import sympy as sp
-
     mass, damping, stiffness, coupling, by_q, by_u, by_s = blocks
     own = mass * s**2 + damping * s + stiffness
     right, below, corner = coupling, -by_q - by_u * s, s * sp.eye(by_s.rows) - by_s
@@ -61,7 +60,7 @@ def characteristic_polynomial(blocks: Sequence[Any], s: Any, gradient: Any, fact
 SOLUTION_ROUND_OFF = 1e-13  # of values at an equilibrium in SI units
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SymbolicLinearization:
     """M δu' + C δu + K δq + E δs = δτ + W δw + Gᵀ δλ, δs' = A δq + B δu + S δs + V δw, G δu = 0 about an equilibrium.
 
@@ -98,8 +97,6 @@ class SymbolicLinearization:
     state_values: tuple[Any, ...] = ()
     rolling: bool = False
 
-    __repr__ = short_repr
-
 
 @interruptible_tracing()
 def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLinearization | None:
@@ -108,8 +105,6 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
     The commands of actuators are those at the start. None if there is no equilibrium, or the mechanism has contacts,
     actuators that change between steps only (samples, delays), laws that are too long, or forces that depend on time.
     """
-    import sympy as sp
-
     if not _can_be_linearized(mechanism, equations):
         return None
     terms = _terms(equations)
@@ -176,8 +171,6 @@ class _Terms(NamedTuple):
 
 def _terms(equations: SymbolicEquations) -> _Terms:
     """The terms of the equations, with the laws of the actuators in place of their efforts."""
-    import sympy as sp
-
     rates = [state.rate for one in equations.actuators for state in one.states]
     entries = [entry for row in equations.rows for entry in row.gradient]
     forces = sp.Matrix(equations.inertial) - sp.Matrix(equations.forces)
@@ -194,8 +187,6 @@ def _derivatives(
     equations: SymbolicEquations, terms: _Terms, states: Sequence[Any], commands: Sequence[Any]
 ) -> list[Any]:
     """M and G, then the derivatives of forces and rates by u, q, states and commands, in the order of the record."""
-    import sympy as sp
-
     loaded = terms.forces - terms.gradient.T * sp.Matrix(len(equations.rows), 1, list(equations.multipliers))
     along = _kinematic_matrix(equations.coordinates)
 
@@ -245,8 +236,6 @@ def _formulas(
 
 def _kinematic_matrix(coordinates: Sequence[Coordinate]) -> Any:
     """N (nq, nv) with q' = N u."""
-    import sympy as sp
-
     blocks = []
     for coordinate in coordinates:
         start = JOINT_KINDS[coordinate.type].quaternion
@@ -273,8 +262,6 @@ def _numbers(derived: Equations, equations: SymbolicEquations, q: Array, states:
 
 def _without_kinks(terms: _Terms, numbers: Mapping[Any, float]) -> _Terms | None:
     """The terms with |x|, sign x, least and greatest as they are near the equilibrium; None if they change there."""
-    import sympy as sp
-
     kinds, smooth = (sp.Abs, sp.sign, sp.Min, sp.Max), []
     for matrix in terms:
         while kinks := sorted(matrix.atoms(*kinds), key=lambda kink: (kink.count_ops(), str(kink))):
@@ -288,8 +275,6 @@ def _without_kinks(terms: _Terms, numbers: Mapping[Any, float]) -> _Terms | None
 
 def _side(kink: Any, numbers: Mapping[Any, float]) -> Any | None:
     """What |x|, sign x, least or greatest is near these numbers; None if it changes there."""
-    import sympy as sp
-
     values = [argument.subs(numbers) for argument in kink.args]
     if any(not value.is_number for value in values):
         return None
@@ -303,16 +288,12 @@ def _side(kink: Any, numbers: Mapping[Any, float]) -> Any | None:
 
 def _in_numbers(matrix: Any, values: Mapping[Any, float]) -> Any:
     """The matrix with the values of symbols as fractions, and zero in the place of round-off."""
-    import sympy as sp
-
     found = sp.expand(matrix.xreplace({symbol: sp.Float(value) for symbol, value in values.items()}))
     floats = found.atoms(sp.Float)
     return found.xreplace({one: sp.Rational(one) if abs(one) > SOLUTION_ROUND_OFF else sp.S.Zero for one in floats})
 
 
 def _simple(matrix: Any) -> Any:
-    import sympy as sp
-
     def short(entry: Any) -> Any:
         expanded = sp.expand_mul(entry)
         return shortest_numbers([sp.factor_terms(expanded), expanded])

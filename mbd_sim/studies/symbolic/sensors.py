@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import Any, assert_never
 
 import casadi as ca
 import numpy as np
+import sympy as sp
 
 from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
 from mbd_sim.base.errors import MbdSimError
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.actuators.forces import actuator_forces, add_effort, port_motion
 from mbd_sim.dynamics.actuators.functions import MOTOR_READINGS, actuator_functions
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, constraint_equations, joined
@@ -38,12 +39,12 @@ from mbd_sim.mechanism.elements.sensors import (
 )
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import natural_units
+from mbd_sim.studies.algebra.evaluation import exact_expression
+from mbd_sim.studies.algebra.polynomial import Algebra, Polynomial
+from mbd_sim.studies.algebra.samples import SymbolicValues
 from mbd_sim.studies.symbolic.actuators import SymbolicActuator, state_and_inputs
-from mbd_sim.studies.symbolic.algebra.samples import SymbolicValues
 from mbd_sim.studies.symbolic.constraints import row_order
-
-if TYPE_CHECKING:
-    from mbd_sim.studies.symbolic.algebra.polynomial import Algebra, Polynomial
+from mbd_sim.studies.symbolic.expressions import simplified
 
 INDEX = "index"
 TOO_LONG = "too long to be written out"
@@ -54,7 +55,7 @@ SAME = 1e-9
 DIRECTION_ROUND_OFF = 1e-15  # of entries of a unit vector
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class SymbolicSensor:
     """What a sensor measures, without its errors and its delay.
 
@@ -69,8 +70,6 @@ class SymbolicSensor:
     sensor: AnySensor
     values: Mapping[str, Any]
     reason: str = ""
-
-    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +138,6 @@ def _symbolic(
     algebra: Algebra,
     inputs: Sequence[Sequence[Polynomial]],
 ) -> SymbolicSensor:
-    from mbd_sim.studies.symbolic.expressions import simplified
-
     if isinstance(function, str):
         return SymbolicSensor(sensor, {}, function)
     algebra.products = 0  # the limit is that of each sensor
@@ -153,8 +150,6 @@ def _symbolic(
 
 def _by_quantity(sensor: AnySensor, entries: list[Any]) -> dict[str, Any]:
     """The matrices of the quantities, from the exact values one after the other."""
-    import sympy as sp
-
     found, first = {}, 0
     for quantity in sensor.quantities:
         size = 9 if quantity is ORIENTATION else len(quantity.components)
@@ -167,10 +162,6 @@ def _as_signal(sensor: AnySensor, values: dict[str, Any]) -> dict[str, Any]:
     """The position of an encoder in whole steps, and its index pulse."""
     if not isinstance(sensor, Encoder):
         return values
-    import sympy as sp
-
-    from mbd_sim.studies.symbolic.algebra.evaluation import exact_expression
-
     step = 2 * sp.pi / sensor.counts if sensor.counts else exact_expression(sensor.resolution)
     count = values["position"].applyfunc(lambda position: sp.floor(position / step))
     found = {"position": step * count}
@@ -213,7 +204,7 @@ def _rows(traced: TracedMechanism, derived: Equations | None) -> ConstraintEquat
     if derived.one_sided is None:
         return rows
     contacts = derived.one_sided.equations
-    return joined(rows, contacts.equations.select(row_order(contacts)))
+    return joined(rows, contacts.combined.written.select(row_order(contacts)))
 
 
 def _reactions(

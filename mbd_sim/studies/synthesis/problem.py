@@ -21,7 +21,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import evaluate
 from mbd_sim.mechanism.values.names import split_assignment
@@ -222,7 +222,7 @@ def _step(values: Array, slopes: Array, box: Array, room: tuple[Array, Array]) -
     return step, float(np.max(np.abs(values + slopes @ step)))
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class PathGoal:
     """A point passes through `positions` (n, 3) in m in ground's axes; nan where a component does not matter.
 
@@ -235,8 +235,6 @@ class PathGoal:
     drives: Array
     free_timing: bool = False
 
-    __repr__ = short_repr
-
     def __post_init__(self) -> None:
         _convert(self, "drives", "positions")
         _require_rows(self.drives, self.positions, (len(self.drives), 3), "positions")
@@ -246,7 +244,7 @@ class PathGoal:
             raise InputError("a path without any position", "Give numbers for at least one component.")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class FunctionGoal:
     """A coordinate, the `output`, has `values` (n,) at the positions `drives` (n,) of the drive, in rad or m.
 
@@ -258,8 +256,6 @@ class FunctionGoal:
     drives: Array
     free_offset: bool = False
 
-    __repr__ = short_repr
-
     def __post_init__(self) -> None:
         _convert(self, "drives", "values")
         _require_rows(self.drives, self.values, (len(self.drives),), "values")
@@ -267,14 +263,12 @@ class FunctionGoal:
             raise InputError("a function with values that are not finite", "Leave these rows out.")
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class EffortGoal:
     """The effort of the drive is small at its positions `drives` (n,), at a constant `speed` in rad/s or m/s."""
 
     drives: Array
     speed: float
-
-    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         _convert(self, "drives")

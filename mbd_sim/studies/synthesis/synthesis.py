@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -12,7 +11,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, MbdSimError, counted, listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
-from mbd_sim.base.short_repr import short_repr
+from mbd_sim.base.short_repr import record
 from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.files.text.mesh_files import with_meshes_seen_from
 from mbd_sim.files.text.yaml_text import mechanism_text
@@ -31,7 +30,7 @@ TOLERANCE = 1e-13  # relative change of unknowns and of the sum of squares, at w
 SAME = 1e-6  # difference of configurations that are the same, in rad or sizes of the mechanism
 
 
-@dataclass(frozen=True, eq=False)
+@record
 class Design:
     """The `values` of the parameters by key, in SI units, their `bounds`, and the `mechanism` with them.
 
@@ -50,8 +49,6 @@ class Design:
     offset: float
     steps: int
     converged: bool
-
-    __repr__ = short_repr
 
     @property
     def rms(self) -> float:

@@ -10,7 +10,7 @@ from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.steps.adams_history import COUNT, LEVEL, VECTORS
 from mbd_sim.compiler.steps.adams_policy import finest_level
-from mbd_sim.integrators.adams import ADAMS
+from mbd_sim.integrators.explicit import ADAMS
 
 METHOD = "adams11"
 

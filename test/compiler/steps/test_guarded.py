@@ -12,9 +12,8 @@ import pytest
 from mbd_sim import DivergedError, Ensemble, Simulation
 from mbd_sim.compiler import kernel as kernel_module
 from mbd_sim.compiler.steps.adams_history import COUNT
-from mbd_sim.integrators.adams import adams
+from mbd_sim.integrators.explicit import EXPLICIT, adams
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.integrators.tableau import EXPLICIT
 
 SPEED, GRAVITY, STEP = 1.4715, 9.81, 0.1  # the highest point, 0.11036 m, is reached in the middle of the second step
 UPWARD = """

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.dynamics.math.evaluation import all_evaluated, evaluated
+from mbd_sim.dynamics.math.expressions import all_evaluated, evaluated
 
 
 def function():

@@ -13,7 +13,7 @@ import pytest
 from mbd_sim.exports.c_code.model import export_model
 from mbd_sim.exports.c_code.module import FLAGS, c_module
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.integrators.adams import ADAMS
+from mbd_sim.integrators.explicit import ADAMS
 
 STRICT = ("-pedantic", "-Wall", "-Wextra", "-Werror")
 

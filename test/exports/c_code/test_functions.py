@@ -10,7 +10,7 @@ import pytest
 
 from mbd_sim.compiler.lists import lowering
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.python.bound_call import CompiledReaders
+from mbd_sim.compiler.python.bound_call import CompiledFunction
 from mbd_sim.exports.c_code import functions
 from mbd_sim.exports.c_code.functions import c_function, literal, sine_cosine_text
 from mbd_sim.exports.c_code.module import FLAGS
@@ -47,7 +47,7 @@ def test_operations_have_the_bits_of_the_kernel(tmp_path):
     source, library = tmp_path / "all.c", tmp_path / "all.so"
     source.write_text(f"{start}{sine_cosine_text()}{text}\n{call}", encoding="utf-8")
     subprocess.run(["gcc", *FLAGS.split(), "-shared", "-fPIC", "-o", library, source, "-lm"], check=True)
-    run, kernel = ctypes.CDLL(str(library)).run, CompiledReaders({"all": listed})
+    run, kernel = ctypes.CDLL(str(library)).run, CompiledFunction.of(lambda: listed)
     random = np.random.default_rng(0)
     angles = [*SPECIAL, *random.normal(scale=10.0, size=300), *random.normal(scale=1e6, size=100)]
     out = np.empty(plain.nnz_out(0))
@@ -55,7 +55,7 @@ def test_operations_have_the_bits_of_the_kernel(tmp_path):
         for z in (0.0, -2.5, 0.7, np.nan, x):
             one, other = np.array([x]), np.array([z])
             run(*(ctypes.c_void_p(array.ctypes.data) for array in (one, other, out)))
-            expected = kernel.read("all", 0.0, one, other)
+            expected = kernel.read(0.0, one, other)
             same = out.view(np.int64) == expected.view(np.int64)
             assert np.all(same | (np.isnan(out) & np.isnan(expected))), (x, z)
 

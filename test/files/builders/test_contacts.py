@@ -139,3 +139,19 @@ def test_only_rigid_contacts_are_one_sided():
     text = TEXT.replace("CONTACT", "{parts: [ball, box], plane: ground}")
     assert one_sided_names(parse_mechanism(text)) == ("contacts.k",)
     assert one_sided_names(parse_mechanism(text.replace("ground}\n", "ground, stiffness: 1}\n"))) == ()
+
+
+def test_shapes_without_a_name_are_named_by_their_places():
+    """As in the names of their pairs; a point of this name goes first. Finds parts of URDFs of which no shape can be named."""
+    text = """mechanism: m
+parts:
+  hand: {shapes: [{type: sphere, radius: 0.1, mass: 1}, {type: block, size: [0.1, 0.2, 0.3], at: [0, 0, 1], mass: 1}]POINTS}
+joints: {base: {type: free, between: [ground, hand], position: [0, 0, 3]}}
+contacts: {floor: {parts: [hand.shape2], plane: ground}}
+"""
+    pairs = parse_mechanism(text.replace("POINTS", "")).contacts
+    assert sum(pair.slots or 1 for pair in pairs) > 1 and {pair.names[0] for pair in pairs} == {"hand.shape2"}
+    (pair,) = parse_mechanism(text.replace("POINTS", ", points: {shape2: [0, 0, 0]}")).contacts
+    assert isinstance(pair.first, Ball) and not pair.slots
+    with pytest.raises(MechanismError, match="'hand' has no shape or point 'shape3'"):
+        parse_mechanism(text.replace("POINTS", "").replace("hand.shape2", "hand.shape3"))

@@ -121,3 +121,55 @@ def test_a_robot_stands_as_in_mujoco():
     for _ in range(7500):
         mujoco.mj_step(model, data)
     np.testing.assert_allclose(simulation.q, data.qpos, atol=2e-4)
+
+
+SCENE = """<mujoco><asset><mesh name="wedge" vertex="0 0 0 4 0 0 0 3 0 4 3 0 0 0 2 0 3 2" scale="0.1 0.1 0.1"/></asset>
+<worldbody><geom name="table" type="box" size="0.3 0.3 0.1" pos="0 0 0.1" friction="0.7" BITS/>
+<geom name="ramp" type="mesh" mesh="wedge" pos="1 -0.15 0" friction="0.2"/>
+<body name="post" pos="-1 0 0"><geom name="pole" type="cylinder" size="0.05 0.5"/></body>
+<body name="ball" pos="0.05 0 0.4"><freejoint name="b"/><geom name="g" size="0.05" friction="0.4" condim="1"/>
+  <geom name="h" type="box" size="0.02 0.02 0.1" friction="0.4"/></body>
+<body name="slider" pos="1.2 0 0.3"><freejoint name="s"/><geom name="c" type="sphere" size="0.05" friction="0.1"/></body>
+</worldbody></mujoco>"""
+
+
+def scene(bits=""):
+    return parse_mechanism(SCENE.replace("BITS", bits))
+
+
+def test_geoms_of_the_world_touch_what_mujoco_says():
+    """They are parts of ground, with contacts for each shape that has a friction of its own."""
+    mechanism = scene()
+    assert not mechanism.contacts
+    found = {tuple(one["between"]): one.get("friction", 0.0) for one in mechanism.source.data["contacts"].values()}
+    assert found == {
+        ("ball", "world_geoms.table"): 0.7,
+        ("slider", "world_geoms.table"): 0.7,
+        ("ball", "world_geoms.ramp"): 0.4,
+        ("slider", "world_geoms.ramp"): 0.2,
+        ("ball", "post.pole"): 1.0,
+        ("slider", "post.pole"): 1.0,
+    }
+    assert scene('contype="0" conaffinity="0"').source.data["contacts"].keys() == {
+        "ball_ramp", "slider_ramp", "ball_pole", "slider_pole",
+    }  # fmt: skip
+
+
+def test_what_falls_on_geoms_of_the_world_stays_on_them():
+    """A box lands on the table; a sphere slides down the hull of a mesh whose vertices the MJCF has."""
+    simulation = Simulation(on_floor(scene()))
+    simulation.run(until=0.3)
+    assert simulation.q[2] == pytest.approx(0.3, abs=1e-12)
+    normal = np.array([1.0, 0.0, 2.0]) / 5.0**0.5  # of the side from (0, ., 0.2) to (0.4, ., 0)
+    center = simulation.q[7:10] - [1.0, 0.0, 0.0]
+    assert normal @ center - normal @ [0.4, 0.0, 0.0] == pytest.approx(0.05, abs=1e-10) and center[0] > 0.25
+
+
+def test_arms_do_not_touch_the_base_that_carries_them_with_a_floor():
+    """In MuJoCo, a body may collide with a parent that is welded to the world; --floor leaves that alone."""
+    text = """<mujoco><worldbody><body name="stand"><geom name="s" size="0.1" pos="0 0 0.5"/>
+      <body name="arm" pos="0 0 0.5"><joint axis="0 1 0"/><geom name="a" type="capsule" fromto="0 0 0 0.3 0 0" size="0.05"/>
+      </body></body></worldbody></mujoco>"""
+    mechanism = parse_mechanism(text)
+    assert mechanism.source.data["contacts"]["arm_s"]["active"] is False
+    assert [contact.name for contact in on_floor(mechanism).contacts] == ["floor"] * 2

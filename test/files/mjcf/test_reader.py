@@ -63,7 +63,7 @@ def test_what_is_left_out_is_listed_with_its_line():
         "lights: light[sun] (line 4)",
         "mocap bodies, which stay where they are: body[c] (line 5)",
         "contacts of bodies with each other, 1 pair of geoms, which act where a mechanism file names them: b – c",
-        "sensors, which are not read: sensor[s] (line 7)",
+        "positions of joints as sensors, which are not read: joint states have them: sensor[s] (line 7)",
         "keyframes: the start is the pose of the file, or the keyframe 'start': key[k]",
         "actuators with an activation (muscle), which exert no force: actuator[m] (line 9)",
         "time step, in place of which integrator.step has its default: 0.01 s",

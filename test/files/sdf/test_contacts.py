@@ -57,3 +57,32 @@ def test_planes_may_be_inclined():
 
 def test_bases_are_lifted_out_of_the_floor_of_a_file():
     assert on_floor(world(height="0.5")).joints["ball::link_base"].position[2] == pytest.approx(0.75, abs=1e-15)
+
+
+TABLE = """<sdf version="1.9"><world name="w"><gravity>0 0 -9.81</gravity>
+<model name="table"><static>true</static><pose>0 0 0.4 0 0 0</pose><link name="top">
+  <collision name="slab"><geometry><box><size>1 1 0.1</size></box></geometry>
+    <surface><friction><ode><mu>0.5</mu></ode></friction></surface></collision></link></model>
+<model name="brick"><pose>0 0 0.6 0 0 0</pose><link name="body">
+  <inertial><mass>1</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>
+  <collision name="c"><geometry><box><size>0.1 0.1 0.1</size></box></geometry></collision>SECOND</link></model>
+</world></sdf>"""
+
+
+def test_shapes_of_static_links_carry_what_lies_on_them():
+    """A brick falls 0.1 m on a table and stays there; without --floor it falls through."""
+    waiting = parse_mechanism(TABLE.replace("SECOND", ""))
+    assert not waiting.contacts and any("shapes of static links, which act" in note for note in waiting.source.notes)
+    simulation = Simulation(on_floor(waiting))
+    assert simulation.mechanism.contacts[0].law.friction == 0.5
+    simulation.run(until=0.6)
+    assert simulation.q[2] == pytest.approx(0.5, abs=1e-12)
+    assert sum(reading.normal for reading in simulation.contacts().values()) == pytest.approx(9.81, abs=1e-9)
+
+
+def test_shapes_of_different_friction_have_contacts_of_their_own():
+    second = f'<collision name="d"><geometry><sphere><radius>0.01</radius></sphere></geometry>{SLIPPERY}</collision>'
+    contacts = parse_mechanism(TABLE.replace("SECOND", second)).source.data["contacts"].values()
+    found = {tuple(record["between"]): record["friction"] for record in contacts}
+    slab = "table::top.slab"
+    assert found == {("brick::body.c", slab): 0.5, ("brick::body.d", slab): 0.2}

@@ -22,6 +22,10 @@ class AnyPage:
         self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name="Play").wait_for()
 
+    def pause(self, seconds):
+        """Let the page work."""
+        self.page.wait_for_timeout(1000.0 * seconds)
+
     # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few.
 
     def button(self, name):
@@ -81,7 +85,7 @@ class AnyPage:
 
         def again():
             self.type(label, text)
-            self.page.wait_for_timeout(1000)
+            self.pause(1.0)
 
         wait_until(arrived, what, meanwhile=again, report=report)
 
@@ -91,6 +95,8 @@ class BrowserPage(AnyPage):
 
     def __init__(self, chromium, lab, size=SIZE):
         self.lab, known = lab, set(lab.page.server.get_clients())
+        # Without a GPU, the picture of the surroundings, which bodies reflect, costs more than all else that is drawn.
+        lab.page.server.scene.configure_environment_map(hdri=None)
         super().__init__(chromium, lab.url, size)
         wait_until(lambda: set(lab.page.server.get_clients()) - known, "the connection")
         (self.client,) = set(lab.page.server.get_clients()) - known

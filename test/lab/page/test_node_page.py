@@ -38,6 +38,10 @@ class NodePage(browser_page.AnyPage):
         self.listener, self.until = listener, listener.until
         super().__init__(chromium, url, SIZE)
 
+    def pause(self, seconds):
+        """Take messages while the page works."""
+        self.listener.spin(seconds)
+
     def drag(self, condition, what):
         """Drag the middle of the arm, at which the camera looks at the start, until this has an effect; hold it."""
         mouse, box = self.page.mouse, self.page.locator("canvas").first.bounding_box()
@@ -134,14 +138,14 @@ def test_speed_is_the_parameter_of_the_node(node, opened):
 
 
 def test_sliders_are_parameters_and_commands(node, opened):
-    opened.type("d", "0.08")
-    opened.until(lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
+    opened.enter("d", "0.08", lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
     opened.page.get_by_text("Efforts", exact=True).click()
-    opened.type("pin (N*m)", "0.15")
-    opened.type("spin.effort (N*m)", "0.5")
-    opened.shows("pin (N*m)", 0.15)
     opened.button("Play")
-    opened.until(lambda: list(node.listener.states[-1].effort) == [0.15, 0.5], "the commands")
+    opened.enter("pin (N*m)", "0.15", lambda: node.listener.states[-1].effort[0] == 0.15, "the effort")
+    opened.enter(
+        "spin.effort (N*m)", "0.5", lambda: list(node.listener.states[-1].effort) == [0.15, 0.5], "the command"
+    )
+    opened.shows("pin (N*m)", 0.15)
 
 
 def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
@@ -163,7 +167,7 @@ def test_commands_of_others_arrive_on_all_pages(node, opened, chromium):
     for page in (opened, second):
         page.shows("pin (N*m)", -0.1)
         page.shows("d", 0.03)
-    second.type("d", "0.04")
+    second.enter("d", "0.04", lambda: node.listener.parameter("parameters.d") == 0.04, "the parameter")
     opened.shows("d", 0.04)
     second.page.close()
 
@@ -194,8 +198,7 @@ def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, open
     opened.until(lambda: not any(node.pulls[-1][:6]), "its end")
     node.back_to_the_start()
     opened.drag(node.is_pulled, "a wrench that lasts")
-    opened.type("pin (N*m)", "0.1")
-    opened.until(lambda: node.listener.states[-1].effort[0] == 0.1, "an effort")
+    opened.enter("pin (N*m)", "0.1", lambda: node.listener.states[-1].effort[0] == 0.1, "an effort")
     opened.until(node.is_pulled, "the wrench still")
     opened.page.close()
     opened.until(

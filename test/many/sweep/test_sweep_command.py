@@ -75,7 +75,7 @@ def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, cl
     [
         (["--vary", "q=1"], "q: is not a key of this file"),
         (["--vary", "parameters.q=1:2"], "parameters.q: there is no 'q'"),
-        (["--vary", "l=1", "--out", "runs.xlsx"], "Choose one of .parquet, .csv"),
+        (["--vary", "l=1", "--out", "runs.xlsx"], "Choose one of .csv, .parquet, .npz"),
         (["--vary", "l=1", "--plot", "nowhere/runs.png"], "there is no folder nowhere"),
         (["--vary", "l=1", "--plot", "runs.gif"], "Choose one of .png, .svg, .pdf"),
         (["--vary", "l=1", "--out", "nowhere/runs.csv"], "there is no folder nowhere"),

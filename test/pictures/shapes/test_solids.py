@@ -8,20 +8,25 @@ import pytest
 
 from mbd_sim.base.geometry.pose import identity_pose
 from mbd_sim.mechanism.elements.parts import Polyhedron, Shape, ShapeKind
-from mbd_sim.mechanism.outlines.pieces import Outline, Straight
-from mbd_sim.pictures.shapes.prisms import Prism
+from mbd_sim.mechanism.outlines.area import area_of
+from mbd_sim.mechanism.outlines.pieces import Outline, Straight, polyline
+from mbd_sim.pictures.shapes import solids
 from mbd_sim.pictures.shapes.solids import (
     Box,
     Cone,
     Cylinder,
     Ellipsoid,
+    Prism,
     Ring,
     Rod,
     Sphere,
     half_sizes,
+    polygon_triangles,
+    prism_mesh,
     solid_of,
     triangles_of,
 )
+from test.generators.outlines import built, random_chain
 
 WEDGE = Polyhedron(
     ((-1.0, -2.0, -3.0), (1.0, -2.0, -3.0), (0.0, 2.0, -3.0), (0.0, 0.0, 3.0)),
@@ -67,3 +72,59 @@ def test_triangles_of_solids_enclose_their_volume_and_face_outward(solid, volume
     a, b, c = triangles_of(solid).swapaxes(0, 1)
     assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(volume, rel=3e-3)
     assert np.all(np.einsum("ij,ij->i", np.cross(b - a, c - a), a) > 0.0)
+
+
+def areas(points, triangles):
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_triangles_of_a_hollow_polygon_cover_it_once(seed):
+    outline = built(random_chain(seed))
+    points = polyline(outline)
+    found = areas(points, polygon_triangles(points))
+    assert np.all(found > 0.0)
+    assert np.sum(found) == pytest.approx(area_of(outline).area, rel=2e-3)
+
+
+def test_a_prism_is_closed_and_has_its_volume():
+    points = polyline(built([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], {"to": [0.0, 1.0], "through": [1.0, 0.3]}]))
+    corners, triangles = prism_mesh(Prism(tuple(map(tuple, points)), 0.5))
+    a, b, c = corners[triangles].transpose(1, 0, 2)
+    volume = np.sum(np.cross(a, b) * c) / 6.0
+    assert volume == pytest.approx(0.5 * np.sum(areas(points, polygon_triangles(points))), rel=1e-12)
+    edges = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)
+
+
+@pytest.mark.parametrize("stop", [[1.0, 2.0, 3.5], [1.0, 2.0, 2.0], [1.0, 2.0, 3.0]])
+@pytest.mark.parametrize("points", [solids.coil(0.1), solids.dashpot(0.1)], ids=["coil", "dashpot"])
+def test_springs_and_dampers_lead_from_end_to_end(points, stop):
+    start = np.array([1.0, 2.0, 3.0])
+    line = solids.between(points, start, np.array(stop))
+    assert line.shape == points.shape
+    np.testing.assert_allclose(line[[0, -1]], [start, stop], atol=1e-12)
+
+
+def test_the_windings_of_a_coil_keep_their_radius_when_it_is_stretched():
+    line = solids.between(solids.coil(0.1), np.zeros(3), np.array([0.0, 5.0, 0.0]))
+    assert np.max(np.hypot(line[:, 0], line[:, 2])) == pytest.approx(0.1)
+
+
+def test_a_flat_coil_has_its_straight_ends_and_its_amplitude():
+    forward, sideways = solids.flat_coil(100.0, 12.0, 5, 6.0).T
+    assert forward.min() >= 12.0 - 1e-9
+    assert forward.max() <= 88.0 + 1e-9
+    assert np.ptp(sideways) == pytest.approx(12.0, rel=1e-2)
+
+
+def test_a_spiral_grows_from_its_inner_to_its_outer_radius():
+    radii = np.linalg.norm(solids.spiral(1.0, 3.0, 2.5), axis=1)
+    np.testing.assert_allclose(radii, np.linspace(1.0, 3.0, 120), atol=1e-12)
+
+
+def test_a_curved_arrow_is_right_handed_about_its_axis():
+    points = solids.arc_arrow(np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.5, 2.0)[: solids.ARC_POINTS]
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 2.0, atol=1e-12)
+    assert np.all(np.cross(points[:-1], points[1:])[:, 2] > 0.0)

@@ -7,13 +7,7 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
-from mbd_sim.recordings.mcap.scanner import (
-    BrokenRecordError,
-    FileBytes,
-    chunk_content,
-    scan_messages,
-    scan_records,
-)
+from mbd_sim.recordings.mcap.contents import BrokenRecordError, FileBytes, chunk_content, scan_messages, scan_records
 
 
 def record(opcode, content):

@@ -13,7 +13,7 @@ from mbd_sim.recordings.messages import cdr, events, states
 from mbd_sim.recordings.messages.cdr import string_message
 from mbd_sim.recordings.messages.states import Snapshot
 from mbd_sim.ros.publishing.publishers import message_type
-from mbd_sim.simulation.run.state import joint_state_arrays, joint_state_names
+from mbd_sim.simulation.run.run_point import joint_state_arrays, joint_state_names
 from test.simulation.contact.test_contact_forces import SOFT_BALL
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

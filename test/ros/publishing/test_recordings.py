@@ -9,7 +9,7 @@ import pytest
 from mbd_sim.recordings.messages.states import Snapshot
 from mbd_sim.recordings.run.recorder import RecordingError
 from mbd_sim.ros.publishing.recordings import NodeRecordings, SplitLimits
-from mbd_sim.simulation.run.state import RunPoint
+from mbd_sim.simulation.run.run_point import RunPoint
 from test.recordings.recordings import messages, metadata, recorder_in
 
 

@@ -14,10 +14,9 @@ from mbd_sim.cli.runs.run import simulate
 from mbd_sim.dynamics import joint_linearization
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.simulation.model import spectrum
+from mbd_sim.simulation.model import method_choice
 from mbd_sim.simulation.model.builder import partial_system
-from mbd_sim.simulation.model.method_choice import choose_method
-from mbd_sim.simulation.model.spectrum import fastest_mode, is_slower
+from mbd_sim.simulation.model.method_choice import choose_method, fastest_mode, is_slower
 from test.simulation.run.test_advice import RIGID, STIFF
 
 # The inertia of the finger is that of a bead; its friction and damping are those of a gear motor, as in many URDFs.
@@ -139,5 +138,5 @@ def test_differences_are_the_derivatives_of_the_rates(name):
     at = ca.SX.sym("y", len(y))
     slopes = ca.Function("slopes", [at], [ca.jacobian(equations.rates.call([0.0, at, inputs])[0], at)])
     expected = np.array(ca.DM(slopes(y)))[:core, :core]
-    found = spectrum._jacobian(equations, 0.0, y, inputs)
+    found = method_choice._jacobian(equations, 0.0, y, inputs)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * np.max(np.abs(expected)))

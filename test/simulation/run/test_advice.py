@@ -90,6 +90,21 @@ def test_explicit_methods_warn_of_a_stiff_mechanism(method):
     assert simulation.state.tobytes() == before.tobytes()
 
 
+def test_with_contacts_no_method_is_advised_that_cannot_treat_them():
+    """The stiff coordinate is named, and what helps there: that of a light hand with the damper of a heavy arm."""
+    text = """mechanism: hand
+parts: {arm: {mass: 1, shape: {type: sphere, radius: 0.1}}, hand: {mass: 1e-4, inertia: [1e-6, 1e-6, 1e-6]}}
+joints:
+  lift: {type: prismatic, between: [ground, arm], axis: [0, 0, 1], position: 1}
+  wrist: {type: revolute, between: [arm, hand], axis: [0, 1, 0], damping: 1, velocity: 1}
+contacts: {floor: {parts: [arm], plane: ground}}
+"""
+    simulation = Simulation.from_text(text)
+    with pytest.raises(DivergedError, match=r"rates of 1e\+06/s at wrist.*less damping.* at wrist") as caught:
+        simulation.run(until=1.0)
+    assert "rosenbrock" not in str(caught.value)
+
+
 @pytest.mark.parametrize("method", ["rk4", "midpoint", "rosenbrock", "gauss4", "dop853", "tsitouras8"])
 def test_the_step_that_is_advised_is_small_enough(method):
     simulation = Simulation.from_file("double_rod", method=method, step=0.1 if method == "tsitouras8" else 0.05)

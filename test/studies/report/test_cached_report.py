@@ -5,7 +5,7 @@ import pytest
 from mbd_sim import load_mechanism
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.studies.report import mechanism_report
-from mbd_sim.studies.report.cached_report import cached_report
+from mbd_sim.studies.report.text import cached_report
 
 
 def test_a_report_is_made_once_for_each_mechanism(tmp_path, monkeypatch):

@@ -11,8 +11,8 @@ from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
+from mbd_sim.studies.algebra.names import key_name, symbol_latex
 from mbd_sim.studies.symbolic import linearized, symbolic_equations, to_latex
-from mbd_sim.studies.symbolic.algebra.names import key_name, symbol_latex
 from test.generators.mechanisms import random_state
 from test.studies.symbolic.test_equations import compare
 

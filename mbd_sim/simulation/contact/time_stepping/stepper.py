@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.math.evaluation import evaluated
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.compiled.forces import ACCURATE
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedReadings, address
@@ -105,13 +105,13 @@ class TimeStepper(OneSidedStepper):
         if np.any(closing) or self._alone:
             self._act(free, y, inputs, closing)
         if features is not None:
-            features.end_step(free.end, y, inputs)
+            self._contacts.end_step(free.end, y, inputs)
         self._record_changes(free.end, old, model.modes(inputs))
 
     def _free_step(self, y: Array, inputs: Array, step: int, h: float, estimate: Array) -> FreeStep:
         before, kernel = y.copy(), self._model.kernel
         taken = kernel.advance_to_event(address(y), address(inputs), step, h, 1, address(estimate))
-        before[self._held] = y[self._held]
+        before[self._contacts.held] = y[self._contacts.held]
         if taken == 0:  # a guard is negative at the end, which is no event here
             taken = kernel.part_step(address(y), address(inputs), step * h, h)
         if taken < 0:

@@ -1,0 +1,205 @@
+"""Factors of the matrix of one-sided rows, of which only what active rows need is multiplied out, as IR.
+
+The matrix is Lᵀ R. The columns of both factors, one for each row, combine columns of blocks with coefficients: a block
+is what the wrenches on a part do, and the coefficients are the wrench of a row, or a block is one column of its own.
+So many rows share few blocks. What is computed runs in loops over tables, whatever the number of rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+from mbd_sim.compiler.ir.builder import FALSE, INT, TRUE, IRBuilder, element, integer, local_array, number
+from mbd_sim.compiler.ir.dense_solver import where_coupled
+from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
+from mbd_sim.compiler.steps.shared_rows import ActiveRows
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some `columns` of a factor, with their entries at these `places` and zeros elsewhere."""
+
+    places: tuple[int, ...]
+    columns: int
+
+    @property
+    def size(self) -> int:
+        """The number of its entries, which are stored column by column."""
+        return len(self.places) * self.columns
+
+
+@dataclass(frozen=True)
+class RowFactor:
+    """A matrix (size, rows) whose columns combine those of `blocks`.
+
+    The `terms` of each row are blocks with the places of their first coefficients. The numbers of a factor are the
+    entries of all blocks, one after the other, and then `coefficients`.
+    """
+
+    size: int
+    blocks: tuple[Block, ...]
+    terms: tuple[tuple[tuple[int, int], ...], ...]
+    coefficients: int
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """Where the entries of each block begin, and the coefficients after them."""
+        found = [0]
+        for block in self.blocks:
+            found.append(found[-1] + block.size)
+        return tuple(found)
+
+
+Factors: TypeAlias = tuple[RowFactor, RowFactor]  # L and R, of the same blocks
+
+
+class _Tables:
+    """The tables of a factor in a module."""
+
+    def __init__(self, module: Module, name: str, factor: RowFactor) -> None:
+        first, places, flat, begins = list[int](), list[int](), list[int](), [0]
+        for block in factor.blocks:
+            first.append(len(places))
+            places += block.places
+        for terms in factor.terms:
+            flat += [number for term in terms for number in term]
+            begins.append(len(flat) // 2)
+        blocks = zip(factor.blocks, factor.starts, first, strict=False)
+        shapes = [number for block, start, at in blocks for number in (len(block.places), block.columns, start, at)]
+        self.places, self.terms, self.begins, self.blocks = (
+            module.table(f"{name}.{label}", numbers or [0])
+            for label, numbers in (("places", places), ("terms", flat), ("begins", begins), ("blocks", shapes))
+        )
+        self.most = max((len(block.places) for block in factor.blocks), default=1)
+        self.factor = factor
+
+
+def _entry(b: IRBuilder, table: Value, index: Value) -> Value:
+    return b.load(b.gep(table, index, INT), typ=INT)
+
+
+def _column(
+    b: IRBuilder, tables: _Tables, numbers: Value, coefficients: Value, row: Value, column: Value, part: Value
+) -> None:
+    """Emit a column (size,) of a factor; `part` is memory for that of one block."""
+    factor = tables.factor
+    loop(b, 0, factor.size, lambda i: store(b, number(0.0), column, i))
+
+    def add_term(term: Value) -> None:
+        two = b.mul(term, integer(2))
+        block = b.mul(_entry(b, tables.terms, two), integer(4))
+        weights = element(b, coefficients, _entry(b, tables.terms, b.add(two, integer(1))))
+        count, columns, start, at = (_entry(b, tables.blocks, b.add(block, integer(k))) for k in range(4))
+        loop(b, 0, count, lambda i: store(b, number(0.0), part, i))
+
+        def add_column(j: Value) -> None:
+            weight, source = load(b, weights, j), element(b, numbers, b.add(start, b.mul(j, count)))
+
+            def add(w: IRBuilder, i: Index) -> None:
+                store(w, w.fma(weight, load(w, source, i), load(w, part, i)), part, i)
+
+            for_span(b, tables.most, 0, count, add)
+
+        def scatter(i: Value) -> None:
+            place = _entry(b, tables.places, b.add(at, i))
+            store(b, b.fadd(load(b, column, place), load(b, part, i)), column, place)
+
+        loop(b, 0, columns, add_column)
+        loop(b, 0, count, scatter)
+
+    loop(b, _entry(b, tables.begins, row), _entry(b, tables.begins, b.add(row, integer(1))), add_term)
+
+
+def emit_product(module: Module, name: str, factors: Factors, active: ActiveRows | None) -> Function:
+    """Emit `void name(inputs, left, right, matrix, mobility)`, if it is not there yet.
+
+    Of the matrix (rows, rows) those entries are computed whose row and column are active, closed or have a given force;
+    without `active` all of them. The `mobility` (rows,) is the diagonal without friction, for rows of friction that
+    slide: those with a direction, whose number follows those of the active rows.
+    """
+    if (known := module.functions.get(name)) is not None:
+        return known
+    n, size = len(factors[0].terms), factors[0].size
+    function = Function(module, FunctionType(VOID, [POINTER] * 5), name)
+    function.linkage, function.attributes, function.noalias = "internal", ["noinline"], True
+    inputs, left, right, matrix, mobility = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    by_left, by_right = (
+        _Tables(module, f"{name}.{side}", one) for side, one in zip(("left", "right"), factors, strict=True)
+    )
+    own, other, part = (local_array(b, max(count, 1)) for count in (size, size, max(by_left.most, by_right.most)))
+    rows, total = local_array(b, size * n), local_array(b, n)
+    by_row, by_column = (element(b, each, factors[0].starts[-1]) for each in (left, right))
+    chosen, count = _chosen(b, n, inputs, active)
+
+    def gather(i: Value) -> None:
+        _column(b, by_left, left, by_row, chosen(i), own, part)
+        loop(b, 0, size, lambda k: store(b, load(b, own, k), rows, b.add(i, b.mul(k, integer(n)))))
+
+    def multiply(j: Value) -> None:
+        _column(b, by_right, right, by_column, chosen(j), other, part)
+        loop(b, 0, count, lambda i: store(b, number(0.0), total, i))
+
+        def add_part(k: Value) -> None:
+            weight = load(b, other, k)
+            source = element(b, rows, b.mul(k, integer(n)))
+
+            def add(w: IRBuilder, i: Index) -> None:
+                store(w, w.fma(weight, load(w, source, i), load(w, total, i)), total, i)
+
+            with where_coupled(b, n, weight):
+                for_span(b, n, 0, count, add)
+
+        loop(b, 0, size, add_part)
+        target = b.mul(chosen(j), integer(n))
+        loop(b, 0, count, lambda i: store(b, load(b, total, i), matrix, b.add(chosen(i), target)))
+
+    loop(b, 0, count, gather)
+    loop(b, 0, count, multiply)
+
+    def move(i: Value) -> None:
+        """The mobility of a row that slides: without friction, the coefficients of R are those of L."""
+        store(b, number(0.0), mobility, i)
+        with b.if_then(_is_set(b, inputs, directions, i)):
+            _column(b, by_left, left, by_row, i, own, part)
+            _column(b, by_left, right, by_row, i, other, part)
+
+            def add(k: Value) -> None:
+                store(b, b.fma(load(b, own, k), load(b, other, k), load(b, mobility, i)), mobility, i)
+
+            loop(b, 0, size, add)
+
+    if active is not None:
+        directions = active.first + n - active.gaps
+        loop(b, active.gaps, n, move)
+    b.ret_void()
+    return function
+
+
+def _is_set(b: IRBuilder, inputs: Value, first: int, index: Value) -> Value:
+    return b.fcmp_unordered("!=", load(b, inputs, b.add(index, integer(first))), number(0.0))
+
+
+def _chosen(b: IRBuilder, n: int, inputs: Value, active: ActiveRows | None) -> tuple[Callable[[Value], Value], Value]:
+    """The rows that are needed, see `emit_product`, and their number."""
+    chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
+    b.store(integer(0), count)
+
+    def choose(i: Value, masks: tuple[int, ...]) -> None:
+        found, needed = b.load(count, typ=INT), FALSE if masks else TRUE
+        b.store(i, b.gep(chosen, found, INT))
+        for first in masks:
+            needed = b.or_(needed, _is_set(b, inputs, first, i))
+        b.store(b.select(needed, b.add(found, integer(1)), found), count)
+
+    if active is None:
+        loop(b, 0, n, lambda i: choose(i, ()))
+    else:
+        masks = active.first, active.given
+        loop(b, 0, active.gaps, lambda i: choose(i, (*masks, active.first - active.gaps)))
+        loop(b, active.gaps, n, lambda i: choose(i, masks))
+    return lambda index: b.load(b.gep(chosen, index, INT), typ=INT), b.load(count, typ=INT)

@@ -1,0 +1,246 @@
+"""The rows of slots: one function for all slots of a kind, of the motions of their two parts and of their numbers.
+
+A slot has many numbers and few of them touch at a time, so its rows are not written out in the state. They are values
+of a function that is evaluated only for slots in use. The wrench of a row acts on one or two parts, and what the
+wrenches on a part do to the mechanism is the same for all rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+
+from mbd_sim.dynamics.constraints.equations import ConstraintEquations
+from mbd_sim.dynamics.constraints.rows import ConstraintRow, IteratedNormal
+from mbd_sim.dynamics.kinematics.poses import BodySymbols, flat_pose, link_wrench, pose_rate, world_twist
+from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
+
+POSE, TWIST = 12, 6  # numbers of the motion of a part: its pose, its velocity, and the rate of that without u'
+MOTION = POSE + 2 * TWIST
+
+
+@dataclass(frozen=True, eq=False)
+class PartMotions:
+    """The motions (MOTION,) of the parts of some `links` in ground's axes, in the state.
+
+    Symbols stand for them in the rows of slots, but not for what is constant, such as the motion across a plane.
+    `velocities` (6, links) say which components of the velocities are not.
+    """
+
+    traced: TracedMechanism
+    links: tuple[int, ...]
+
+    @cached_property
+    def twists(self) -> list[ca.SX]:
+        """The velocities (6,) of the parts."""
+        traced = self.traced
+        return [
+            ca.densify(world_twist(traced.links[index], traced.motions[index], traced.poses[index]))
+            for index in self.links
+        ]
+
+    @cached_property
+    def values(self) -> list[ca.SX]:
+        """The motions in the state."""
+        return [
+            ca.densify(ca.vertcat(flat_pose(self.traced.poses[index]), twist, self.traced.state.rate(twist)))
+            for index, twist in zip(self.links, self.twists, strict=True)
+        ]
+
+    @cached_property
+    def symbols(self) -> list[ca.SX]:
+        """The symbols of the motions."""
+        return [ca.SX.sym("motion", MOTION) for _ in self.links]
+
+    @cached_property
+    def entries(self) -> list[ca.SX]:
+        """The symbols, with constants where the motions are constant; sparse."""
+        return [
+            ca.sparsify(
+                ca.vertcat(*(v if v.is_constant() else s for v, s in zip(*map(ca.vertsplit, pair), strict=True)))
+            )
+            for pair in zip(self.values, self.symbols, strict=True)
+        ]
+
+    @cached_property
+    def columns(self) -> list[tuple[int, ...]]:
+        """The components of the velocity of each part that are not constant."""
+        return [tuple(k for k in range(TWIST) if not twist[k].is_constant()) for twist in self.twists]
+
+    def places(self, part: int) -> range:
+        """The rows of a part among the `wrenches`."""
+        first = sum(map(len, self.columns[:part]))
+        return range(first, first + len(self.columns[part]))
+
+    @cached_property
+    def wrenches(self) -> ConstraintEquations:
+        """Unit wrenches along the `columns`, part by part, as rows: only their gradients and wrenches."""
+        traced, parts = self.traced, list(zip(self.links, self.twists, self.columns, strict=True))
+        count = sum(map(len, self.columns))
+        found, first = [ca.SX(6, count) for _ in traced.links], 0
+        for index, _, columns in parts:
+            unit = link_wrench(traced.links[index], traced.poses[index], ca.SX.eye(6)[:, list(columns)])
+            found[index][:, first : first + len(columns)] = unit
+            first += len(columns)
+        gradients = [ca.jacobian(twist[list(columns)], traced.state.u) for _, twist, columns in parts]
+        none = ca.SX(count, 1)
+        return ConstraintEquations(
+            rows=[ConstraintRow(("contacts", ""), "wrench")] * count,
+            position=none,
+            gradient=ca.sparsify(ca.vertcat(ca.SX(0, traced.layout.nv), *gradients)),
+            velocity=none,
+            bias=none,
+            wrenches=[ca.sparsify(each) for each in found],
+            driven_factors=dict.fromkeys(traced.mechanism.driven_names, none),
+            own_rate=none,
+            branch_checks=ca.SX(0, 1),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Slot:
+    """The rows of a slot as expressions of the motions of its `parts`, by their indices among the `PartMotions`.
+
+    `position` is that of the first row; `velocity` and `bias` (k,) are of all, and `wrenches` (k, columns) for each
+    part the factors of its unit wrenches.
+    """
+
+    numbers: ca.SX
+    parts: tuple[int, ...]
+    position: ca.SX
+    velocity: ca.SX
+    bias: ca.SX
+    wrenches: Sequence[ca.SX]
+
+    def select(self, rows: Sequence[int]) -> Slot:
+        """The slot with some of its rows, of which the first one is always there."""
+        kept = list(rows)
+        own = [each[kept, :] for each in self.wrenches]
+        return replace(self, velocity=self.velocity[kept], bias=self.bias[kept], wrenches=own)
+
+    def gradient(self, motions: PartMotions) -> ca.SX:
+        """The gradients (k, nv) of the rows."""
+        found = ca.SX(self.velocity.shape[0], motions.traced.layout.nv)
+        for part, own in zip(self.parts, self.wrenches, strict=True):
+            found += own @ motions.wrenches.gradient[list(motions.places(part)), :]
+        return ca.sparsify(found)
+
+    @property
+    def values(self) -> ca.SX:
+        """All in one vector, the wrenches row by row."""
+        by_row = ca.densify(ca.horzcat(*self.wrenches)).T
+        return ca.densify(ca.vertcat(self.position, self.velocity, self.bias, ca.vec(by_row)))
+
+    def with_values(self, values: ca.SX) -> Slot:
+        """The slot with symbols, or other expressions, in place of its values; what is zero remains so."""
+        k, columns = self.velocity.shape[0], [each.shape[1] for each in self.wrenches]
+        position, velocity, bias, rest = ca.vertsplit(values, [0, 1, 1 + k, 1 + 2 * k, values.shape[0]])
+        rows = ca.reshape(rest, sum(columns), k).T
+        found, first = list[ca.SX](), 0
+        for own, count in zip(self.wrenches, columns, strict=True):
+            found.append(ca.SX(own.sparsity(), rows[:, first : first + count][own.sparsity()].nz[:]))
+            first += count
+        return replace(self, position=position, velocity=velocity, bias=bias, wrenches=found)
+
+
+def written_slot(
+    rows: Sequence[ConstraintRow],
+    numbers: ca.SX,
+    parts: Sequence[int],
+    motions: PartMotions,
+    bodies: BodySymbols,
+    time: ca.SX,
+) -> Slot:
+    """The rows of a slot, of which the first is its gap, in the motions of its parts.
+
+    :param parts: their indices among the motions.
+    """
+    links, entries = [motions.links[part] for part in parts], [motions.entries[part] for part in parts]
+    old = [ca.vertcat(bodies.poses[link], bodies.twists[link]) for link in links]
+    known = [ca.densify(entry[: POSE + TWIST]) for entry in entries]
+
+    def in_motions(expression: ca.SX | None) -> ca.SX:
+        assert expression is not None
+        return ca.sparsify(ca.substitute([expression], old, known)[0]) if links else ca.sparsify(expression)
+
+    poses, twists = ca.SX(0, 1), ca.SX(0, 1)
+    pose_rates, twist_rates = ca.SX(0, 1), ca.SX(0, 1)
+    for part, entry in zip(parts, entries, strict=True):
+        symbol = motions.symbols[part]
+        poses, twists = ca.vertcat(poses, symbol[:POSE]), ca.vertcat(twists, symbol[POSE : POSE + TWIST])
+        pose_rates = ca.vertcat(pose_rates, pose_rate(entry[:POSE], entry[POSE : POSE + TWIST]))
+        twist_rates = ca.vertcat(twist_rates, entry[POSE + TWIST :])
+
+    def rate(expression: ca.SX) -> ca.SX:
+        """The rate of an expression of poses, or for one of velocities as well that without their rates."""
+        by_time = ca.jacobian(expression, time)
+        return ca.sparsify(ca.jtimes(expression, poses, ca.densify(pose_rates)) + by_time) if links else by_time
+
+    normal = rows[0].normal
+    position, slips = in_motions(rows[0].position), [row.velocity for row in rows[1:]]
+    approach = rate(position) if normal is None else in_motions(rows[0].velocity)
+    velocity = ca.sparsify(ca.vertcat(approach, *map(in_motions, slips)))
+    bias = rate(velocity) + ca.jacobian(velocity, twists) @ twist_rates
+    gradient = ca.sparsify(ca.jacobian(velocity, twists))
+    if normal is not None:
+        own = IteratedNormal(normal.symbols, in_motions(normal.value), in_motions(normal.step))
+        bias += ca.jacobian(velocity, own.symbols) @ rate(own.step)
+        position, velocity, bias, gradient = map(own.inserted, (position, velocity, bias, gradient))
+    wrenches = [
+        ca.sparsify(gradient[:, [TWIST * number + k for k in motions.columns[part]]])
+        for number, part in enumerate(parts)
+    ]
+    return Slot(numbers, tuple(parts), position, velocity, ca.sparsify(bias), wrenches)
+
+
+@dataclass(frozen=True, eq=False)
+class SlotCall:
+    """How the values of a slot are found: a function of t, the inputs, its numbers, and the motions of its parts.
+
+    `numbers` is where its numbers begin among those of all slots, and `values` where its values do.
+    """
+
+    function: ca.Function
+    numbers: int
+    parts: tuple[int, ...]
+    values: int
+
+
+class Slots:
+    """All slots of a mechanism, with the `calls` of their functions, and symbols for their values."""
+
+    def __init__(self, motions: PartMotions, slots: Sequence[Slot], time: ca.SX, unused: float) -> None:
+        """:param unused: the position in m of slots that are not in use, all of whose numbers are zero."""
+        self.motions, self.unused = motions, unused
+        kinds: dict[str, ca.Function] = {}
+        calls, symbolic, symbols, first, number = list[SlotCall](), list[Slot](), list[ca.SX](), 0, 0
+        inputs = motions.traced.inputs
+        for slot in slots:
+            values = slot.values
+            given = [time, inputs, slot.numbers, *(motions.symbols[part] for part in slot.parts)]
+            kind = ca.Function("slot", given, [values], {"cse": True})
+            key = kind.serialize()
+            if key not in kinds:
+                kinds[key] = ca.Function(f"slot_{len(kinds)}", given, [values], {"cse": True})
+            symbols.append(ca.SX.sym(f"slot_{len(calls)}", values.shape[0]))
+            calls.append(SlotCall(kinds[key], number, slot.parts, first))
+            symbolic.append(slot.with_values(symbols[-1]))
+            first, number = first + values.shape[0], number + slot.numbers.shape[0]
+        self.calls, self.slots, self.symbols = tuple(calls), tuple(symbolic), ca.vertcat(ca.SX(0, 1), *symbols)
+        self._numbers, self._time = [slot.numbers for slot in slots], motions.traced.state.t
+
+    @cached_property
+    def values(self) -> ca.SX:
+        """The values in the state."""
+        found, inputs = [ca.SX(0, 1)], self.motions.traced.inputs
+        for call, numbers in zip(self.calls, self._numbers, strict=True):
+            motions = [self.motions.values[part] for part in call.parts]
+            found += call.function.call([self._time, inputs, numbers, *motions])
+        return ca.vertcat(*found)
+
+    def written(self, expression: ca.SX) -> ca.SX:
+        """An expression with the values in the state in place of their symbols."""
+        return ca.sparsify(ca.substitute([expression], [self.symbols], [self.values])[0]) if self.calls else expression
