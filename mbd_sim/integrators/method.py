@@ -40,7 +40,8 @@ class Method:
     `for_stiff` methods are stable at any rate of a system, `explicit` ones solve no equations. Methods that keep a
     history begin anew after each change of the state between steps. `uses_series` of the rates and `uses_joints`, the
     derivatives of the forces within joints alone, need more of a system than its rates. `stability_limit` is roughly
-    the largest h |λ| at which a step is stable, for a damped eigenvalue λ of the system.
+    the largest h |λ| at which a step is stable, for a damped eigenvalue λ of the system. `time_stepping`: contacts act
+    once in each step, and no event is located.
     """
 
     for_stiff: ClassVar[bool] = False
@@ -52,6 +53,7 @@ class Method:
     name: str
     order: int
     stability_limit: float = field(kw_only=True)
+    time_stepping: bool = field(default=False, kw_only=True)
 
     __repr__ = short_repr
 

@@ -93,7 +93,7 @@ def impact(
         found, loss, factor = *with_factor(0.0), 0.0
     exchanged = 0.5 * sum(abs(found * before).tolist())
     if factor and loss < -GAIN * exchanged:
-        factor = _largest(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
+        factor = largest_factor(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
         found, loss = with_factor(factor)
     impulses = np.zeros(model.layout.rows)
     impulses[chosen] = found
@@ -131,7 +131,7 @@ def tangential_impact(model: OneSidedModel, time: float, y: Array, inputs: Array
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
 
 
-def _largest(loss: Callable[[float], float], last: float, enough: float) -> float:
+def largest_factor(loss: Callable[[float], float], last: float, enough: float) -> float:
     """The largest factor in 0…1 with a loss that is not negative, by a bracketing root finder.
 
     :param last: the loss with the factor 1, negative.

@@ -175,9 +175,10 @@ class ContactProblem:
         return total
 
 
-def contact_forces(problem: ContactProblem) -> Array:
+def contact_forces(problem: ContactProblem, *, settled: bool = True) -> Array:
     """λ (n,) that satisfies all conditions; of several the elastic ones.
 
+    :param settled: False: of those that are shared about 1e-6 may lack to the least sum of squares.
     :raises NoSolutionError: there is none, or none was found.
     """
     n = len(problem.free)
@@ -191,11 +192,22 @@ def contact_forces(problem: ContactProblem) -> Array:
     elastic = _elastic(scaled)
     if elastic is None:
         elastic = _solution(scaled, rigid, start)
-    for forces in (shared_forces(scaled, elastic), elastic):
+    for forces in [shared_forces(scaled, elastic), elastic] if settled else [elastic]:
         if _natural(scaled, forces) <= ACCURATE:
             return _newton(scaled, forces)[0] * scale
     polished, residual = _newton(scaled, elastic)
     return (polished if residual <= ACCURATE else _solution(scaled, rigid, start)) * scale
+
+
+def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
+    """λ (n,) that satisfies all conditions, and 0; else the nearest that is found, and its relative residual."""
+    try:
+        return contact_forces(problem, settled=False), 0.0
+    except NoSolutionError:
+        scaled, scale = _scaled(problem)
+        swept = _sweep(scaled, np.zeros(len(problem.free)))
+        polished, residual = _newton(scaled, swept)
+        return polished * scale, residual
 
 
 def _elastic(problem: ContactProblem) -> Array | None:

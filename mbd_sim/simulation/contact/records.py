@@ -9,6 +9,8 @@ from typing import Protocol
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
 
+REMEDY = "Take smaller steps, or choose time stepping with method moreau."
+
 
 class ContactChange(StrEnum):
     """What happened at a contact."""
@@ -19,6 +21,7 @@ class ContactChange(StrEnum):
     SLIDES = "slides"
     IMPACT = "impact"
     BOUND = "too many events"
+    UNSOLVED = "not solved"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +29,9 @@ class ContactEvent:
     """A change at the element `name` at `time` in s.
 
     Of an impact, `impulse` is that along the normal in N·s or N·m·s, and `loss` the energy in J that the whole impact
-    dissipated. `factor` below 1 says that restitution was reduced by it, because otherwise energy would have grown; 0
-    also that there are no impulses with which the mechanism could rebound.
+    dissipated; of a step that is not solved it is the relative residual. `factor` below 1 says that restitution was
+    reduced by it, because otherwise energy would have grown; 0 also that there are no impulses with which the mechanism
+    could rebound.
     """
 
     time: float
@@ -42,7 +46,12 @@ class ContactEvent:
         """The event for people, on one line."""
         if self.change is ContactChange.BOUND:
             head = f"contacts: {self.change} within the step at {self.time:.6f} s"
-            return f"{head}; the rest of the step is taken without further events"
+            return f"{head}; the rest of the step is taken without further events. {REMEDY}"
+        if self.change is ContactChange.UNSOLVED:
+            head = f"contacts: the laws are not satisfied in the step that ends at {self.time:.6f} s"
+            return (
+                f"{head}: the impulses are {self.loss:.1g} of their size off. Take smaller steps, or reduce friction."
+            )
         text = f"{self.name}: {self.change} at {self.time:.6f} s"
         if self.change is ContactChange.IMPACT:
             text += f", impulse {self.impulse:.4g}, loss {self.loss + 0.0:.4g} J"

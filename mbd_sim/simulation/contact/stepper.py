@@ -25,7 +25,7 @@ from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, Cont
 EVENTS_KEPT = 10_000
 NO_FORCES = (
     "no contact forces are possible ({}): the mechanism jams, or slides with too much friction (Painlevé's paradox). "
-    "Reduce the friction, or make the contacts compliant."
+    "Reduce the friction, make the contacts compliant, or choose time stepping with method moreau."
 )
 NO_IMPULSES = (
     "no impulses satisfy the laws of impact and friction ({}). Reduce the friction, or make the contacts compliant."

@@ -173,7 +173,7 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         sorted(model.between_steps.held) if model.between_steps is not None else (),
         (len(model.inputs), model.history_size),
     )
-    return OneSidedStepper(
+    arguments = (
         model.one_sided,
         contacts,
         energy,
@@ -184,3 +184,8 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         driven,
         moving_drives,
     )
+    if not model.method.time_stepping:
+        return OneSidedStepper(*arguments)
+    from mbd_sim.simulation.contact.time_stepping.stepper import TimeStepper
+
+    return TimeStepper(model.equations, *arguments)

@@ -303,9 +303,11 @@ class Model:
         return passing_functions(self.mechanism, self.input_layout.loaded)
 
     @property
-    def changes_features(self) -> bool:
-        """Whether bodies touch with features that are looked at after each step."""
-        return self.one_sided is not None and self.one_sided.features is not None
+    def steps_in_python(self) -> bool:
+        """Whether each step needs Python: bodies touch with features that change, or contacts act once in each step."""
+        if self.one_sided is None:
+            return False
+        return self.one_sided.features is not None or self.method.time_stepping
 
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""

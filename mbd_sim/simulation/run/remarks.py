@@ -272,7 +272,7 @@ def friction_remark(model: Model) -> str:
 
 
 def sharing_remark(model: Model, time: float, y: Array, inputs: Array) -> str:
-    """Which elements with friction at rest share a load in a state in a way that equilibrium leaves open."""
+    """Which contacts share a load in a state in a way that equilibrium leaves open: by friction at rest, or without."""
     contact = model.one_sided
     if contact is None:
         return ""
@@ -284,15 +284,20 @@ def sharing_remark(model: Model, time: float, y: Array, inputs: Array) -> str:
         if index not in sliding and index not in contact.loaded and (gap is None or modes[gap])
     ]
     rows = [row for own, _ in resting for row in own]
-    if len(resting) < 2:
+    closed = [gap for gap in range(contact.layout.gaps) if modes[gap]]
+    if max(len(resting), len(closed)) < 2:
         return ""
     matrix = contact.terms(time, y, inputs).matrix
-    if len(independent(matrix, rows)) == len(rows):
+    if len(independent(matrix, rows)) < len(rows):
+        what, names, how = "friction at rest of", [name for _, name in resting], ", as far as their limits allow"
+    elif len(independent(matrix, closed)) < len(closed):
+        what, names, how = "the normal forces of", [contact.names[gap] for gap in closed], ""
+    else:
         return ""
+    verb = "is" if how else "are"
     return (
-        f"friction at rest of {listed([repr(name) for _, name in resting])} is statically indeterminate: the motion is "
-        "determined, but how these share the load is not. They share it as equal elastic supports, as far as their "
-        "limits allow."
+        f"{what} {listed([repr(name) for name in names])} {verb} statically indeterminate: the motion is determined, "
+        f"but how these share the load is not. They share it as equal elastic supports{how}."
     )
 
 

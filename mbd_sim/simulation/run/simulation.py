@@ -214,7 +214,7 @@ class BaseSimulation(PresentState):
 
     def _use_compiled_step(self) -> None:
         # A subclass with its own `step` keeps it.
-        if type(self).step is BaseSimulation.step and self.sensor_model is None and not self.model.changes_features:
+        if type(self).step is BaseSimulation.step and self.sensor_model is None and not self.model.steps_in_python:
             vars(self).pop("step", None)
             vars(self)["step"] = self._memory.compiled_step(self.step)  # calls the method of this name if a step fails
 

@@ -6,6 +6,7 @@ distance that their narrow phase gives, so that the motion does not depend on wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -28,7 +29,7 @@ from mbd_sim.mechanism.elements.contacts import (
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.compiled.features.pairs import KNOWN, MEMORY, FeaturePair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
-from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, functions_of
+from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
@@ -132,6 +133,7 @@ class FeaturePairs:
             parts = rows[contact.first.at.part], rows[contact.second.at.part]
             self.pairs.append(SlottedPair(contact, narrow_phase(contact), tuple(gaps), first, size, parts))
             first += size * len(gaps)
+        self._features = slice(features, first)
 
     def compiled(self, failures: list[BaseException]) -> list[tuple[FeaturePair, PhaseFunctions]]:
         """See `SlottedPair.compiled`."""
@@ -145,6 +147,25 @@ class FeaturePairs:
         out[-1:] = self._ground
         return out
 
+    def find_all(self, states: Sequence[tuple[float, Array]], inputs: Array, tolerance: float) -> None:
+        """Find the features of all slots at some states with their times, up to gaps of a tolerance in m.
+
+        Those at the first state come first; nothing is kept of what the slots have been.
+        """
+        inputs[self._features] = 0.0
+        found: dict[int, dict[int, SlotFeatures]] = {}
+        for time, y in states:
+            poses = self._poses(time, y, inputs)
+            for index, pair in enumerate(self.pairs):
+                both = pair.poses(poses)
+                for each in pair.phase.touching(*both, tolerance) if _are_near(pair, both, tolerance) else ():
+                    found.setdefault(index, {}).setdefault(each.key, each)
+        for index, features in found.items():
+            pair = self.pairs[index]
+            for slot, each in zip(range(len(pair.gaps)), features.values(), strict=False):
+                first = pair.numbers + slot * pair.size
+                inputs[first : first + pair.size] = each.numbers
+
     def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
         """The distance of the two bodies in m, by the index of each of their gaps."""
         poses = self._poses(time, y, inputs)
@@ -157,6 +178,16 @@ class FeaturePairs:
         for pair in self.pairs:
             if (depth := -pair.phase.distance(*pair.poses(poses))) > 0.0:
                 yield pair.contact, depth
+
+
+def _are_near(pair: SlottedPair, poses: tuple[Pose, Pose], tolerance: float) -> bool:
+    """Whether the spheres around both bodies overlap, up to a tolerance in m."""
+    centers = [
+        pose.position + np.sum(pose.rotation * bounds.center, axis=1)
+        for pose, bounds in zip(poses, pair.phase.bounds, strict=True)
+    ]
+    apart = math.dist(*(center.tolist() for center in centers))
+    return apart <= sum(bounds.radius for bounds in pair.phase.bounds) + tolerance
 
 
 def _across(still: int | None) -> Array:
