@@ -205,10 +205,11 @@ class OneSidedDynamics:
     def _free(self) -> ca.SX:
         """The rates of change (rows,) of the rows' rates without contact forces."""
         applied, _, multipliers = self._unloaded
-        free = self._mass_matrix.product(self._net_forces, applied)
+        combination = self._rows.combination
+        free = combination @ self._mass_matrix.product(self._net_forces, applied) + self.one_sided.equations.bias
         if self._solver is not None:
-            free += self._solver.coupling(self._net_forces).T @ multipliers
-        return ca.densify(self._rows.combination @ free + self.one_sided.equations.bias)
+            free += combination @ (self._solver.coupling(self._net_forces).T @ multipliers)
+        return ca.densify(free)
 
     def given_motion(self) -> ConstrainedMotion:
         """The motion under the contact forces among the inputs, in the state."""
