@@ -102,7 +102,8 @@ class OneSidedFunctions:
     A without friction, for rows of sliding friction.
 
     - `rates`: y' as in `Equations.rates`, with the active rows.
-    - `project`: y moved back to the closed gaps and to the speeds of the active rows.
+    - `project`: y moved back to the closed gaps and to the speeds of the active rows; what would change one of q and
+      u by more than the `farthest` (nq + nv,) is no projection.
     - `readings(memory, solution, slots)`, with the memory of `rates`: gaps (gaps,), rates of all rows (rows,), λ
       (rows,), and the guards (gaps + frictions + loads with one component,), which are negative where a mode ends. They
       are in natural units, those of forces in that of the weight if it is larger. Then, for friction along two
@@ -133,6 +134,7 @@ class OneSidedFunctions:
     restitution: ca.Function
     places: ca.Function
     slots: SlotFunctions
+    farthest: tuple[float, ...]
 
     def read(self, t: ca.SX, y: ca.SX, inputs: ca.SX, solution: ca.SX) -> ca.SX:
         """The `readings` at a state, as expressions."""
@@ -310,6 +312,7 @@ class OneSidedDynamics:
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
             places=_function("contact_places", inputs, one_sided.places),
             slots=self._slot_functions(inputs),
+            farthest=self._farthest,
         )
 
     def _slot_functions(self, inputs: list[ca.SX]) -> SlotFunctions:
@@ -393,13 +396,9 @@ class OneSidedDynamics:
             whole = self._matrix * (keep @ keep.T) + ca.diag(slides)
             system = self._system(whole, (self._left, self._right), ca.SX.eye(n))
         speeds = ca.SX.sym("speeds", n)
-        moved, changed = self._response(solution), self._response(speeds)
-        sizes = coordinate_sizes(traced.numeric, traced.step)
-        farthest = ca.fmax(ca.fabs(moved), traced.step * ca.fabs(changed)) / ca.DM(sizes)
-        lost = ca.if_else(ca.mmax(farthest) > FARTHEST, np.nan, 0.0) if sizes else 0.0
-        q = state.q + ca.jacobian(state.q_rates, state.u) @ moved
-        q = normalized_quaternions(traced.links, q + lost)
-        projected = ca.vertcat(q, state.u + changed, traced.actuator_states, traced.audit)
+        q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
+        q = normalized_quaternions(traced.links, q)
+        projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
         return self._pair(
             "contact_project",
             [projected],
@@ -408,6 +407,21 @@ class OneSidedDynamics:
             right,
             [],
         )[0]
+
+    @property
+    def _farthest(self) -> tuple[float, ...]:
+        """By how much projections may change each of q and u; those of quaternions are half the sines of angles."""
+        traced, state = self._traced, self._traced.state
+        sizes = coordinate_sizes(traced.numeric, traced.step)
+        pattern, found = ca.jacobian(state.q_rates, state.u).T.sparsity(), list[float]()
+        for row in range(state.q.shape[0]):
+            own = pattern.row()[pattern.colind(row) : pattern.colind(row + 1)]
+            found.append(FARTHEST * max((sizes[column] for column in own), default=np.inf))
+        for link in traced.links:
+            if (offset := link.joint.kind.quaternion) is not None and not link.joint.drive:
+                for row in range(link.q.start + offset, link.q.start + offset + 4):
+                    found[row] = 0.5 * FARTHEST
+        return (*found, *(FARTHEST * size / traced.step for size in sizes))
 
     def _pair(
         self,

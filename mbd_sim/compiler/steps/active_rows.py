@@ -11,7 +11,7 @@ from functools import partial
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import IRBuilder, element, local_array, number
+from mbd_sim.compiler.ir.builder import FALSE, IRBuilder, element, local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import load, loop, store
@@ -228,7 +228,8 @@ class OneSidedSystem:
     the matrix without friction, then further numbers. Inputs from `first_mode` on are the `modes`:
     which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
     given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
-    `gap_units` are those of the tolerance of open gaps.
+    `gap_units` are those of the tolerance of open gaps. A projection that changes one of the first components by more
+    than the `farthest` gives a state that is not finite.
     """
 
     gaps: int
@@ -247,6 +248,7 @@ class OneSidedSystem:
     gap_units: tuple[float, ...]
     slow: float
     slots: SlotSystem
+    farthest: tuple[float, ...]
     loads: tuple[Load, ...] = ()
     slips: tuple[tuple[int, int], ...] = ()
 
@@ -278,7 +280,7 @@ def emit_one_sided(
     closed = replace(
         system,
         rates=solved(module, "solved_rates", contact, [rates], reports_margin=reports),
-        projection=_both(module, system, contact_project),
+        projection=_both(module, system, _within_reach(module, contact_project, one_sided.farthest)),
         projection_takes_inputs=True,
         unmoved=frozenset(),
         in_registers=False,
@@ -308,6 +310,22 @@ def emit_one_sided(
     builder.ret_void()
     still = frozenset(component for component in zero_components(program) if component >= system.error_size)
     return emit_one_sided_advance(module, replace(system, still=still), closed, steps, guards)
+
+
+def _within_reach(module: Module, project: Function, farthest: Sequence[float]) -> Function:
+    """The projection, with a state that is not finite where it changes a component too far."""
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), "project_within_reach")
+    function.linkage = "internal"
+    _, y, _, out = function.args
+    b, lost = IRBuilder(function.append_basic_block("entry")), FALSE
+    b.call(project, function.args)
+    for index, most in enumerate(farthest):
+        change = b.intrinsic("llvm.fabs", b.fsub(load(b, out, index), load(b, y, index)))
+        lost = b.or_(lost, b.fcmp_ordered(">", change, number(most)))
+    with b.if_then(lost, likely=False):
+        store(b, b.fdiv(number(0.0), number(0.0)), out, 0)
+    b.ret_void()
+    return function
 
 
 def _both(module: Module, system: System, contact_project: Function) -> Function:

@@ -325,6 +325,7 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         modes=2 * layout.rows,
         first_given=equations.inputs.one_sided.start + layout.given.start,
         slots=_slot_system(functions),
+        farthest=functions.farthest,
         loads=loads,
         slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
         tolerance=guard_tolerance(equations),
