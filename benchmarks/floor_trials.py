@@ -122,7 +122,7 @@ FINGER = """<link name="NAME"><pose>0 Y 0.045 0 0 0</pose><inertial><mass>0.1</m
  <joint name="NAME_slide" type="prismatic"><parent>palm</parent><child>NAME</child><axis><xyz>0 1 0</xyz>
   <dynamics><damping>40</damping></dynamics></axis></joint>"""
 MOTORS = ("lift", "left", "right")
-SLIP = 19.5  # s, when grippers let go so much that what they hold slips
+SLIP = 19.9  # s, when grippers let go so much that what they hold slips
 
 
 def sdf_gripper() -> Mechanism:
