@@ -112,7 +112,7 @@ GRIPPER = """<sdf version="1.9"><world name="cell"><gravity>0 0 -9.81</gravity>
  <joint name="lift" type="prismatic"><parent>world</parent><child>palm</child><axis><xyz>0 0 1</xyz>
    <dynamics><spring_stiffness>5000</spring_stiffness><damping>200</damping></dynamics></axis></joint>
  FINGERS</model>
-<model name="brick"><pose>0.004 0 0.025 0 0 0</pose><link name="body"><inertial><mass>0.3</mass>
+<model name="brick"><pose>0 0 0.025 0 0 0</pose><link name="body"><inertial><mass>0.3</mass>
    <inertia><ixx>0.000125</ixx><iyy>0.000125</iyy><izz>0.000125</izz></inertia></inertial>
  <collision name="cube"><geometry><box><size>0.05 0.05 0.05</size></box></geometry></collision></link></model>
 </world></sdf>"""
