@@ -109,6 +109,12 @@ def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> 
     names = f"'{contact.names[0]}' and '{contact.names[1]}'"
     where, problem = ("contacts", contact.name), model.mechanism.source.problem
     if contact.slots and (max(tilts) > PARALLEL or np.ptp(along) > PARALLEL * radius):
+        if all(isinstance(body, Barrel) and body.length == 0.0 for body in (first, second)):
+            yield problem(
+                where,
+                f"{names} have no thickness, so that they would pass through each other",
+                "Give a cylinder in place of a disc or a ring, or let joints hold their axes parallel.",
+            )
         return
     if isinstance(first, Barrel) and max(tilts) > PARALLEL:
         yield problem(
