@@ -19,7 +19,7 @@ from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import planar_body, planar_face
+from mbd_sim.files.builders.outlines import planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -59,7 +59,6 @@ BLOCK = (  # the faces of a block, whose corners are numbered by x, y, z
     (0, 2, 6, 4),
     (1, 5, 7, 3),
 )
-ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 MOST_SLOTS = 8  # of a pair: two faces with four corners each
 ROUND_SLOTS = 6  # of a pair of cylinders, discs, rings or cones; two more with a solid, over whose edge they may lie
 
@@ -347,7 +346,7 @@ class _ContactBuilder:
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
-        bodies = []
+        bodies: list[ContactBody] = []
         for each in (first, second):
             encloses = inside and each is second
             if isinstance(each.shape, schema.OutlineSpec):
@@ -404,21 +403,8 @@ class _ContactBuilder:
                 if not self._differ(place, solid.part, face.at.part):
                     break
                 for label, body in edges(solid.part, solid.shape):
-                    if isinstance(body, PlanarBody):
-                        yield from self._outline_on_face(place, solid, body, names, face)
-                        continue
                     quantity = " ".join(filter(None, (_word(solid.name), "on", _word(names), label)))
                     yield quantity, (solid.name, names), body, face
-
-    def _outline_on_face(
-        self, where: Location, shape: _TouchingShape, body: PlanarBody, names: str, face: Face
-    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
-        across = body.axes[:, 2]
-        if abs(float(across @ face.normal)) > ACROSS:
-            message = f"the plane does not cut that of the outline {shape.name!r} at a right angle"
-            self._context.report(where, message, "Choose another 'normal', or the 'plane' of the outline.")
-            return
-        yield f"{_word(shape.name)} on {_word(names)}", (shape.name, names), body, planar_face(face, across)
 
     def _on_cam(
         self, where: Location, spec: ContactSpec, cam: Cam
