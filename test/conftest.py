@@ -45,7 +45,7 @@ QUICKLY_COMPILED = {
     "simulation",
     "studies",
 }
-WAITING = {"system", "examples"}  # whose tests start nodes and wait for them
+WAITING = ("system", "examples", "lab/page")  # whose tests start nodes, or share a browser, and wait for them
 LONG_TESTS = {
     "test_processes_of_several_hash_seeds_derive_and_compute_the_same",
     "test_random_mechanisms_with_loops_and_constraints",
@@ -99,8 +99,8 @@ def pytest_collection_modifyitems(items):
     places = {name: place for place, name in enumerate([*sorted(shipped()), *LINKAGES])}
 
     def place(item):
-        folder = item.path.relative_to(Path(__file__).parent).parts[0]
-        if folder in WAITING or item.name.partition("[")[0] in LONG_TESTS:
+        path = item.path.relative_to(Path(__file__).parent).as_posix()
+        if path.startswith(WAITING) or item.name.partition("[")[0] in LONG_TESTS:
             return -2
         values = item.callspec.params.values() if hasattr(item, "callspec") else ()
         return next((places[value] for value in values if isinstance(value, str) and value in places), -1)

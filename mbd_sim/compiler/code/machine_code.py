@@ -114,6 +114,7 @@ def load_code(key: str) -> MachineCode | None:
     return None if code is None else linked(key, code)
 
 
+@functools.cache
 def _host() -> tuple[str, str]:
     """The processor and its features, in the words of LLVM."""
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()

@@ -119,15 +119,12 @@ def fields():
                     yield f"{record.__name__}.{key}", mark
 
 
-FIELDS = sorted({(name, repr(mark), mark.unit) for name, mark in fields() if mark.unit is not None})
-MARKS = {(name, repr(mark)): mark for name, mark in fields()}
-
-
 def test_every_quantity_of_the_schema_takes_its_units_with_their_factor_and_refuses_all_others():
     """`3 Hz` was 3 rad/s, `6000 rpm` 628 Hz, and `5 mm/turn` 0.8 mm for a turn."""
-    assert len(FIELDS) > 150 and {"ScrewJointSpec.lead", "ImuSpec.rate"} <= {name for name, *_ in FIELDS}
-    for name, form, wanted in FIELDS:
-        adapter = TypeAdapter(typing.Annotated[float, MARKS[name, form]])
+    marks = {(name, repr(mark)): mark for name, mark in fields() if mark.unit is not None}
+    assert len(marks) > 150 and {"ScrewJointSpec.lead", "ImuSpec.rate"} <= {name for name, _ in marks}
+    for (name, _), mark in sorted(marks.items()):
+        wanted, adapter = mark.unit, TypeAdapter(typing.Annotated[float, mark])
         for unit in UNITS.keys() - {""}:
             factor = expected(unit, wanted)
             number = 0.9 if factor is None else 0.9 / max(factor, 1.0)

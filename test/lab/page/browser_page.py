@@ -95,6 +95,8 @@ class BrowserPage(AnyPage):
 
     def __init__(self, chromium, lab, size=SIZE):
         self.lab, known = lab, set(lab.page.server.get_clients())
+        # Without a GPU, the picture of the surroundings, which bodies reflect, costs more than all else that is drawn.
+        lab.page.server.scene.configure_environment_map(hdri=None)
         super().__init__(chromium, lab.url, size)
         wait_until(lambda: set(lab.page.server.get_clients()) - known, "the connection")
         (self.client,) = set(lab.page.server.get_clients()) - known

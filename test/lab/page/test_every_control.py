@@ -68,7 +68,13 @@ class Controls:
             for uuid in here:
                 self.use(uuid)  # one after the other: viser sends only the last of two that change at once
                 label = f"what the server hears of {self.handles[uuid].label}"
-                wait_until(lambda uuid=uuid: uuid in self.heard, label)
+                wait_until(lambda uuid=uuid: uuid in self.heard, label, meanwhile=lambda uuid=uuid: self._retry(uuid))
+
+    def _retry(self, uuid):
+        """Type a number again: the page may rewrite a field at the moment of typing. A click is not lost."""
+        self._opened.pause(1.0)
+        if uuid not in self.heard and type(self.handles[uuid]).__name__ == "GuiSliderHandle":
+            self.use(uuid)
 
     def _open_folders(self):
         handles = self._opened.lab.page.server.gui._container_handle_from_uuid.values()
@@ -88,13 +94,12 @@ class Controls:
 
 
 def keeps(opened):
-    """A recording under a name, a picture, a page and an animation, each looked at."""
+    """A recording under a name, a picture, a page and an animation; test_keep_tab has those of the others."""
     lab, name = opened.lab, opened.frame.mechanism.name
     opened.tab("Keep")
-    opened.field("Recording").fill("mine.mcap")
     inputs = lab.page.server.gui._gui_input_handle_from_uuid.values()
     (path,) = (one for one in inputs if one.label == "Recording")
-    wait_until(lambda: path.value == "mine.mcap", "the name")
+    opened.enter("Recording", "mine.mcap", lambda: path.value == "mine.mcap", "the name")
     opened.select("Format", "webp", lab.page._keep._format)
     lab.session.ask("speed", lambda session: session.set_speed(1.0))
     opened.button("Pause")
@@ -129,7 +134,8 @@ def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd
         controls.use_all()
         unused = {handle.label for uuid, handle in controls.handles.items() if uuid not in controls.heard}
         assert unused <= {"Back to the file"}
-        keeps(opened)
+        if name == "robot":
+            keeps(opened)
         opened.tab("Show")
         opened.check("Dark")
         theme = "document.documentElement.dataset.mantineColorScheme"

@@ -20,22 +20,27 @@ from test.waiting import PATIENCE, wait_until
 
 
 @pytest.mark.parametrize(
-    ("button", "file", "begins"),
+    ("button", "mechanism", "ending", "begins"),
     [
-        ("picture", "four_bar.png", b"\x89PNG"),
-        ("motion", "four_bar.html", b"<!"),
-        ("animation", "four_bar.gif", b"GIF"),
+        ("picture", "four_bar", "png", b"\x89PNG"),
+        ("motion", "four_bar", "html", b"<!"),
+        ("motion", "bounce", "html", b"<!"),
+        ("motion", "motor_drive", "html", b"<!"),
+        ("animation", "four_bar", "gif", b"GIF"),
+        ("animation", "bounce", "gif", b"GIF"),
+        ("animation", "motor_drive", "gif", b"GIF"),
     ],
 )
-def test_what_is_being_made_is_said_and_then_its_name(button, file, begins):
+def test_what_is_being_made_is_said_and_then_its_name(button, mechanism, ending, begins):
     pytest.importorskip("viser")
-    session, told = OwnSession(Bench.of(load_mechanism("four_bar")), running=False), []
+    session, told = OwnSession(Bench.of(load_mechanism(mechanism)), running=False), []
     for _ in range(3):
         session.step(20)
     session.ask = lambda _, request: request(SimpleNamespace(tell=told.append))
     model = session.bench.simulation.model
     scene = Scene(RecordingScene(), model, extent_of(model), None, dark=False)
-    scene.traces.choose("coupler.P")
+    if mechanism == "four_bar":
+        scene.traces.choose("coupler.P")
     gui = MagicMock()
     gui.add_dropdown.side_effect = lambda *_, initial_value, **__: SimpleNamespace(value=initial_value)
     tab = KeepTab(gui, session, scene, dark=False)
@@ -43,10 +48,10 @@ def test_what_is_being_made_is_said_and_then_its_name(button, file, begins):
     client.get_render.return_value = np.zeros((*PICTURE[::-1], 3), dtype=np.uint8)
     getattr(tab, f"_send_{button}")(SimpleNamespace(client=client))
     (name, data), _ = client.send_file_download.call_args
-    assert name == file
+    assert name == f"{mechanism}.{ending}"
     assert data.startswith(begins)
     assert button in told[0]
-    assert told[1:] == [f"saved as `{file}`, where the browser puts downloads"]
+    assert told[1:] == [f"saved as `{name}`, where the browser puts downloads"]
 
 
 @pytest.fixture

@@ -36,6 +36,7 @@ def test_the_speed(opened):
     opened.choose("Speed", "fastest")
     wait_until(lambda: opened.lab.session.speed == float("inf"), "the speed")
     opened.choose("Speed", "1")
+    wait_until(lambda: opened.lab.session.speed == 1.0, "the speed")
 
 
 def test_winding_back_by_the_time_line(opened):

@@ -36,10 +36,13 @@ def test_traces_of_a_chosen_point_are_cleared(show):
     show.check("Traces")
     wait_until(lambda: not show.lab.page._scene.shown.traces, "no traces")
     show.check("Traces")
+    wait_until(lambda: show.lab.page._scene.shown.traces, "the traces")
     show.check("Contact forces")
     wait_until(lambda: not show.lab.page._scene.shown.contacts, "no contact forces")
     show.check("Contact forces")
+    wait_until(lambda: show.lab.page._scene.shown.contacts, "the contact forces")
     show.choose("Trace of", "tips")
+    wait_until(lambda: traces.chosen == "tips", "the tips")
 
 
 def test_large_text_is_larger(show):

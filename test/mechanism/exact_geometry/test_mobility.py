@@ -21,8 +21,13 @@ def written(name, seed, digits, **more):
     return mechanism_file(linkage, np.random.default_rng(seed + 100), digits, **more), linkage.freedoms
 
 
-@pytest.mark.parametrize(("seed", "digits"), [(0, 4), (1, 5), (4, 6)])
-@pytest.mark.parametrize("name", TOGETHER)
+@pytest.mark.parametrize(
+    ("name", "seed", "digits"),
+    [
+        ("three cranks", 0, 4), ("four cranks", 1, 5), ("double parallelogram", 4, 6), ("bennett", 0, 4), ("bennett", 1, 5),
+        ("bennett", 4, 6), ("sarrus with three legs", 1, 5), ("spherical legs", 4, 6),
+    ],
+)  # fmt: skip
 def test_it_has_the_freedoms_of_the_exact_linkage_and_no_number_leaves_its_digits(name, seed, digits):
     found, freedoms = written(name, seed, digits)
     assert freedoms_of(found) == freedoms

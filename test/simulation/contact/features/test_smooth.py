@@ -7,6 +7,7 @@ from itertools import combinations_with_replacement, product
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mbd_sim.base.geometry.pose import Pose
@@ -70,13 +71,9 @@ def test_distances_are_not_more_than_those_of_the_nearest_points(kinds, seed):
 
 
 def _fraction(first, second, one, other, toward):
-    """How far a body can move toward the other one, in units of `toward`, by bisection of the narrow phase."""
-    pair, low, high = SmoothPair(first, second, 1), 0.0, 1.0
-    for _ in range(45):
-        middle = 0.5 * (low + high)
-        moved = Pose(one.position + middle * toward, one.rotation)
-        low, high = (middle, high) if pair.distance(moved, other) > 0.0 else (low, middle)
-    return low
+    """How far a body can move toward the other one, in units of `toward`, by the distances of the narrow phase."""
+    pair = SmoothPair(first, second, 1)
+    return brentq(lambda way: pair.distance(Pose(one.position + way * toward, one.rotation), other), 0.0, 1.0)
 
 
 @pytest.mark.parametrize("kinds", SMOOTH, ids="-".join)
