@@ -4,6 +4,7 @@
 # make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced, and
 #               build the message packages that only tests need
 # make gallery  redraw the pictures and animations of the shipped mechanisms, or of some: make gallery ARGS="four_bar engine"
+# make lowest   run tests with the lowest versions of all packages that setup.py allows
 # make docs     build the site in docs/_build/html and check every page; NOTEBOOKS=off does not execute its notebooks
 # make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
 # make figures  write the results of make bench into docs/benchmarks.md and README.md
@@ -16,7 +17,7 @@ DOCS := .venv-docs
 SITE := docs/_build/html
 ARGS ?=
 
-.PHONY: setup run test tests lint style types gallery docs bench figures clean
+.PHONY: setup run lowest test tests lint style types gallery docs bench figures clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
 	@scripts/browser
@@ -49,6 +50,9 @@ style: $(VENV)/ready
 
 types: $(VENV)/ready
 	$(BIN)/mypy
+
+lowest:
+	@scripts/lowest_versions $(ARGS)
 
 gallery: $(VENV)/ready
 	$(BIN)/python docs/gallery_pictures.py docs $(ARGS)

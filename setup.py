@@ -31,7 +31,7 @@ EXTRAS = {
     "gym": ["gymnasium>=1.1"],
     "html": ["plotly>=5.20"],  # plots as pages
     "lab": ["viser>=1.1,<2"],  # the mechanism on a page in the browser
-    "mesh": ["contourpy>=1.2", "pillow>=9.1", "pycollada>=0.8", "trimesh>=4.6"],
+    "mesh": ["contourpy>=1.2", "pillow>=10.0", "pycollada>=0.8", "trimesh>=4.6"],
     "mjcf": ["mujoco-core>=4.0"],  # reads MJCF
     "notebook": ["rerun-sdk[notebook]>=0.38"],  # Rerun in notebooks
     "optimization": ["scipy>=1.11"],  # dimensions of linkages, identification
@@ -124,7 +124,7 @@ setup(
         "platformdirs>=4.0; sys_platform != 'linux'",
         "pydantic>=2.14",
         "pyyaml>=6.0",
-        "rich>=13.0",
+        "rich>=13.3",
         "rosbags>=0.11",
         "zstandard>=0.21",
     ],

@@ -62,10 +62,14 @@ def ours(trial: Trial, mechanism: Mechanism, seconds: float, samples: int, metho
             sim.step(every)
         took += time.process_time() - began
     found.seconds, found.steps = took, number
-    closed = sum(reading.state != "open" for reading in sim.contacts().values())
-    found.notes.append(
-        f"{len(sim.contacts())} gaps, {closed} closed, {took / number * 1e6:.0f} us a step, residual {sim.energies.residual:.1e} J, method {sim.model.method.name}"
-    )
+    contacts = sim.contacts()
+    closed = sum(reading.state != "open" for reading in contacts.values())
+    found.notes += [
+        f"{len(contacts)} gaps, {closed} closed",
+        f"{took / number * 1e6:.0f} us a step",
+        f"residual {sim.energies.residual:.1e} J",
+        f"method {sim.model.method.name}",
+    ]
     return found
 
 

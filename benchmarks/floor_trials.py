@@ -194,8 +194,12 @@ def z1_presses() -> Mechanism:
     arm = load_mechanism(robot_file("z1_description/urdf/z1.urdf"), hulls=True)
     pose = {"joint2": 1.9, "joint3": -1.0, "joint4": -0.3}
     changes = held(arm, pose, 200.0, 4.0) | {'joints."joint2".rest': 2.6}
-    for name in ("joint5", "joint6", "jointGripper"):
+    for name in ("joint5", "joint6"):
         changes |= {f'joints."{name}".stiffness': 20.0, f'joints."{name}".damping': 0.1}
+    joints = arm.source.data["joints"]
+    jaw = {"type": "fixed", "between": joints["jointGripper"]["between"]}  # whose inertia is too small for a damper
+    changes = {name: value for name, value in changes.items() if "Gripper" not in name}
+    arm = with_values(arm, {"joints": {**joints, "jointGripper": jaw}})
     touching = [name for name, part in arm.parts.items() if part.touching]
     floor = {
         "parts": [name for name in touching if "ripper" in name or name == "link06"],

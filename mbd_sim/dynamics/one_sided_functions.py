@@ -38,9 +38,11 @@ from mbd_sim.dynamics.math.spatial import merged_function, separated
 from mbd_sim.dynamics.recursion.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.recursion.multipliers import ConstraintSolver
 from mbd_sim.dynamics.recursion.reactions import transmitted_wrenches
+from mbd_sim.mechanism.natural_units import coordinate_sizes
 
 FACTORED = 13  # rows from which on A is not written out
 
+FARTHEST = 0.5  # of 1 rad, or the size of the mechanism, up to which projections move it in a step: else it jams
 GAP_ROUND_OFF = 1e-15  # of the size of the mechanism, or its natural length, in gaps
 
 
@@ -390,9 +392,13 @@ class OneSidedDynamics:
             whole = self._matrix * (keep @ keep.T) + ca.diag(slides)
             system = self._system(whole, (self._left, self._right), ca.SX.eye(n))
         speeds = ca.SX.sym("speeds", n)
-        q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
-        q = normalized_quaternions(traced.links, q)
-        projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
+        moved, changed = self._response(solution), self._response(speeds)
+        sizes = coordinate_sizes(traced.numeric, traced.step)
+        farthest = ca.fmax(ca.fabs(moved), traced.step * ca.fabs(changed)) / ca.DM(sizes)
+        lost = ca.if_else(ca.mmax(farthest) > FARTHEST, np.nan, 0.0) if sizes else 0.0
+        q = state.q + ca.jacobian(state.q_rates, state.u) @ moved
+        q = normalized_quaternions(traced.links, q + lost)
+        projected = ca.vertcat(q, state.u + changed, traced.actuator_states, traced.audit)
         return self._pair(
             "contact_project",
             [projected],

@@ -21,6 +21,7 @@ SPACE_SHAPES = (
     *("sphere", "particle", "rod", "bar", "capsule", "disc", "ring", "cylinder", "block", "plate", "cone"),
     *("ellipsoid", "hull"),
 )
+PAIRS = [(one, two) for k, one in enumerate(SPACE_SHAPES) for two in SPACE_SHAPES[k:]]
 ROUND_IN_PLANE = ("sphere", "disc", "cylinder", "outline")
 APART = 0.45  # m, of bodies at the start, none of which reaches farther than 0.2 m from its origin
 STEP = 0.002  # s
@@ -138,8 +139,8 @@ def _plane_outlines(draw: Draw, _: int) -> dict[str, object]:
     if draw.maybe():
         contacts["floor"] = {"parts": list(parts), "plane": "ground", **draw.law()}
     else:
-        arc = {"to": [2.0, 1.2], "through": [0, -0.02]}
-        bowl = {"type": "outline", "plane": "xz", "points": [[-2.0, 1.2], arc], "closed": False, "mass": 0}
+        arc = {"to": [-2.0, 1.2], "through": [0, -0.02]}  # the material is on its left
+        bowl = {"type": "outline", "plane": "xz", "points": [[2.0, 1.2], arc], "closed": False, "mass": 0}
         parts["bowl"], joints["bowl"] = {"shape": bowl}, {"type": "fixed", "between": ["ground", "bowl"]}
         contacts |= {f"bowl{name}": {"between": [name, "bowl"], **draw.law()} for name in list(parts)[:-1]}
     return {"parts": parts, "joints": joints, "contacts": contacts}
@@ -206,9 +207,8 @@ def _part(shape: dict[str, object]) -> dict[str, object]:
 
 def _space_pair(draw: Draw, seed: int) -> dict[str, object]:
     """Two bodies without weight, which springs bring together: all pairs of shapes in turn."""
-    pairs = [(one, two) for k, one in enumerate(SPACE_SHAPES) for two in SPACE_SHAPES[k:]]
     parts, joints = {}, {}
-    for number, kind in enumerate(pairs[seed % len(pairs)]):
+    for number, kind in enumerate(PAIRS[seed % len(PAIRS)]):
         parts[f"b{number}"], joints[f"f{number}"] = _free(draw, number, kind, 0.0)
     contacts = {"pair": {"between": list(parts), **draw.law()}}
     return {"gravity": [0, 0, 0], "parts": parts, "joints": joints, "contacts": contacts}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.files.load import parse_mechanism
 
 
 def test_involute_teeth_keep_the_ratio_of_their_numbers_and_cross_their_play():
@@ -108,3 +110,35 @@ def test_a_detent_rests_with_its_roller_in_the_middle_of_a_notch():
     slope = math.atan2(flank[1], flank[0])  # from the radius; the spring is balanced by both flanks
     press = 400.0 * (simulation.q[1] - (0.03 + 0.002 - 0.01))
     assert sum(forces) * math.sin(slope) == pytest.approx(press, rel=1e-6)
+
+
+def cam_lock(friction):
+    text = (Path(__file__).parents[2] / "config" / "contacts" / "cam_lock.yaml").read_text()
+    return Simulation(parse_mechanism(text.replace("mu: 0.2", f"mu: {friction}")))
+
+
+def test_a_cam_lock_holds_any_pull_with_a_force_in_proportion():
+    """On the lever, friction F and force N have the moment of its spring and weight: F h - N a + M = 0."""
+    simulation = cam_lock(0.2)
+    arm, height = 0.004, 0.03
+    simulation.run(until=0.05)  # the strip slides
+    moment = (arm + 0.2 * height) * simulation.contacts()["clamp.lever_on_strip_1"].normal
+    place = None
+    for time in (0.3, 0.6, 0.9):
+        simulation.run(until=time)
+        pull = 40.0 * (simulation.time - 0.1)
+        assert simulation.contacts()["clamp.lever_on_strip_1"].normal == pytest.approx((moment + pull * height) / arm)
+        place = simulation.q[1] if place is None else place
+        assert simulation.q[1] == pytest.approx(place, abs=1e-15)
+    assert simulation.energies.residual == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_cam_lock_slips_below_the_angle_of_friction_at_a_force_in_closed_form():
+    """At tan a = μ this force N = M/(a - μ h) is infinite."""
+    simulation, friction, forces = cam_lock(0.1), 0.1, []
+    for time in (0.05, 0.25):
+        simulation.run(until=time)
+        forces.append(simulation.contacts()["clamp.lever_on_strip_1"].normal)
+    moment = (0.004 + friction * 0.03) * forces[0]
+    assert simulation.u[1] < -0.5
+    assert forces[1] == pytest.approx(moment / (0.004 - friction * 0.03), rel=1e-12)

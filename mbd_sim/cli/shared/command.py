@@ -113,15 +113,18 @@ class ProgressBar:
 
         columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(amount), TimeRemainingColumn())
         self._display = Progress(*columns, disable=quiet, transient=True)
+        self._quiet = quiet
         self._task = self._display.add_task(title, total=total)
 
     def __enter__(self) -> Self:
         Waiting.make_room()
-        self._display.start()
+        if not self._quiet:
+            self._display.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._display.stop()
+        if not self._quiet:  # Rich before 14.1 prints a line at the end of what it has not shown
+            self._display.stop()
 
     def show(self, completed: float) -> None:
         """Show how much of the total is completed."""

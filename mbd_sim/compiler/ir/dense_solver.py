@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, number
 from mbd_sim.compiler.ir.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
+
+FEW = 12  # components up to which products with zeros cost no more than to leave them out
 
 
 @dataclass(frozen=True)
@@ -165,7 +168,15 @@ def subtract_product(
     def subtract(w: IRBuilder, i: Index) -> None:
         store(w, w.fsub(load(w, target, i), w.fmul(factor, load(w, vector, i))), target, i)
 
-    for_span(b, most, first, beyond, subtract)
+    with where_coupled(b, most, factor):
+        for_span(b, most, first, beyond, subtract)
+
+
+def where_coupled(b: IRBuilder, most: int, factor: Value) -> AbstractContextManager[None]:
+    """Leave out what is multiplied by zero, in long vectors: groups of rows that are not coupled cost little more."""
+    if most <= FEW or isinstance(b, LaneBuilder):
+        return nullcontext()
+    return b.if_then(b.fcmp_unordered("!=", factor, number(0.0)))
 
 
 def _swap(b: IRBuilder, array: Value, one: Value, other: Value, where: Value | None = None) -> None:

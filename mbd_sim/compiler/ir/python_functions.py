@@ -7,6 +7,7 @@ The same text also runs as Python, with the same results to the last bit: each o
 - Variables keep their kind. `a[i]` is an element, and `a[i:]` the array from there on.
 - `zeros(n)` and `integers(n)` are new arrays, on the stack of the function, and therefore not within loops.
 - An `External` calls machine code whose address is its first argument.
+- Numbers that are divided with `//` or `%` are not negative.
 """
 
 from __future__ import annotations
@@ -71,6 +72,7 @@ class _Translation:
         self._first = self._b.block
         self._loops: list[tuple[BasicBlock, BasicBlock]] = []  # where `continue` and `break` lead
         self._names: dict[str, tuple[str, Value]] = {}
+        self._records: dict[str, Any] = {}  # those of fields of other records, by their kind
         parsed = _definitions(function.__module__)[function.__name__]
         self._parsed, self._line = parsed, parsed.lineno
         for parameter, kind, value in zip(parsed.args.args, kinds, self.function.args, strict=True):
@@ -245,9 +247,11 @@ class _Translation:
         if ast.unparse(expression) == "math.inf":
             return self._constant(math.inf)
         record = self._value(expression.value)
-        names = {field.name: (slot, field.type) for slot, field in enumerate(fields(self._globals[record.kind]))}
+        known = self._globals.get(record.kind) or self._records[record.kind]
+        names = {field.name: (slot, field.type) for slot, field in enumerate(fields(known))}
         slot, kind = names[expression.attr]
         assert isinstance(kind, str)
+        self._records.setdefault(kind, vars(sys.modules[known.__module__]).get(kind))
         address = self._b.gep(record.value, integer(slot), INT)
         if kind == "bool":
             return _Typed(kind, self._b.trunc(self._b.load(address, typ=INT), BOOL))
@@ -272,10 +276,10 @@ class _Translation:
 
     def _binary(self, operation: str, left: _Typed, right: _Typed) -> _Typed:
         kind = "float" if "float" in (left.kind, right.kind) or operation == "Div" else "int"
-        names = {"Add": "add", "Sub": "sub", "Mult": "mul", "Div": "div", "Mod": "rem"}
-        if operation not in names:
+        names = {"Add": "add", "Sub": "sub", "Mult": "mul", "Div": "div", "FloorDiv": "div", "Mod": "rem"}
+        if operation not in names or (operation == "FloorDiv" and kind == "float"):
             raise self._unknown(operation)
-        prefix = "f" if kind == "float" else "u" if operation == "Mod" else ""
+        prefix = "f" if kind == "float" else "u" if operation in ("FloorDiv", "Mod") else ""
         x, y = self._as(kind, left), self._as(kind, right)
         return _Typed(kind, self._b.binary(f"{prefix}{names[operation]}", x, y))
 
@@ -375,6 +379,11 @@ class _Translation:
         if name in ("abs", "math.sqrt"):
             intrinsic = "llvm.fabs" if name == "abs" else "llvm.sqrt"
             return _Typed("float", self._b.intrinsic(intrinsic, self._as("float", arguments[0])))
+        if name == "int":
+            return _Typed("int", self._b.convert("fptosi", self._as("float", arguments[0]), INT))
+        if name == "math.atan2":
+            function = self._module.declared("atan2", DOUBLE, [DOUBLE, DOUBLE])
+            return _Typed("float", self._b.call(function, [self._as("float", each) for each in arguments]))
         if name == "math.isfinite":
             difference = self._b.fsub(arguments[0].value, arguments[0].value)
             return _Typed("bool", self._b.fcmp_ordered("==", difference, number(0.0)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Protocol, TypeAlias, TypeVar, overload
 
 import numpy as np
@@ -64,6 +64,11 @@ def prototype(result: str, arguments: Sequence[str]) -> Any:
     return ctypes.CFUNCTYPE(returned, *(_C_TYPES.get(kind, ctypes.c_void_p) for kind in arguments))
 
 
+def address_of(function: Any) -> int:
+    """The address of a C function."""
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
 def signature_of(function: Callable[..., Any]) -> tuple[str, list[str]]:
     """The kinds of the result and of the parameters of a function."""
     kinds = dict(function.__annotations__)
@@ -76,12 +81,15 @@ def name_of(function: Callable[..., Any]) -> str:
 
 
 def packed(record: Any) -> NDArray[np.int64]:
-    """The fields of a record as compiled functions read them; the arrays among them must outlive it."""
+    """The fields of a record as compiled functions read them; what they point to lives as long as the record."""
     slots = np.zeros(len(fields(record)), dtype=np.int64)
     for slot, field in enumerate(fields(record)):
         value = getattr(record, field.name)
         if field.type == "float":
             slots.view(np.float64)[slot] = value
+        elif is_dataclass(value):
+            slots[slot] = packed(value).ctypes.data
         else:
             slots[slot] = value.ctypes.data if field.type in ELEMENTS else int(value)
+    object.__setattr__(record, "_packed", slots)
     return slots

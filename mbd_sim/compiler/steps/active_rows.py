@@ -98,7 +98,8 @@ def emit_solved(
     numbers = [local_array(b, function_of_state.nnz_out(4))] if has_loads else []
     if has_margin and not margin:
         margin = [local_array(b, 1)]
-    b.call(emit_slot_values(module, slots), [t, y, inputs, values])
+    if slots.slots:
+        b.call(emit_slot_values(module, slots), [t, y, inputs, values])
     b.call(emitted_system, [t, y, inputs, values, memory, left, factor, right, *numbers, *margin])
     if system.factors is not None:
         product = emit_product(module, f"{function_of_state.name()}.product", system.factors, active)

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TypeAlias
 
 from mbd_sim.compiler.ir.builder import FALSE, INT, TRUE, IRBuilder, element, integer, local_array, number
+from mbd_sim.compiler.ir.dense_solver import where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
 from mbd_sim.compiler.steps.shared_rows import ActiveRows
@@ -150,7 +151,7 @@ def emit_product(module: Module, name: str, factors: Factors, active: ActiveRows
             def add(w: IRBuilder, i: Index) -> None:
                 store(w, w.fma(weight, load(w, source, i), load(w, total, i)), total, i)
 
-            with b.if_then(b.fcmp_unordered("!=", weight, number(0.0))):
+            with where_coupled(b, n, weight):
                 for_span(b, n, 0, count, add)
 
         loop(b, 0, size, add_part)

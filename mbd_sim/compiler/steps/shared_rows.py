@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, local_array, number
-from mbd_sim.compiler.ir.dense_solver import DenseSolver, subtract_product
+from mbd_sim.compiler.ir.dense_solver import DenseSolver, subtract_product, where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
 
@@ -225,7 +225,8 @@ def emit_shared_solver(module: Module, n: int, solver: DenseSolver) -> Function:
         def add(w: IRBuilder, i: Index) -> None:
             store(w, w.fma(factor, load(w, vector, i), load(w, target, i)), target, i)
 
-        for_span(b, n, 0, count, add)
+        with where_coupled(b, n, factor):
+            for_span(b, n, 0, count, add)
 
     def begin(j: Value) -> None:
         for_span(b, n, 0, count, lambda w, i: store(w, number(0.0), at(normal, j), i))

@@ -76,7 +76,8 @@ def slot_touch(
     face, edges, points, r_a, r_b, on_second = (numbers[k] for k in range(12, 18))
     edges, points = edges if crossing else ca.SX(1, 1), points if apart else ca.SX(1, 1)
     at, other = first.position + first.rotation @ a, second.position + second.rotation @ b
-    m_a, m_b, line = first.rotation @ m_a, second.rotation @ m_b, at - other
+    m_a, m_b = first.rotation @ m_a, second.rotation @ m_b
+    line = ca.sparsify((at - other) * constant(keep))  # how far parts are apart along the still axis does not count
     across, free = ca.cross(m_a, m_b), line - m_a * ca.dot(m_a, line) - m_b * ca.dot(m_b, line)
     w = face * (m_a + m_b) + edges * across + points * free
     normal = w / ca.sqrt(ca.dot(w, w) + TINY)

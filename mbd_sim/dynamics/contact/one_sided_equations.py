@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
@@ -22,6 +23,7 @@ from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
 from mbd_sim.dynamics.math.spatial import constant
+from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
@@ -212,8 +214,10 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
     still = still_axis(traced.poses)
-    along = _places(traced, still)
-    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, along)
+    along, rotations = _places(traced, still), _start_rotations(traced)
+    gaps, sticking = one_sided_rows(
+        traced.mechanism, bodies, time, traced.state.t, units.length, still, along, rotations
+    )
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
@@ -230,6 +234,12 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     unable = {plain[place] for place in _unable_to_act(traced, equations, len(gaps) - len(slots), len(sticking))}
     unable |= {own[index][place] for index, slot in slots.items() for place in _idle(motions, slot)}
     unable |= {row for index in own if index in unable for row in own[index]}
+    if still is None:
+        slip_rows = range(len(gaps), len(gaps) + len(slips))
+        gradients = {row: equations.gradient[place, :] for place, row in enumerate(plain) if row in slip_rows}
+        for index, slot in slots.items():
+            gradients |= dict(zip(own[index], ca.vertsplit(_gradient_somewhere(motions, slot)), strict=True))
+        unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows if row not in unable})
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions: list[FrictionElement] = []
@@ -347,6 +357,31 @@ def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple
     return {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
 
 
+def _gradient_somewhere(motions: PartMotions, slot: Slot) -> ca.SX:
+    """The gradients (k, nv) of the rows of a slot in the state, with numbers drawn for its features."""
+    numbers = np.random.default_rng(5).normal(size=slot.numbers.shape[0])
+    symbols, values = [slot.numbers, *motions.symbols], [ca.SX(ca.DM(numbers)), *motions.values]
+    return ca.substitute([slot.gradient(motions)], symbols, values)[0]
+
+
+def _never_moved(traced: TracedMechanism, equations: ConstraintEquations, gradients: Mapping[int, ca.SX]) -> set[int]:
+    """The rows of some gradients (1, nv) that are round-off in any configuration, by which forces would be divided.
+
+    That is slip across the plane of a mechanism that is not one of the planes of ground's axes.
+    """
+    if not gradients:
+        return set()
+    functions, random = constraint_functions(traced, equations), np.random.default_rng(5)
+    given = [traced.state.t, traced.state.q, traced.parameters.symbols]
+    read = ca.Function("gradients", given, [ca.densify(ca.vertcat(*gradients.values()))], {"cse": True})
+    start, scales = given_start(traced.numeric, traced.layout)[0], functions.scales
+    zero = np.full(len(gradients), True)
+    for time in (0.0, *later_times(traced.numeric)):
+        q = functions.displaced(start, scales * random.normal(size=len(scales)))
+        zero &= row_is_zero(np.array(read(time, q, functions.values)) * scales / functions.size)
+    return {row for row, never in zip(gradients, zero, strict=True) if never}
+
+
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
     return size
 
@@ -370,6 +405,18 @@ def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
         return {}
     parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
     return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
+
+
+def _start_rotations(traced: TracedMechanism) -> dict[str, Array]:
+    """The rotations (3, 3) of the parts and ground at the start of the file, before loops are closed."""
+    found = {GROUND: np.eye(3)}
+    if any(isinstance(body, PlanarBody) for each in traced.numeric.contacts for body in (each.first, each.second)):
+        symbols = [traced.state.t, traced.state.q, traced.parameters.symbols]
+        read = ca.Function("rotations", symbols, [ca.horzcat(*(pose.rotation for pose in traced.poses))])
+        start = given_start(traced.numeric, traced.layout)[0]
+        columns = np.array(read(0.0, start, traced.parameters.base))
+        found |= {link.joint.outboard: columns[:, 3 * k : 3 * k + 3] for k, link in enumerate(traced.links)}
+    return found
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:

@@ -16,13 +16,15 @@ from typing import assert_never
 import casadi as ca
 import numpy as np
 
-from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.errors import InputError, MechanismError
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
 from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar_solids import in_plane
+from mbd_sim.dynamics.contact.shadows import between_outlines
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
 from mbd_sim.dynamics.kinematics.links import Link
@@ -166,6 +168,7 @@ def one_sided_rows(
     length: float,
     still: int | None,
     places: Mapping[str, float],
+    rotations: Mapping[str, Array],
 ) -> tuple[list[Gap], list[StickingFriction]]:
     """All gaps and all sticking friction: joints, constraints, then contacts.
 
@@ -174,6 +177,7 @@ def one_sided_rows(
     :param length: the natural one in m.
     :param still: see `touch`.
     :param places: of the parts along this axis, in m.
+    :param rotations: (3, 3) of the parts and ground at the start.
     """
     gaps: list[Gap] = []
     frictions: list[StickingFriction] = []
@@ -189,7 +193,11 @@ def one_sided_rows(
             gaps += _gaps_of(constraint, writer)
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
-        moving = contact if still is None else in_plane(contact, still, places)
+        try:
+            moving = between_outlines(contact, rotations)
+        except InputError as error:
+            raise MechanismError([mechanism.source.problem_of(("contacts", contact.name), error)]) from error
+        moving = moving if still is None else in_plane(moving, still, places)
         if moving is None:
             message = "{} and {} never touch: they are beside each other along the axis along which nothing moves"
             remedy = "Move their shapes into one plane, or remove the contact."

@@ -1,7 +1,7 @@
 """The gap of a slot of two outlines: pieces that touch, with numbers that change, in the plane of the second one.
 
-The geometry is that of `mbd_sim/mechanism/outlines/distances.py`: a straight piece gives the normal; between two round
-ones the gap is stationary in the angle of the normal.
+The geometry is that of `simulation/contact/compiled/features/pieces.py`: a straight piece gives the normal; between
+two round ones the gap is stationary in the angle of the normal.
 """
 
 from __future__ import annotations

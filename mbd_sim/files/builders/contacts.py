@@ -19,7 +19,7 @@ from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.builders.clusters import clustered
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import outline_slots, planar_body, planar_face, round_planar_body
+from mbd_sim.files.builders.outlines import planar_body, planar_face
 from mbd_sim.files.builders.parts import hull_of, pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -346,17 +346,21 @@ class _ContactBuilder:
     def _outline_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """An outline and another one, or a roller; None, with a problem, for other shapes."""
-        found = [_planar(each, inside and each is second) for each in (first, second)]
-        if found[0] is None or found[1] is None:
-            other = second if found[1] is None else first
-            message = f"{_article('outline')} cannot be in contact with {_article(other.kind)}"
-            remedy = "Give an outline, a point, a sphere, or a disc or cylinder across the same plane."
-            if inside and not isinstance(second.shape, schema.OutlineSpec):
-                message, remedy = f"{_article(second.kind)} cannot enclose an outline", "Name the inner part first."
-            self._context.report(where, message, remedy)
-            return None
-        return found[0], found[1]
+        """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
+        bodies = []
+        for each in (first, second):
+            encloses = inside and each is second
+            if isinstance(each.shape, schema.OutlineSpec):
+                bodies.append(planar_body(each.part, each.shape, pose_of(each.shape), encloses))
+            elif encloses:
+                message = f"{_article(each.kind)} cannot enclose an outline"
+                self._context.report(where, message, "Name the inner part first.")
+            elif isinstance(each.shape, schema.EllipsoidSpec):
+                message = "an outline cannot be in contact with an ellipsoid"
+                self._context.report(where, message, "Give it an outline of arcs, or another shape.")
+            else:
+                bodies.append(solid(each.part, each.shape))
+        return (bodies[0], bodies[1]) if len(bodies) == 2 else None
 
     def _solid_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
@@ -501,14 +505,6 @@ def _shape_names(shapes: Sequence[AnyShapeSpec]) -> list[str]:
     ]
 
 
-def _planar(shape: _TouchingShape, encloses: bool) -> PlanarBody | None:
-    """A shape, or a point, as the outline of a planar body; None for those that have none."""
-    if isinstance(shape.shape, schema.OutlineSpec):
-        return planar_body(shape.part, shape.shape, pose_of(shape.shape), encloses)
-    body = None if encloses else round_body(shape.part, shape.shape)
-    return None if body is None else round_planar_body(body)
-
-
 def _is_thin(body: Solid | Curved) -> bool:
     """Whether a body has no volume."""
     return body.thin if isinstance(body, Solid) else isinstance(body, Barrel) and body.length == 0.0
@@ -516,8 +512,8 @@ def _is_thin(body: Solid | Curved) -> bool:
 
 def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: bool) -> int:
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
-    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
-        return outline_slots(first, second)
+    if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
+        return MOST_SLOTS  # fewer, once the plane is known
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0

@@ -15,9 +15,8 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, Problem
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.files.schema.shapes import AnyShapeSpec, OutlineSpec, StrokeSpec
-from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Face, PlanarBody
+from mbd_sim.mechanism.elements.contacts import Face, PlanarBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.outlines.area import runs_clockwise
 from mbd_sim.mechanism.outlines.crossings import ROUND_OFF, crossing_points, lies_on, self_crossing
@@ -27,7 +26,6 @@ from mbd_sim.mechanism.values.source import Location, Source
 SMOOTH = 1e-6  # rad, turn up to which a joint is no corner
 MEETS = 1e-6  # relative; how exactly the ends of an arc must have the same distance from its center
 FAR = 1e6  # m, to the ends of a plane
-MOST_POINTS = 4  # in which two outlines can touch at once
 AXES = {
     "xy": np.eye(3),
     "xz": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -355,37 +353,11 @@ def planar_body(part: str, spec: OutlineSpec, pose: Pose, hollow: bool) -> Plana
     return PlanarBody(Attachment(part, np.zeros(3)), pose.position, pose.rotation, outline_of(spec, hollow))
 
 
-def round_planar_body(body: Ball | Barrel) -> PlanarBody:
-    """A point or a roller as a circle across its axis."""
-    circle = Outline((Round((0.0, 0.0), body.radius, -math.pi, math.pi),))
-    has_plane = isinstance(body, Barrel)
-    axes = aligning_z(body.axis) if isinstance(body, Barrel) else np.eye(3)
-    return PlanarBody(Attachment(body.at.part, np.zeros(3)), body.at.point, axes, circle, has_plane)
-
-
 def planar_face(face: Face, across: Array) -> PlanarBody:
     """A plane as an outline, of which `across` (3,) is the axis."""
     axes = np.column_stack([np.cross(face.normal, across), face.normal, across])
     outline = Outline((Straight((FAR, 0.0), (-FAR, 0.0)),), closed=False)
     return PlanarBody(Attachment(face.at.part, np.zeros(3)), face.at.point, axes, outline)
-
-
-def outline_slots(first: PlanarBody, second: PlanarBody) -> int:
-    """In how many points two outlines can touch: a roller in two of a hollow one, others in up to four."""
-    outlines = [body.outline for body in (first, second) if not _is_circle(body.outline)]
-    if len(outlines) == 2:
-        return MOST_POINTS
-    return 1 if _is_convex(outlines[0]) else 2
-
-
-def _is_circle(outline: Outline) -> bool:
-    return len(outline.pieces) == 1 and isinstance(outline.pieces[0], Round)
-
-
-def _is_convex(outline: Outline) -> bool:
-    turned = sum(piece.last - piece.first for piece in outline.pieces)
-    is_convex = all(piece.last >= piece.first for piece in outline.pieces)
-    return outline.closed and is_convex and abs(turned - 2.0 * math.pi) < SMOOTH * len(outline.pieces)
 
 
 def outline_axes(spec: OutlineSpec) -> Array:

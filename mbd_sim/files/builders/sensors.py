@@ -115,15 +115,14 @@ class _SensorBuilder:
         joint = self._joint(("sensors", name, "joint"), spec.joint)
         if joint is None:
             return None
-        at: PartFrame | None = PartFrame(joint.child, joint.child_pose)
+        at = PartFrame(joint.child, joint.child_pose)
         if spec.at is not None:
             where: Location = ("sensors", name, "at")
-            if (at := self._frame(where, spec.at)) is None:
-                return None
-            if at.part != joint.child:
+            frame = self._frame(where, spec.at)
+            if frame is not None and frame.part != joint.child:
                 message = f"{quoted(spec.at)} is not on the second part of the joint"
                 self._context.report(where, message, f"Name '{joint.child}' or a point of it.")
-                return None
+            at = frame or at
         return records.ForceTorque(name, sampling, _errors(spec.force, spec.torque), joint.name, at)
 
     def _current(self, name: str, spec: schema.CurrentSpec, sampling: Sampling) -> AnySensor | None:

@@ -98,9 +98,9 @@ def contacts_of(
             }
         values.reading.leave_out_at(WAITING.format("planes"), element, key)
     for part, name, surface, element, key in still if shapes else ():
-        for owner, own in _by_part(shapes, surface):
+        for owner, keys in _by_part(shapes, surface):
             wanted = f"{owner}_{part}_{name}".replace(".", "_")
-            record = {"between": [owner, reference(part, name)], **own, "active": False}
+            record = {"between": [owner, reference(part, name)], **keys, "active": False}
             found[unique_name(accepted_names([wanted], "contact")[wanted], found)] = record
         values.reading.leave_out_at(WAITING.format("shapes of static links"), element, key)
     return found

@@ -131,15 +131,13 @@ class Solid:
 class PlanarBody:
     """An outline in the x-y plane of `axes` (3, 3) through `origin` (3,), endless across it; a circle is a roller.
 
-    `at` is the origin of the part, in whose frame these are. Points and balls are circles in any plane, and so have no
-    plane of their own.
+    `at` is the origin of the part, in whose frame these are. What else touches it counts as its shadow in this plane.
     """
 
     at: Attachment
     origin: Array
     axes: Array
     outline: Outline
-    has_plane: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.one_sided_equations import HELD, RELEASED
 from mbd_sim.simulation.contact.centering import centered
+from mbd_sim.simulation.contact.compiled.slip import STOPPED
 from mbd_sim.simulation.contact.complementarity import (
     best_conditioned,
     independent,
@@ -26,7 +27,6 @@ from mbd_sim.simulation.contact.complementarity import (
 )
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
-from mbd_sim.simulation.contact.search import STOPPED
 
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero

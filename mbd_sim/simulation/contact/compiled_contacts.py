@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import ctypes
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.ir.python_kinds import packed
+from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
-from mbd_sim.simulation.contact.compiled import search, step
-from mbd_sim.simulation.contact.compiled.contacts import Contacts
+from mbd_sim.simulation.contact.compiled import step
+from mbd_sim.simulation.contact.compiled.contacts import DECIDE, Contacts
 from mbd_sim.simulation.contact.compiled.library import library
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
+
+Marks: TypeAlias = NDArray[np.int64]
 
 CHANGES = {
     step.CLOSED: ContactChange.CLOSED,
@@ -25,7 +28,10 @@ CHANGES = {
     step.STICKS: ContactChange.STICKS,
     step.SLIDES: ContactChange.SLIDES,
     step.IMPACT: ContactChange.IMPACT,
+    step.BOUND: ContactChange.BOUND,
 }
+
+Decide: TypeAlias = Callable[[float, Marks, Array, Marks, Marks, bool], int]
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,8 @@ class EnergiesAtImpacts:
 class CompiledContacts:
     """The contacts of a mechanism for the compiled functions, with memory for their results.
 
-    Where energies are needed that the kernel does not read alone, only the search for events is compiled.
+    Where energies are needed that the kernel does not read alone, only the search for events is compiled. An exception
+    of functions that compiled code calls is raised when that ends.
     """
 
     def __init__(
@@ -53,8 +60,15 @@ class CompiledContacts:
         rest_speed: float,
         tolerance: float,
         driven: bool,
+        held: Sequence[int],
+        sizes: tuple[int, int],
     ) -> None:
+        """:param held: the components of y that change between steps only.
+
+        :param sizes: the number of inputs, and that of the history behind them in memory.
+        """
         self._model, self._kernel, layout = model, kernel, model.layout
+        self._failures = list[BaseException]()
         self._observable = "elongations" not in kernel.readers  # whether the kernel reads all energies
         self._contacts = Contacts(
             simple=False,
@@ -68,6 +82,14 @@ class CompiledContacts:
             frictions=len(model.frictions),
             guards=model.guard_count,
             pairs=len(model.pairs),
+            decide=0,
+            note=0,
+            **self._bodies(),
+            inputs=sizes[0],
+            history=sizes[1],
+            held_count=len(held),
+            held=np.array(held, dtype=np.int64),
+            slow=model.slow,
             first_mode=model.span.start,
             modes=layout.size,
             first_feature=layout.features.start,
@@ -88,10 +110,62 @@ class CompiledContacts:
         )
         self.observe(False)
 
+    def _bodies(self) -> dict[str, Any]:
+        """The fields of `Contacts` for bodies with slots."""
+        features = self._model.features
+        if features is None:
+            return {
+                "places": 0,
+                "poses": 0,
+                "poses_take_inputs": False,
+                "body_pairs": 0,
+                "bodies": np.zeros(0, dtype=np.int64),
+                "accuracy": 0.0,
+            }
+        self._pairs = features.compiled(self._failures)
+        return {
+            "places": features.places,
+            "poses": self._kernel.reader_address("poses"),
+            "poses_take_inputs": self._kernel.reads_inputs["poses"],
+            "body_pairs": len(self._pairs),
+            "bodies": np.concatenate([packed(pair) for pair, _ in self._pairs]),
+            "accuracy": features.tolerance,
+        }
+
     @cached_property
-    def _results(self) -> tuple[Array, NDArray[np.int64]]:
+    def _results(self) -> tuple[Array, Marks]:
         """Memory of the events and their counts; most members of ensembles never need it."""
-        return np.zeros((step.CAPACITY, step.FIELDS)), self.marks(2)
+        return np.zeros((step.CAPACITY, step.FIELDS)), np.zeros(2, dtype=np.int64)
+
+    def connect(self, decide: Decide, note: Callable[[], None]) -> None:
+        """Say what makes the changes of events that are not simple, and what takes the events."""
+        model = self._model
+
+        def decided(time: float, reached: int, old: int, opening: int, yielding: int, elastic: int) -> int:
+            marks = (
+                _view(ctypes.c_int64, opening, model.layout.gaps),
+                _view(ctypes.c_int64, yielding, len(model.frictions)),
+            )
+            into, modes = (
+                _view(ctypes.c_int64, reached, model.guard_count),
+                _view(ctypes.c_double, old, model.layout.size),
+            )
+            try:
+                return decide(time, into, modes, *marks, bool(elastic))
+            except BaseException as error:  # which must not pass through compiled code
+                self._failures.append(error)
+                return step.NO_SOLUTION
+
+        self._callbacks = prototype(DECIDE.result, DECIDE.arguments)(decided), prototype("None", ())(note)
+        first, second = map(address_of, self._callbacks)
+        self._contacts = replace(self._contacts, decide=first, note=second)
+        self._address = packed(self._contacts).ctypes.data
+
+    @property
+    def for_members(self) -> Marks:
+        """The record for `advance_members`, which leaves steps with events that are not simple."""
+        self._of_member = replace(self._contacts, decide=0, note=0)
+        return packed(self._of_member)
 
     def observe(self, observed: bool) -> None:
         """Say whether energies at impacts have to be known to others."""
@@ -99,75 +173,61 @@ class CompiledContacts:
         energies = self._kernel.reader_address("energies") if needed else 0
         simple = self._observable or not needed
         self._contacts = replace(self._contacts, energies=energies, simple=simple)
-        self.packed = packed(self._contacts)
-        self._address = self.packed.ctypes.data
+        self._address = packed(self._contacts).ctypes.data
 
-    def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> tuple[int, int]:
-        """The number of steps that were taken, and why they have ended: see `step.advance`."""
-        addresses, (events, counts) = (y.ctypes.data, inputs.ctypes.data), self._results
-        results = estimate.ctypes.data, events.ctypes.data, counts.ctypes.data
-        done = library().advance(self._address, *addresses, first, h, n, *results)
-        return done, int(counts[1])
+    def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> bool:
+        """Take n steps; False where the state would not stay finite.
 
-    def switch(
-        self, time: float, y: Array, inputs: Array, old: Array, opening: NDArray[np.int64],
-        yielding: NDArray[np.int64], elastic: bool, reached: NDArray[np.int64],
-    ) -> int:  # fmt: skip
-        """See `step.switch`; y and the modes among the inputs are to be restored where it is not simple."""
+        :raises BaseException: what was raised by functions that compiled code calls.
+        """
         events, counts = self._results
-        counts[0] = 0
-        marks = opening.ctypes.data, yielding.ctypes.data
-        addresses = y.ctypes.data, inputs.ctypes.data, old.ctypes.data
-        results = reached.ctypes.data, events.ctypes.data, counts.ctypes.data
-        return int(library().switch(self._address, time, *addresses, *marks, elastic, *results))
+        addresses = (each.ctypes.data for each in (estimate, events, counts))
+        library().advance(self._address, y.ctypes.data, inputs.ctypes.data, first, h, n, *addresses)
+        self.check()
+        return bool(counts[1] == step.DONE)
 
-    @staticmethod
-    def marks(n: int) -> NDArray[np.int64]:
-        """New marks, all 0."""
-        return np.zeros(n, dtype=np.int64)
+    def renew(self, time: float, y: Array, inputs: Array) -> None:
+        """Find the features of all slots at a state."""
+        library().renew(self._address, time, y.ctypes.data, inputs.ctypes.data)
+        self.check()
 
-    def first_event(
-        self, motion: tuple[Array, Array, float], length: float, first: float | None, left_out: NDArray[np.int64]
-    ) -> tuple[float | None, int]:
-        """The first event of a motion from a state, with its inputs, and a time on; and the guard that it is of, or -1.
+    def end_step(self, time: float, y: Array, inputs: Array) -> None:
+        """After a step: see `compiled.features.pairs.end_step`."""
+        library().end_step(self._address, time, y.ctypes.data, inputs.ctypes.data)
+        self.check()
 
-        See `search.first_event`.
+    @property
+    def held(self) -> Marks:
+        """The components of y that change between steps only."""
+        return np.asarray(self._contacts.held)
 
-        :raises FloatingPointError: the state does not stay finite.
-        """
-        cause, (y, inputs, t) = self.marks(1), motion
-        addresses = y.ctypes.data, inputs.ctypes.data
-        marks = left_out.ctypes.data, cause.ctypes.data
-        given = search.NONE if first is None else first
-        found = library().first_event(self._address, *addresses, t, length, given, *marks)
-        if found == search.DIVERGED:
-            raise FloatingPointError
-        return None if found < 0.0 else found, int(cause[0])
-
-    def stage(self, y: Array, inputs: Array, t: float, length: float, ignored: NDArray[np.int64]) -> tuple[float, bool]:
-        """Change y to the end of the next part of a step; its length, and whether that is an event: see `search.stage`.
-
-        :raises FloatingPointError: the state does not stay finite.
-        """
-        found = np.empty(1)
-        addresses = y.ctypes.data, inputs.ctypes.data
-        status = library().stage(self._address, *addresses, t, length, ignored.ctypes.data, found.ctypes.data)
-        if status < 0:
-            raise FloatingPointError
-        return float(found[0]), status == 1
+    def check(self) -> None:
+        """Raise what was raised by functions that compiled code calls."""
+        if self._failures:
+            error = self._failures[0]
+            self._failures.clear()
+            raise error
 
     def events(self) -> list[ContactEvent | EnergiesAtImpacts]:
-        """What happened in the last call."""
+        """What has happened since they were asked for the last time."""
         found: list[ContactEvent | EnergiesAtImpacts] = []
         model, (events, counts) = self._model, self._results
-        for time, change, index, *numbers in events[: int(counts[0])].tolist():
+        count, counts[0] = int(counts[0]), 0
+        for time, change, index, *numbers in events[:count].tolist():
             if change == step.ENERGIES:
                 found.append(EnergiesAtImpacts(time, *numbers))
+            elif change == step.BOUND:
+                found.append(ContactEvent(time, "contacts", CHANGES[change]))
             else:
                 is_friction = change in (step.STICKS, step.SLIDES)
                 name = model.friction_name(int(index)) if is_friction else model.names[int(index)]
                 found.append(ContactEvent(time, name, CHANGES[change], *numbers))
         return found
+
+
+def _view(kind: Any, at: int, count: int) -> Any:
+    """Numbers in memory as an array."""
+    return np.ctypeslib.as_array((kind * count).from_address(at))
 
 
 def _addresses(model: OneSidedModel, kernel: Kernel) -> dict[str, Any]:
@@ -188,12 +248,14 @@ def _friction(model: OneSidedModel) -> dict[str, Any]:
     components = np.array(model.load_components, dtype=np.int64)
     ends = np.cumsum(components * (1 + model.layout.rows))
     loads = {element: number for number, element in enumerate(model.loaded)}
+    pairs = {element: number for number, element in enumerate(model.pairs)}
 
     def integers(values: Iterable[int]) -> NDArray[np.int64]:
         return np.array([*values], dtype=np.int64)
 
     return {
         "friction_rows": integers(row for rows, _ in model.frictions for row in (*rows, -1)[:2]),
+        "pair_places": integers(pairs.get(element, -1) for element in range(len(model.frictions))),
         "friction_gaps": integers(-1 if gap is None else gap for _, gap in model.frictions),
         "loaded": len(loads),
         "loads_size": int(ends[-1]) if loads else 0,
@@ -216,7 +278,7 @@ def advance_members(
 ) -> list[int]:
     """Take steps of some members in place, without the interpreter's lock; those that are left to others.
 
-    :param contacts: of all members (k, slots), see `CompiledContacts.packed`.
+    :param contacts: of all members (k, slots), see `CompiledContacts.for_members`.
     :param arrays: `y` (k, n), `inputs` (k, m), `estimates` (k,) and `alive` (k,) of all members.
     """
     left = np.zeros(len(members), dtype=np.int64)

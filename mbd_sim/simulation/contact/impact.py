@@ -9,12 +9,13 @@ rebounds. Without restitution there always are some (Anitescu & Potra 1997).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.simulation.contact.compiled.impact import JAMMED
 from mbd_sim.simulation.contact.complementarity import least_solution
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
@@ -97,6 +98,16 @@ def impact(
     impulses = np.zeros(model.layout.rows)
     impulses[chosen] = found
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
+
+
+def is_jammed(model: OneSidedModel, impulses: Array, rates: Array, rows: Sequence[int]) -> bool:
+    """Whether impulses (n,) of some rows, or forces, are so large that they only divide by round-off.
+
+    :param rates: (n,) which they change; of velocities if they are impulses, of accelerations if they are forces.
+    """
+    own = list(rows)
+    fastest = float(np.max(np.abs(rates) / model.speeds[own], initial=0.0))
+    return bool(np.any(np.abs(impulses) > JAMMED * fastest * model.loads[own] / model.units.rate))
 
 
 def tangential_impact(model: OneSidedModel, time: float, y: Array, inputs: Array, touching: Mask) -> Impact | None:

@@ -119,9 +119,8 @@ class OneSidedModel:
         self.slots = np.array([gap.numbers is not None for gap in one_sided.gaps], dtype=bool)
         self.features: FeaturePairs | None = None
         if np.any(self.slots):
-            first, accuracy = self.span.start, tolerance * one_sided.units.length
-            closed, features = (first + part.start for part in (self.layout.closed, self.layout.features))
-            self.features = FeaturePairs(one_sided, closed, features, kernel, part_names, accuracy)
+            features, accuracy = self.span.start + self.layout.features.start, tolerance * one_sided.units.length
+            self.features = FeaturePairs(one_sided, features, kernel, part_names, accuracy)
         self.load_components = functions.load_components
         self._single = [number for number, components in enumerate(self.load_components) if components == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)

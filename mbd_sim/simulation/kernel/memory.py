@@ -170,6 +170,8 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         mechanism.rest_speed,
         tolerance,
         driven,
+        sorted(model.between_steps.held) if model.between_steps is not None else (),
+        (len(model.inputs), model.history_size),
     )
     return OneSidedStepper(
         model.one_sided,
@@ -181,5 +183,4 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         tolerance,
         driven,
         moving_drives,
-        sorted(model.between_steps.held) if model.between_steps is not None else (),
     )

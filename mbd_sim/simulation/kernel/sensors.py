@@ -227,7 +227,11 @@ class SensorModel:
         self.noises: list[Noise] = []
         self.errors: list[MeasurementErrors] = []
         self._layouts = [_Layout(sensor) for sensor in self.sensors]
-        self._functions = [model.on_request.sensor(sensor.name) for sensor in self.sensors]
+        self._steps = np.empty(1, np.int64)  # this and the next are what the readers read
+        self._y, self._inputs = np.empty(len(model.start)), np.empty(len(model.inputs))
+        clock, arrays = (self._steps, np.array([step])), (self._y, self._inputs)
+        functions = [model.on_request.sensor(sensor.name) for sensor in self.sensors]
+        self._readers = [function.bound(clock, arrays, (function.size,)) for function in functions]
         for sensor, timing in zip(self.sensors, self.timings, strict=True):
             counts = [len(quantity.components) for quantity in sensor.quantities]
             noise = Noise(mechanism.sensor_seed, sensor.name, sum(counts), sensor.sampling.drop_out)
@@ -243,8 +247,9 @@ class SensorModel:
 
     def _exact_values(self, number: int, time: float, sample: StateSample) -> Array:
         sensor, model = self.sensors[number], self._model
-        given = model.with_contact_forces(time, sample.y, sample.inputs)
-        exact = self._functions[number].read(time, sample.y, given)
+        self._steps[0], self._y[:] = sample.steps, sample.y
+        self._inputs[:] = model.with_contact_forces(time, sample.y, sample.inputs)
+        exact = self._readers[number]()
         match sensor:
             case ForceTorque():
                 return self._load(sensor, time, sample, exact)

@@ -12,7 +12,7 @@ import numpy as np
 
 from mbd_sim.base.errors import MechanismError, Problem
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, Contact, PlanarBody
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, Contact, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.model.model import Model
 
@@ -48,7 +48,7 @@ def endless_remarks(model: Model) -> Iterator[str]:
 
 def _is_limited(contact: Contact) -> bool:
     first, second = contact.first, contact.second
-    if isinstance(first, PlanarBody):
+    if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
         return True
     if isinstance(first, Barrel):
         return isinstance(second, Barrel | Cam)
@@ -69,23 +69,27 @@ def _trial_states(model: Model) -> Iterator[tuple[float, Array]]:
         yield float(chance.uniform()), y
 
 
-def _planar_problems(
-    model: Model, contact: Contact, bodies: tuple[PlanarBody, PlanarBody], trials: list[dict[str, Pose]]
-) -> Iterator[Problem]:
-    """Those of two outlines: their planes must stay parallel and face the same side; points and balls have no plane."""
+def _planar_problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> Iterator[Problem]:
+    """Those of outlines: the plane must not tilt in the frame of the other body, and outlines face the same side."""
+    bodies = contact.first, contact.second
     ground = {GROUND: Pose(np.zeros(3), np.eye(3))}
-    frames = [[(poses | ground)[body.at.part] for body in bodies] for poses in trials]
-    axes = [[frame.rotation @ body.axes[:, 2] for frame, body in zip(both, bodies, strict=True)] for both in frames]
+    frames = [[(poses | ground)[body.at.part].rotation for body in bodies] for poses in trials]
+    outlines = [(frame, body) for frame, body in zip(zip(*frames, strict=True), bodies, strict=True)
+                if isinstance(body, PlanarBody)]  # fmt: skip
+    start = outlines[0][0][0] @ outlines[0][1].axes[:, 2]
+    axes = [[frame @ (body.axes[:, 2] if isinstance(body, PlanarBody) else first.T @ start)
+             for frame, first, body in zip(both, frames[0], bodies, strict=True)] for both in frames]  # fmt: skip
     names, where = f"'{contact.names[0]}' and '{contact.names[1]}'", ("contacts", contact.name)
     problem = model.mechanism.source.problem
     tilt = max(float(np.linalg.norm(np.cross(both[0], both[1]))) for both in axes)
-    if all(body.has_plane for body in bodies) and tilt > PARALLEL:
+    is_ball = any(isinstance(body, Solid) and len(body.vertices) == 1 for body in bodies)
+    if tilt > PARALLEL and not is_ball:
         yield problem(
             where,
             f"the planes of {names} are or become tilted against each other, so that they are not one planar pair",
             "Let joints hold them parallel, and check 'plane', 'rotate' and the axis of a roller.",
         )
-    elif all(len(body.outline.pieces) > 1 for body in bodies) and axes[0][0] @ axes[0][1] < 0.0:
+    elif len(outlines) == 2 and axes[0][0] @ axes[0][1] < 0.0:
         yield problem(
             where,
             f"one of {names} is seen from behind: the axes of their planes are opposite",
@@ -95,8 +99,8 @@ def _planar_problems(
 
 def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> Iterator[Problem]:
     first, second = contact.first, contact.second
-    if isinstance(first, PlanarBody) and isinstance(second, PlanarBody):
-        yield from _planar_problems(model, contact, (first, second), trials)
+    if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
+        yield from _planar_problems(model, contact, trials)
         return
     placed = [_placed(contact, poses) for poses in trials]
     tilts = [float(np.linalg.norm(np.cross(one, other))) for one, other, _ in placed]
@@ -105,6 +109,12 @@ def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> 
     names = f"'{contact.names[0]}' and '{contact.names[1]}'"
     where, problem = ("contacts", contact.name), model.mechanism.source.problem
     if contact.slots and (max(tilts) > PARALLEL or np.ptp(along) > PARALLEL * radius):
+        if all(isinstance(body, Barrel) and body.length == 0.0 for body in (first, second)):
+            yield problem(
+                where,
+                f"{names} have no thickness, so that they would pass through each other",
+                "Give a cylinder in place of a disc or a ring, or let joints hold their axes parallel.",
+            )
         return
     if isinstance(first, Barrel) and max(tilts) > PARALLEL:
         yield problem(

@@ -73,7 +73,3 @@ class RequestedFunctions:
                 key = None if self._key is None else disk_cache.key("function", self._key, repr(name))
                 self._found[name] = CompiledFunction.of(trace, key)
             return self._found[name]
-
-
-# Instructions up to which the function is compiled, within about 0.3 s, which pay off after some three thousand calls.
-# The time of compilation and the calls grow in proportion.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
@@ -126,10 +127,17 @@ def _may_be_stiff(element: ForceElement) -> bool:
 
 
 def divergence(
-    model: Model, time: float, n: int, step: float, advice: str | None, undefined: UndefinedExpression | None
+    model: Model,
+    time: float,
+    n: int,
+    step: float,
+    advice: str | None,
+    undefined: UndefinedExpression | None,
+    closed: Sequence[str] = (),
 ) -> DivergedError:
     """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s.
 
+    :param closed: the contacts that are closed at this time.
     :param undefined: an expression without a finite value there, see `undefined_expression`.
     """
     head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s."
@@ -140,6 +148,8 @@ def divergence(
     causes = "efforts, stiffnesses, initial values and drives"
     if model.row_names:
         causes += ", and that the loops can follow the motion"
+    if closed:
+        causes += f", and whether these closed contacts leave room for what drives press on them: {', '.join(closed)}"
     return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
 
 

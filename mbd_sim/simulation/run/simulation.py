@@ -172,7 +172,8 @@ class BaseSimulation(PresentState):
                 from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
-                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
+                closed = [name for name, contact in self.contacts().items() if contact.normal > 0.0]
+                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined, closed)
             self._reports.report_contacts()
 
     def advance(self, n: int) -> None:

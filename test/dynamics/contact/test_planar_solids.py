@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.planar_solids import in_plane
@@ -59,3 +60,33 @@ def test_other_bodies_stay_in_space_and_prisms_beside_each_other_never_meet():
     assert in_plane(beside, 1, {"p": 0.0, "q": 0.9}).still == 1
     above = contact_of(ball(0.3), block(1, 1, 1, part="q"))  # may touch the edge from beside
     assert in_plane(above, 1, {"p": 0.0, "q": 0.7}) is above
+
+
+CORNER = """
+mechanism: corner
+parameters: {one: 0, two: 0}
+ground: {points: {rod: [0, one, 0], block: [0, two, 0]}}
+parts:
+  rod: {shape: {type: rod, from: [-0.1, -one, 0], to: [0.1, -one, 0], radius: 0.02, mass: 1}}
+  block: {shape: {type: block, size: [0.2, 0.1, 0.1], at: [0, -two, 0], mass: 1}}
+joints:
+  rod:
+    type: planar
+    between: [ground.rod, rod]
+    axis: [0, -1, 0]
+    x_axis: [1, 0, 0]
+    position: [0.212, 0.3, 0.3]
+    velocity: [0, -2, 0]
+  block: {type: fixed, between: [ground.block, block]}
+contacts: {c: {between: [rod, block], restitution: 0.5}}
+"""
+
+
+def test_where_frames_are_across_the_plane_does_not_count():
+    """A round end strikes a corner: the distance of the frames across the plane is no part of the normal."""
+    offsets = {"one": 0.3, "two": -0.2}
+    sims = [Simulation.from_text(CORNER, parameters=given) for given in ({}, offsets)]
+    for sim in sims:
+        sim.step(120)
+        assert [event.change for event in sim.contact_events] == ["impact"]
+    assert sims[1].state[:6] == pytest.approx(sims[0].state[:6], abs=1e-13)

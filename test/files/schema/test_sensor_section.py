@@ -27,6 +27,9 @@ MISTAKES = {
     "a coordinate of a simple joint": (
         "{type: tachometer, joint: pivot.x}", "one.joint", "'pivot.x' is not a coordinate", "Name one of pivot.",
     ),
+    "a load on another part": (
+        "{type: force_torque, joint: slide, at: rod.tip}", "one.at", "'rod.tip' is not on the second part", "Name 'bob'",
+    ),
     "an unknown key": ("{type: imu, at: rod, rat: 2}", "one.rat", "unknown key 'rat'", "Did you mean 'rate'?"),
     "an unknown error": (
         "{type: imu, at: rod, angular_velocity: {noise: 3}}", "one.angular_velocity.noise", "unknown key 'noise'", "",

@@ -146,7 +146,7 @@ def test_what_is_left_out_is_listed_with_its_line():
         )
     ).source.notes
     assert "links without <inertial>, which have 1 kg and 1 kg·m² in SDF: link[x] (line 2)" in notes
-    assert "<sensor> of links: link[x] (line 2)" in notes
+    assert "untyped sensors, which are not read: link[x] (line 2)" in notes
     assert "<collision> without a shape: link[x] (line 3)" in notes
     assert "<transparency> of <visual>: link[x].visual[v] (line 3)" in notes
     assert "<plugin>: plugin[p] (line 4)" in notes

@@ -31,15 +31,15 @@ def thrown(shapes, parts, height=0.6, turn="{axis: [1, 2, 0.3], angle: 40 deg}",
 def test_bodies_move_as_with_rows_of_their_own(kind):
     """A body that falls, strikes, slides and tips: finds wrong gaps, normals, points and lost features.
 
-    Slip counts as zero below 1e-8 of the natural speed, and so speeds after a stop of slip differ by a few times that: by
-    3e-8 from one method, or step, to another.
+    Slip counts as zero below 1e-8 of the natural speed. Where rows of one kind find the end of a slip a step part
+    earlier than the others, speeds differ by up to 3e-8 afterwards, with any method; with this one both find it alike.
     """
     shapes, slots = SHAPES[kind]
     shared, own = thrown(shapes, "all"), thrown(shapes, "[body]")
     assert [type(contact.first) for contact in shared.contacts] == [Cluster] and shared.contacts[0].slots == slots
     assert not any(isinstance(contact.first, Cluster) for contact in own.contacts)
-    runs = [Simulation(mechanism) for mechanism in (shared, own)]
-    for until, digits in ((0.5, 1e-10), (0.8, 1e-6)):  # rebounds that end a sequence amplify the tolerance of gaps
+    runs = [Simulation(mechanism, method="tsitouras8") for mechanism in (shared, own)]
+    for until, digits in ((0.5, 1e-10), (0.8, 1e-8)):  # rebounds that end a sequence amplify the tolerance of gaps
         for simulation in runs:
             simulation.run(until=until)
         np.testing.assert_allclose(runs[0].state[:13], runs[1].state[:13], rtol=0, atol=digits)

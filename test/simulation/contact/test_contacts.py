@@ -14,7 +14,7 @@ from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.compiled import forces, library, search
 from mbd_sim.simulation.contact.compiled.contacts import Contacts
 from mbd_sim.simulation.contact.compiled.forces import ForceProblem
-from mbd_sim.simulation.contact.compiled.search import TrialPart
+from mbd_sim.simulation.contact.compiled.trial import TrialPart
 from mbd_sim.simulation.contact.problem import NoSolutionError
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.

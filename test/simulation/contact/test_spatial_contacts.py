@@ -8,7 +8,6 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.roots import first_zero
-from mbd_sim.simulation.contact import stepper
 from mbd_sim.simulation.contact.compiled import library
 from mbd_sim.simulation.contact.compiled import step as compiled_step
 from mbd_sim.simulation.contact.records import ContactChange
@@ -114,7 +113,6 @@ def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch, constant, boun
     """The rest of that step may end inside an obstacle or with a wrong direction of friction; the next one corrects it."""
     text = contact_mechanism(seed, "box", 0.8, 0.3)
     dissipated = _dissipated(text)
-    monkeypatch.setattr(stepper, constant, bound)
     monkeypatch.setattr(compiled_step, constant, bound)
     library.library.cache_clear()
     simulation = Simulation.from_text(text)

@@ -68,3 +68,13 @@ contacts: {hit: {between: [a, b]}}
     assert Simulation.from_text(text.replace("HEIGHT", "0")).contacts()["hit"].gap == pytest.approx(0.8)
     with pytest.raises(MechanismError, match=r"never touch: they are 0.3 m apart"):
         Simulation.from_text(text.replace("HEIGHT", "0.3"))
+
+
+def test_two_discs_in_space_are_refused_and_a_disc_and_a_cylinder_are_not():
+    """As two plates are: one coin would pass through another one within a step."""
+    ring = "{type: ring, mass: 1, radius: 0.1}"
+    with pytest.raises(MechanismError, match=r"contacts\.hit: 'a' and 'b' have no thickness.*Give a cylinder"):
+        flight(ring, DISC, [0, 0, 1], [0, 0, -600])
+    simulation = flight(ring, "{type: cylinder, mass: 5, radius: 0.2, length: 1 cm}", [0.01, 0, 1], [0, 0, -600])
+    simulation.step(3)
+    assert simulation.u[2] > 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_kinds import Array, External, Integers
+from mbd_sim.compiler.ir.python_kinds import Array, External, Integers, zeros
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING
 
 ADVANCE = External("int", ("Array", "Array", "int", "float", "int", "Array"))
@@ -13,20 +13,29 @@ READ_INPUTS = External("None", ("Array", "Array"))
 READ_STATE = External("None", ("Array", "Array", "Array"))
 READ = External("None", ("Array", "Array", "Array", "Array"))
 READ_RESPONSE = External("None", ("Array", "Array", "Array", "Array", "Array"))
+DECIDE = External("int", ("float", "Integers", "Array", "Integers", "Integers", "int"))
+NOTE = External("None", ())
 
 
 @dataclass(frozen=True)
 class Contacts:
     """See `mbd_sim.simulation.contact.one_sided_model.OneSidedModel` for most of the numbers.
 
-    Where the contacts are not `simple`, all events are left to the caller of compiled functions.
+    Where the contacts are not `simple`, all events are left to `decide`.
 
-    Addresses: `advance` to the next event, `part_step`, `readings`, `terms`, `response`, `restitution`, `joint_loads`,
-    and `energies`, which is 0 where these need not be known at impacts: where nothing is `driven`, and nobody observes
-    them. States have `size` numbers, the speeds are those from `first_speed` on, and the losses follow `first_loss`.
-    The modes are the inputs from `first_mode` on, and those from their number `first_feature` on are the features of
-    slots. Friction element k has the rows 2 k and 2 k + 1 of `friction_rows`, the second of which is -1 along one
-    direction, and the gap `friction_gaps` k or -1. If it depends on one of the `loaded` joints, that is number
+    Addresses: `advance` to the next event, `part_step`, `readings`, `poses`, `terms`, `response`, `restitution`,
+    `joint_loads`, and `energies`, which is 0 where these need not be known at impacts: where nothing is `driven`, and
+    nobody observes them. `decide` makes the changes of an event that is not simple, and `note` takes the events that
+    have been recorded; where they are 0, such steps are left to others, and events are forgotten.
+
+    The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
+    that have slots are `bodies`, see `features.pairs`; a gap in m counts as zero up to the `accuracy`. There are
+    `inputs`, and behind them `history` numbers of the method. The `held_count` numbers `held` of a state change between
+    steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
+    from `first_speed` on, and the losses follow `first_loss`. The modes are the inputs from `first_mode` on, and those
+    from their number `first_feature` on are the features of slots. Friction element k has the rows 2 k and 2 k + 1 of
+    `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1; along two
+    directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that is number
     `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
     without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
     `singles` have one component and a guard each, after all others.
@@ -36,6 +45,10 @@ class Contacts:
     advance: int
     part_step: int
     readings: int
+    poses: int
+    poses_take_inputs: bool
+    decide: int
+    note: int
     terms: int
     response: int
     restitution: int
@@ -49,6 +62,16 @@ class Contacts:
     frictions: int
     guards: int
     pairs: int
+    places: int
+    body_pairs: int
+    bodies: Integers
+    accuracy: float
+    inputs: int
+    history: int
+    held_count: int
+    held: Integers
+    slow: float
+    pair_places: Integers
     first_mode: int
     modes: int
     first_feature: int
@@ -86,6 +109,25 @@ def read(c: Contacts, t: float, y: Array, inputs: Array, out: Array) -> None:
     """All readings of a state."""
     out[0] = t
     READ(c.readings, out, y, inputs, out[1:])
+
+
+def read_poses(c: Contacts, t: float, y: Array, inputs: Array, out: Array) -> None:
+    """The poses of all parts and of ground, in mechanisms with slots."""
+    time = zeros(1)
+    if c.places == 0:
+        return
+    time[0] = t
+    if c.poses_take_inputs:
+        READ(c.poses, time, y, inputs, out)
+    else:
+        READ_STATE(c.poses, time, y, out)
+    for i in range(12):
+        out[c.places - 12 + i] = 1.0 if i in (3, 7, 11) else 0.0
+
+
+def turning_at(c: Contacts, readings: Array, element: int) -> float:
+    """The rate in 1/s at which friction along two directions may turn its slip."""
+    return readings[1 + c.gaps + 2 * c.rows + c.guards + c.pair_places[element]]
 
 
 def rate_at(c: Contacts, row: int) -> int:

@@ -16,6 +16,7 @@ from mbd_sim.simulation.contact.compiled.forces import ForceProblem, unique_forc
 from mbd_sim.simulation.contact.compiled.linear import null_space, solve
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
+JAMMED = 1e11  # of the natural mass times the approach speed, impulse from which on it divides by round-off
 ELASTIC_REST = 1e-9  # of the natural speed, the approach speed below which even an elastic contact closes
 
 
@@ -41,12 +42,23 @@ def impact(
         found = resting_impulses(c, readings, terms, e, touching, returning, impulses, loss)
     else:
         found = rebound(c, readings, terms, e, touching, elastic, impulses, loss)
-    if not found:
+    if not found or is_jammed(c, readings, touching, impulses):
         return False
     time[0] = t
     READ_RESPONSE(c.response, time, y, inputs, impulses, u_change)
     loss[0] = max(loss[0], 0.0)
     return True
+
+
+def is_jammed(c: Contacts, readings: Array, touching: Integers, impulses: Array) -> bool:
+    """Whether an impulse is so large that it only divides by round-off: a drive presses where nothing can yield."""
+    fastest, largest = 0.0, 0.0
+    for gap in range(c.gaps):
+        if touching[gap]:
+            fastest = max(fastest, abs(readings[rate_at(c, gap)]) / c.row_speeds[gap])
+    for row in range(c.rows):
+        largest = max(largest, abs(impulses[row]) * c.unit_rate / c.row_loads[row])
+    return largest > JAMMED * fastest
 
 
 def slow_of(c: Contacts, e: Array, gap: int) -> float:

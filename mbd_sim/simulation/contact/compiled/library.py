@@ -24,16 +24,47 @@ from mbd_sim.simulation.contact.compiled import (
     members,
     modes,
     search,
+    slip,
     step,
+    trial,
+)
+from mbd_sim.simulation.contact.compiled.features import (
+    normals,
+    outlines,
+    pairs,
+    pieces,
+    polytopes,
+    round_bodies,
+    smooth,
+    vectors,
 )
 
-MODULES: tuple[ModuleType, ...] = candidate_forces, contacts, forces, impact, linear, members, modes, search, step
+MODULES: tuple[ModuleType, ...] = (
+    candidate_forces,
+    contacts,
+    forces,
+    impact,
+    linear,
+    members,
+    modes,
+    normals,
+    outlines,
+    pairs,
+    pieces,
+    polytopes,
+    round_bodies,
+    search,
+    slip,
+    smooth,
+    step,
+    trial,
+    vectors,
+)
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
-    step.switch,
-    search.stage,
-    search.first_event,
+    pairs.end_step,
+    pairs.renew,
     forces.unique_forces,
     forces.residual_of,
     forces.newton,
@@ -47,15 +78,29 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     linear.best_conditioned,
     linear.independent,
     linear.lemke,
+    outlines.outline_distance,
+    outlines.outline_margin,
+    outlines.outline_touching,
+    pieces.depth_of,
+    pieces.lower_bound,
+    pieces.meet_pieces,
+    polytopes.polytope_distance,
+    polytopes.polytope_margin,
+    polytopes.polytope_touching,
+    smooth.smooth_distance,
+    smooth.smooth_margin,
+    smooth.smooth_renew,
+    smooth.smooth_touching,
 )
 
 
 @functools.cache
 def library() -> SimpleNamespace:
-    """The compiled functions; they release the interpreter's lock."""
+    """The compiled functions, which release the interpreter's lock, and their `addresses` by name."""
     code = compile_once([*_contents()], _emitted)
-    names = {one.__name__: prototype(*signature_of(one))(code.address(name_of(one))) for one in EXPORTED}
-    return SimpleNamespace(code=code, **names)
+    addresses = {one.__name__: code.address(name_of(one)) for one in EXPORTED}
+    names = {one.__name__: prototype(*signature_of(one))(addresses[one.__name__]) for one in EXPORTED}
+    return SimpleNamespace(code=code, addresses=addresses, **names)
 
 
 def called(name: str, *arguments: Any) -> Any:

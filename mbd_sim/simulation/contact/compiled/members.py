@@ -6,7 +6,7 @@ from typing import cast
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.contacts import Contacts
-from mbd_sim.simulation.contact.compiled.step import CAPACITY, DONE, FIELDS, FULL, NOT_FINITE, advance
+from mbd_sim.simulation.contact.compiled.step import CAPACITY, DONE, FIELDS, NOT_FINITE, advance
 
 
 def advance_members(
@@ -34,10 +34,7 @@ def advance_members(
             kept[i] = own[i]
         for i in range(inputs_size):
             saved[i] = given[i]
-        done = 0
-        counts[1] = FULL
-        while counts[1] == FULL:
-            done += advance(c, own, given, first + done, h, steps - done, estimates[member:], events, counts)
+        advance(c, own, given, first, h, steps, estimates[member:], events, counts)
         if counts[1] == DONE:
             continue
         for i in range(size):

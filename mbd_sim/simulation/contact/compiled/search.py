@@ -1,98 +1,78 @@
-"""The first event of a motion, in the subset of Python that is compiled: see `mbd_sim.simulation.contact.search`.
+"""The first event of a motion, in the subset of Python that is compiled.
 
-The root finder is that of `mbd_sim.base.roots`.
+The instant at which a value becomes zero within a part of a step is found by a bracketing root finder on the step from
+the state at its start.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.contacts import (
-    PART_STEP,
-    Contacts,
-    guard_at,
-    rate_at,
-    read,
-    readings_size,
-    slides,
+from mbd_sim.compiler.ir.python_kinds import Array, Integers
+from mbd_sim.simulation.contact.compiled.contacts import Contacts, guard_at, rate_at
+from mbd_sim.simulation.contact.compiled.features.pairs import PATH as ALONG
+from mbd_sim.simulation.contact.compiled.features.pairs import (
+    any_closed,
+    beyond_gaps,
+    distance_at,
+    margin_at,
+    may_meet,
+    note,
+    pair_at,
+    path_between,
 )
+from mbd_sim.simulation.contact.compiled.trial import NONE, TrialPart, has_failed, places_at, readings_at
 
 ITERATIONS = 80
 BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
 FALLING = 10.0
-GUARD, GAP, RATE = 0, 1, 2  # what is to become zero: a guard, a gap in its unit, or the rate at which a gap closes
-NONE = -1.0  # in place of the length up to an event
+BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
+NARROWING = 60  # thirds by which the lowest distance within a step is sought
+DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
+# What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
+# says that they meet or that their features change, or the slip of friction along its first direction.
+GUARD, GAP, RATE, APART, CHANGE, FORWARD = 0, 1, 2, 3, 4, 5
 DIVERGED = -2.0
-
-
-@dataclass(frozen=True)
-class TrialPart:
-    """The motion from a state on, for up to a `length` in s.
-
-    `before` are the readings at its start, `end` and `after` the state and the readings after the `length`, and `state`
-    and `out` those after the `latest` other length that was tried. `failed` is 1 if one was not finite.
-    """
-
-    y: Array
-    inputs: Array
-    t: float
-    length: float
-    before: Array
-    end: Array
-    after: Array
-    latest: Array
-    state: Array
-    out: Array
-    failed: Integers
-
-
-def begin(c: Contacts, m: TrialPart) -> None:
-    """Find the readings at both ends."""
-    read(c, m.t, m.y, m.inputs, m.before)
-    m.latest[0] = NONE
-    try_length(c, m, m.length, m.end, m.after)
-
-
-def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array) -> None:
-    """The state and the readings after a length in s."""
-    for i in range(c.size):
-        state[i] = m.y[i]
-    if length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
-        m.failed[0] = 1
-    read(c, m.t + length, state, m.inputs, out)
-
-
-def has_failed(m: TrialPart) -> bool:
-    """Whether a state was not finite."""
-    return m.failed[0] != 0
 
 
 def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) -> float:
     """One of the values of which a zero is sought, after a length in s."""
-    readings = m.out
-    if length in (0.0, m.length):
-        readings = m.before if length == 0.0 else m.after
-    elif length != m.latest[0]:
-        m.latest[0] = length
-        try_length(c, m, length, m.state, m.out)
+    readings = readings_at(c, m, length)
     if what == GUARD:
         return readings[guard_at(c, index)]
     if what == GAP:
         return readings[1 + index] / c.gap_units[index]
-    return -readings[rate_at(c, index)]
+    if what == RATE:
+        return -readings[rate_at(c, index)]
+    if what == FORWARD:
+        return forward(c, m.before, readings, index)
+    pair, places = pair_at(c, index), places_at(c, m, length)
+    if what == APART:
+        return distance_at(pair, places)
+    distance = beyond_gaps(c, pair, m.inputs, places, readings) + m.offset[0]
+    return min(distance, margin_at(c, pair, m.inputs, places) + c.accuracy)
 
 
-def first_zero(c: Contacts, m: TrialPart, what: int, index: int, length: float, tolerance: float) -> float:
-    """Where a value that is negative after a length leaves its positive values before that, to round-off.
+def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
+    """The slip velocity of friction along two directions, times that at the start."""
+    found = 0.0
+    for direction in range(2):
+        row = c.friction_rows[2 * element + direction]
+        found += before[rate_at(c, row)] * readings[rate_at(c, row)]
+    return found
 
-    If it is zero, up to the `tolerance`, or negative at the start, a positive value is sought after it; without one the
-    result is 0: it was not positive from the start.
+
+def first_zero(
+    c: Contacts, m: TrialPart, what: int, index: int, length: float, start: float, end: float, tolerance: float
+) -> float:
+    """Where a value that is negative at the `end` leaves its positive values before that, to round-off.
+
+    If it is zero, up to the `tolerance`, or negative at the `start`, a positive value is sought after it; without one
+    the result is 0: it was not positive from the start.
     """
-    low, f_low, high, f_high = 0.0, value_of(c, m, 0.0, what, index), length, value_of(c, m, length, what, index)
+    low, f_low, high, f_high = 0.0, start, length, end
     if not f_low > tolerance:
         probe = length
         count = 0
@@ -138,14 +118,21 @@ def first_zero(c: Contacts, m: TrialPart, what: int, index: int, length: float, 
 
 def earlier(c: Contacts, m: TrialPart, what: int, index: int, first: float) -> float:
     """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
-    end = m.length if first < 0.0 else first
-    if end == 0.0 or value_of(c, m, end, what, index) >= -c.tolerance:
+    end = m.span[0] if first < 0.0 else first
+    if end == 0.0:
         return first
-    return first_zero(c, m, what, index, end, c.tolerance)
+    last = value_of(c, m, end, what, index)
+    if last >= -c.tolerance:
+        return first
+    return first_zero(c, m, what, index, end, value_of(c, m, 0.0, what, index), last, c.tolerance)
 
 
-def first_of(c: Contacts, m: TrialPart, first: float, left_out: Integers, cause: Integers) -> float:
-    """The length up to the first event of a motion, if it is before the `first` until now: see `first_event`."""
+def first_event(c: Contacts, m: TrialPart, first: float, left_out: Integers, cause: Integers) -> float:
+    """The length up to the first event of a motion, if it is before the `first` until now.
+
+    :param left_out: 1 for guards (guards,) that make no event.
+    :param cause: becomes the guard of it, where it is one; -1 otherwise.
+    """
     cause[0] = -1
     for guard in range(c.guards):
         if m.after[guard_at(c, guard)] < -c.tolerance and not left_out[guard]:
@@ -166,61 +153,79 @@ def may_graze(c: Contacts, m: TrialPart, gap: int) -> bool:
     if not (down < 0.0 and up > 0.0 and m.before[1 + gap] > limit and m.after[1 + gap] >= -limit):
         return False
     nearest = min(m.before[1 + gap], m.after[1 + gap])
-    is_near = nearest <= limit + FALLING * m.length * max(-down, up)
+    is_near = nearest <= limit + FALLING * m.span[0] * max(-down, up)
     return is_near and m.inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap] and not c.slots[gap]
 
 
 def grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
     """Where a gap that turns within the step becomes zero before that, if that is the first event."""
-    lowest = first_zero(c, m, RATE, gap, m.length, 0.0)
+    start, end = -m.before[rate_at(c, gap)], -m.after[rate_at(c, gap)]
+    lowest = first_zero(c, m, RATE, gap, m.span[0], start, end, 0.0)
     if first >= 0.0 and first <= lowest:
         return first if first == 0.0 else earlier(c, m, GAP, gap, first)
     found = earlier(c, m, GAP, gap, lowest)
     return found if found != lowest else first
 
 
-def first_event(
-    c: Contacts, y: Array, inputs: Array, t: float, length: float, first: float, left_out: Integers, cause: Integers
-) -> float:
-    """The length up to the first event of a motion, if it is before the `first` until now.
+def first_change(c: Contacts, m: TrialPart, first: float) -> float:
+    """Where two bodies meet or features change, if that is before the `first` event."""
+    end = m.span[0] if first < 0.0 else first
+    for index in range(c.body_pairs):
+        if end == 0.0:
+            break
+        if may_meet(c, pair_at(c, index), m.inputs, m.places_before, places_at(c, m, end)):
+            found = change_of(c, m, index, end)
+            if found >= 0.0:
+                first, end = found, found
+    return DIVERGED if has_failed(m) else first
 
-    :param left_out: 1 for guards (guards,) that make no event.
-    :param cause: becomes the guard of it, where it is one; -1 otherwise.
+
+def change_of(c: Contacts, m: TrialPart, index: int, end: float) -> float:
+    """Where two bodies meet or their features change, before an end."""
+    pair, closed = pair_at(c, index), any_closed(c, pair_at(c, index), m.inputs)
+    readings, places = readings_at(c, m, end), places_at(c, m, end)
+    last = beyond_gaps(c, pair, m.inputs, places, readings)
+    room = margin_at(c, pair, m.inputs, places)
+    note(pair, places, last)
+    if not math.isfinite(last):
+        m.failed[0] = 1
+        return NONE
+    if last >= 0.0 and room >= -c.accuracy:
+        path = ALONG * path_between(pair, m.places_before, places)
+        return NONE if closed else passed(c, m, index, path, end, last)
+    start = beyond_gaps(c, pair, m.inputs, m.places_before, m.before)
+    m.offset[0] = 0.0
+    if closed or start <= c.accuracy:
+        m.offset[0] = (c.accuracy if closed else DEEPER * c.accuracy) + max(0.0, -start)
+    last = min(last + m.offset[0], room + c.accuracy)
+    if last >= 0.0:
+        return NONE
+    start = min(start + m.offset[0], margin_at(c, pair, m.inputs, m.places_before) + c.accuracy)
+    return first_zero(c, m, CHANGE, index, end, start, last, 0.0)
+
+
+def passed(c: Contacts, m: TrialPart, index: int, path: float, end: float, last: float) -> float:
+    """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it.
+
+    :param path: how far in m they can move against each other in the step.
     """
-    n, readings = c.size, readings_size(c)
-    m = TrialPart(
-        y, inputs, t, length, zeros(readings), zeros(n), zeros(readings), zeros(1), zeros(n), zeros(readings),
-        integers(1),
-    )  # fmt: skip
-    begin(c, m)
-    return first_of(c, m, first, left_out, cause)
-
-
-def stage(c: Contacts, y: Array, inputs: Array, t: float, length: float, ignored: Integers, found: Array) -> int:
-    """Take the next part of a step, while nothing slides along two directions: 1 where it ends with an event, or 0.
-
-    Negative where the state would not stay finite. `found[0]` becomes its length.
-    """
-    n, readings, cause = c.size, readings_size(c), integers(1)
-    m = TrialPart(
-        y, inputs, t, length, zeros(readings), zeros(n), zeros(readings), zeros(1), zeros(n), zeros(readings),
-        integers(1),
-    )  # fmt: skip
-    begin(c, m)
-    if has_failed(m) or any(not math.isfinite(m.after[guard_at(c, k)]) for k in range(c.guards)):
-        return -1
-    first = first_of(c, m, NONE, ignored, cause)
-    found[0] = length if first < 0.0 else first
-    is_end = found[0] == length
-    if not is_end and found[0] != m.latest[0]:
-        try_length(c, m, found[0], m.state, m.out)
-    if has_failed(m):
-        return -1
-    for i in range(n):
-        y[i] = m.end[i] if is_end else m.state[i]
-    return 1 if first >= 0.0 else 0
-
-
-def slides_in_space(c: Contacts, inputs: Array) -> bool:
-    """Whether something slides along two directions."""
-    return any(c.friction_rows[2 * k + 1] >= 0 and slides(c, inputs, k) for k in range(c.frictions))
+    if last >= path:
+        return NONE
+    start, brief = value_of(c, m, 0.0, APART, index), BRIEF * end
+    if start + last >= path or start <= c.accuracy:
+        return NONE
+    if value_of(c, m, brief, APART, index) >= start or value_of(c, m, end - brief, APART, index) >= last:
+        return NONE
+    low, high = 0.0, end
+    for _ in range(NARROWING):
+        one, other = low + (high - low) / 3.0, high - (high - low) / 3.0
+        at_one, at_other = value_of(c, m, one, APART, index), value_of(c, m, other, APART, index)
+        if min(at_one, at_other) < 0.0:
+            if at_one < 0.0:
+                return first_zero(c, m, APART, index, one, start, at_one, 0.0)
+            return first_zero(c, m, APART, index, other, start, at_other, 0.0)
+        if at_one < at_other:
+            high = other
+        else:
+            low = one
+    return NONE

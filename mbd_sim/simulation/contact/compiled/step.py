@@ -5,10 +5,15 @@ Whatever is not simple, such as contacts that share their forces, is left to the
 
 from __future__ import annotations
 
+import math
+
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.candidate_forces import read_terms, terms_size
 from mbd_sim.simulation.contact.compiled.contacts import (
     ADVANCE,
+    DECIDE,
+    NOTE,
+    PART_STEP,
     READ,
     READ_STATE,
     Contacts,
@@ -16,40 +21,45 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     is_sliding,
     rate_at,
     read,
+    read_poses,
     readings_size,
     slides,
 )
+from mbd_sim.simulation.contact.compiled.features.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.impact import impact
 from mbd_sim.simulation.contact.compiled.modes import RESTING, find_modes, is_touching
-from mbd_sim.simulation.contact.compiled.search import slides_in_space, stage
+from mbd_sim.simulation.contact.compiled.search import first_change
+from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
+from mbd_sim.simulation.contact.compiled.trial import NONE, TrialPart
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
 LONGER = 4.0  # than the last part of a step that a next one may be
 BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
-CLOSED, OPENED, STICKS, SLIDES, IMPACT, ENERGIES = 0, 1, 2, 3, 4, 5  # changes
+CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
+CLOSED, OPENED, STICKS, SLIDES, IMPACT, ENERGIES, BOUND = 0, 1, 2, 3, 4, 5, 6  # changes
 # Of an event: its time, the change, the gap or friction element, and of an impact the impulse and the loss. Energies
 # have those before and after an impact instead.
 FIELDS = 5
 CAPACITY = 500  # events
-DONE, HARD, FULL, NOT_FINITE = 0, 1, 2, -1  # why steps have ended
-SAME, CHANGED, NOT_SIMPLE = 0, 1, -1  # what an event has done
+DONE, HARD, NOT_FINITE, UNSOLVED = 0, 1, -1, -2  # why steps have ended
+SAME, CHANGED, NOT_SIMPLE, NO_SOLUTION = 0, 1, -1, -2  # what an event has done
 
 
 def advance(
     c: Contacts, y: Array, inputs: Array, first: int, h: float, steps: int, estimate: Array,
     events: Array, counts: Integers,
 ) -> int:  # fmt: skip
-    """Take steps up to one that is not simple; the number of steps that were taken.
+    """Take steps up to one that cannot be taken here; the number of steps that were taken.
 
     :param events: (`CAPACITY`, `FIELDS`) receives the events.
     :param counts: becomes their number, and why the steps have ended.
     """
-    done, kept, saved = 0, zeros(c.size), zeros(c.modes)
+    done, taken, kept, saved = 0, 0, zeros(c.size), zeros(c.modes)
     counts[0] = 0
     while done < steps:
-        taken = ADVANCE(c.advance, y, inputs, first + done, h, steps - done, estimate)
+        taken = steps_without_event(c, y, inputs, first + done, h, steps - done, estimate)
         if taken < 0:
             counts[1] = NOT_FINITE
             return done
@@ -60,62 +70,141 @@ def advance(
             kept[i] = y[i]
         for i in range(c.modes):
             saved[i] = inputs[c.first_mode + i]
-        before = counts[0]
         counts[1] = step(c, y, inputs, (first + done) * h, (first + done + 1) * h, events, counts)
-        if counts[0] > CAPACITY:
-            counts[1] = FULL if before > 0 else HARD
         if counts[1] != DONE:
-            counts[0] = before
             for i in range(c.size):
                 y[i] = kept[i]
             for i in range(c.modes):
                 inputs[c.first_mode + i] = saved[i]
             return done
         done += 1
+        end_step(c, (first + done) * h, y, inputs)
     counts[1] = DONE
     return done
 
 
+def steps_without_event(c: Contacts, y: Array, inputs: Array, first: int, h: float, steps: int, estimate: Array) -> int:
+    """Take steps up to one with an event, or which may only be taken in parts; their number.
+
+    Negative if the state would not stay finite, of mechanisms without slots.
+    """
+    taken, found, before = 0, 0, zeros(c.size)
+    places, places_after = zeros(c.places), zeros(c.places)
+    if c.body_pairs == 0:
+        return ADVANCE(c.advance, y, inputs, first, h, steps, estimate)
+    read_poses(c, first * h, y, inputs, places)
+    while taken < steps:
+        for i in range(c.size):
+            before[i] = y[i]
+        found = ADVANCE(c.advance, y, inputs, first + taken, h, 1, estimate)
+        if found == 0:
+            return taken
+        read_poses(c, (first + taken + 1) * h, y, inputs, places_after)
+        for k in range(c.held_count):
+            before[c.held[k]] = y[c.held[k]]
+        if found < 0 or (
+            may_change(c, inputs, places, places_after) and changes(c, before, y, inputs, (first + taken) * h, h)
+        ):
+            for i in range(c.size):
+                y[i] = before[i]
+            for i in range(c.history):
+                inputs[c.inputs + i] = 0.0
+            return taken
+        taken += 1
+        end_step(c, (first + taken) * h, y, inputs)
+        for i in range(c.places):
+            places[i] = places_after[i]
+    return taken
+
+
+def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
+    """Whether two bodies may have met, or their features may have changed."""
+    return any(may_meet(c, pair_at(c, index), inputs, before, after) for index in range(c.body_pairs))
+
+
+def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
+    """Whether two bodies meet or features change in a step from a state to another, or this is not known."""
+    n = readings_size(c)
+    m = TrialPart(
+        before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
+        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(1),
+    )  # fmt: skip
+    m.span[0], m.latest[0] = h, NONE
+    read(c, t, before, inputs, m.before)
+    read(c, t + h, y, inputs, m.after)
+    read_poses(c, t, before, inputs, m.places_before)
+    read_poses(c, t + h, y, inputs, m.places_after)
+    return first_change(c, m, NONE) != NONE
+
+
 def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events: Array, counts: Integers) -> int:
-    """Take a step with events; y, modes and `counts` are not restored where it cannot be taken."""
-    t, instants, count, is_ignored = start, 0, 0, False
-    brief = BRIEF * (end - start)
-    ignored, opening, yielding = integers(c.guards), integers(c.gaps), integers(c.frictions)
-    length, old = zeros(1), zeros(c.modes)
+    """Take a step with events; y and modes are not restored where it cannot be taken."""
+    t, instants, creeping, longest, is_ignored = start, 0, 0, math.inf, False
+    brief, count, status, length, result = BRIEF * (end - start), 0, 0, 0.0, 0
+    ignored, opening, yielding, found = integers(c.guards), integers(c.gaps), integers(c.frictions), zeros(2)
     for _ in range(MOST_STAGES):
-        if not c.simple or slides_in_space(c, inputs):
-            return HARD
-        longest = min(end - t, brief) if is_ignored else end - t
-        status = stage(c, y, inputs, t, longest, ignored, length)
+        length = min(end - t, brief) if is_ignored else end - t
+        status = stage(c, y, inputs, t, length, longest, ignored, found)
         if status < 0:
             return NOT_FINITE
-        is_last = length[0] >= end - t
-        t = end if is_last else t + length[0]
-        if length[0] > 0.0 and (status == 1 or is_ignored):
+        length = found[0]
+        longest = math.inf if status == EVENT else LONGER * length
+        is_last = length >= end - t
+        t = end if is_last else t + length
+        creeping += 1 if found[1] > 0.0 else 0
+        if length > 0.0 and (status == EVENT or creeping > CREEPING or is_ignored):
             count = 0
             clear(c.gaps, opening)
             clear(c.frictions, yielding)
-        if status == 1:
+        if status == EVENT or creeping > CREEPING:
+            creeping = 0
             instants += 1
             if instants > 2 * MOST_EVENTS:
-                return HARD
+                break
             count += 1
-            for i in range(c.modes):
-                old[i] = inputs[c.first_mode + i]
-            result = switch(c, t, y, inputs, old, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
-            if result == NOT_SIMPLE:
-                return HARD
+            result = change(c, t, y, inputs, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
+            if result < 0:
+                return HARD if result == NOT_SIMPLE else UNSOLVED
             is_ignored = (count > 1 and result == SAME) or count > MOST_AT_ONCE
             if not is_ignored:
                 clear(c.guards, ignored)
-        elif length[0] > 0.0:
+        elif length > 0.0:
             if is_ignored:
                 brief = LONGER * brief
             is_ignored = False
             clear(c.guards, ignored)
         if is_last:
             return DONE
-    return HARD
+    if c.decide == 0:
+        return HARD
+    record(c, t, BOUND, 0, 0.0, 0.0, events, counts)
+    if t < end and PART_STEP(c.part_step, y, inputs, t, end - t) < 0:
+        return NOT_FINITE
+    return DONE
+
+
+def change(
+    c: Contacts, t: float, y: Array, inputs: Array, opening: Integers, yielding: Integers, elastic: bool,
+    reached: Integers, events: Array, counts: Integers,
+) -> int:  # fmt: skip
+    """Make the changes of an event, see `switch`; those that are not simple are left to others."""
+    old, kept, saved, before = zeros(c.modes), zeros(c.size), zeros(c.modes), counts[0]
+    for i in range(c.modes):
+        old[i] = inputs[c.first_mode + i]
+    renew(c, t, y, inputs)
+    for i in range(c.modes):
+        saved[i] = inputs[c.first_mode + i]
+    for i in range(c.size):
+        kept[i] = y[i]
+    result = switch(c, t, y, inputs, old, opening, yielding, elastic, reached, events, counts)
+    if result != NOT_SIMPLE or c.decide == 0:
+        return result
+    for i in range(c.modes):
+        inputs[c.first_mode + i] = saved[i]
+    for i in range(c.size):
+        y[i] = kept[i]
+    counts[0] = before
+    return DECIDE(c.decide, t, reached, old, opening, yielding, 1 if elastic else 0)
 
 
 def clear(n: int, marks: Integers) -> None:
@@ -207,10 +296,10 @@ def apply(
         after = total_energy(c, t, y, inputs)
         if c.driven:
             y[c.size - 2] += after - before + loss
-        record(t, ENERGIES, 0, before, after, events, counts)
+        record(c, t, ENERGIES, 0, before, after, events, counts)
     for gap in range(c.gaps):
         if impulses[gap] != 0.0:
-            record(t, IMPACT, gap, impulses[gap], loss, events, counts)
+            record(c, t, IMPACT, gap, impulses[gap], loss, events, counts)
 
 
 def total_energy(c: Contacts, t: float, y: Array, inputs: Array) -> float:
@@ -224,12 +313,17 @@ def total_energy(c: Contacts, t: float, y: Array, inputs: Array) -> float:
     return energies[0] + energies[1]
 
 
-def record(t: float, change: int, index: int, impulse: float, loss: float, events: Array, counts: Integers) -> None:
+def record(
+    c: Contacts, t: float, change: int, index: int, impulse: float, loss: float, events: Array, counts: Integers
+) -> None:  # fmt: skip
     """Record an event."""
+    if counts[0] == CAPACITY:
+        if c.note:
+            NOTE(c.note)
+        counts[0] = 0
     first = counts[0] * FIELDS
-    if counts[0] < CAPACITY:
-        events[first], events[first + 1], events[first + 2] = t, change, index
-        events[first + 3], events[first + 4] = impulse, loss
+    events[first], events[first + 1], events[first + 2] = t, change, index
+    events[first + 3], events[first + 4] = impulse, loss
     counts[0] += 1
 
 
@@ -238,7 +332,7 @@ def record_changes(c: Contacts, t: float, old: Array, inputs: Array, events: Arr
     new = inputs[c.first_mode :]
     for gap in range(c.gaps):
         if old[gap] != new[gap]:
-            record(t, CLOSED if new[gap] != 0.0 else OPENED, gap, 0.0, 0.0, events, counts)
+            record(c, t, CLOSED if new[gap] != 0.0 else OPENED, gap, 0.0, 0.0, events, counts)
     for k in range(c.frictions):
         load = c.friction_gaps[k]
         if load >= 0 and new[load] == 0.0:
@@ -251,6 +345,6 @@ def record_changes(c: Contacts, t: float, old: Array, inputs: Array, events: Arr
                 along += old[c.rows + row] * new[c.rows + row]
         stuck = not slid and (load < 0 or old[load] != 0.0)
         if now_slides and (not slid or along < 0.0):
-            record(t, SLIDES, k, 0.0, 0.0, events, counts)
+            record(c, t, SLIDES, k, 0.0, 0.0, events, counts)
         elif not now_slides and (slid or not stuck):
-            record(t, STICKS, k, 0.0, 0.0, events, counts)
+            record(c, t, STICKS, k, 0.0, 0.0, events, counts)

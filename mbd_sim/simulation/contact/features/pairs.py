@@ -1,4 +1,4 @@
-"""The pairs of bodies that touch with changing features: which are near, and when their features change.
+"""The pairs of bodies that touch with changing features, and the narrow phase of each: see `compiled.features.pairs`.
 
 A slot has features only while it is closed, and at the instants of events. Whether two bodies meet is known from the
 distance that their narrow phase gives, so that the motion does not depend on what was looked at before.
@@ -6,14 +6,12 @@ distance that their narrow phase gives, so that the motion does not depend on wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
-from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
@@ -28,19 +26,12 @@ from mbd_sim.mechanism.elements.contacts import (
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.simulation.contact.features.clearances import Clearances
+from mbd_sim.simulation.contact.compiled.features.pairs import KNOWN, MEMORY, FeaturePair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
-from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase
+from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, functions_of
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
-
-PATH = 1.05  # of the straight line, the path of a body in a step
-AT_REST = 1e-6  # of the tolerance, by which the poses of bodies at rest may change in a step
-BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
-NARROWING = 60  # thirds by which the lowest distance within a step is sought
-DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
-BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
 
 
 def narrow_phase(contact: Contact) -> NarrowPhase:
@@ -62,50 +53,69 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
 
 
 @dataclass(frozen=True, eq=False)
-class FeaturePair:
-    """Two bodies, and where their slots are: the indices of their `gaps`, and of their `numbers` among the inputs.
+class SlottedPair:
+    """Two bodies, and where their slots are: their `gaps`, and the first of their `numbers` among the inputs.
 
-    `parts` are the rows of the poses of both.
+    `parts` are the rows of the poses of both. A slot has `size` numbers.
     """
 
     contact: Contact
     phase: NarrowPhase
     gaps: tuple[int, ...]
-    numbers: tuple[slice, ...]
+    numbers: int
+    size: int
     parts: tuple[int, int]
 
+    def poses(self, poses: Array) -> tuple[Pose, Pose]:
+        """The poses of both parts, from those of all; of pairs in a plane, in this plane."""
+        across = _across(self.contact.still)
+        one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in self.parts))
+        return one, other
 
-class PosesInTime(Protocol):
-    """A motion from a state on: what is read of it after a length in s."""
+    def compiled(self, failures: list[BaseException]) -> tuple[FeaturePair, PhaseFunctions]:
+        """The record for compiled code, with its own memory, and the functions that must live as long.
 
-    def poses(self, length: float) -> Array:
-        """The poses of all parts, see `FeaturePairs.poses`."""
-
-    def gaps(self, length: float) -> Array:
-        """The gaps (gaps,) in m of the slots with their present features."""
+        :param failures: receives what functions in Python raise.
+        """
+        functions, memory = functions_of(self.phase, len(self.gaps), self.size, failures), np.zeros(MEMORY)
+        memory[KNOWN] = -np.inf
+        one, other = self.phase.bounds
+        record = FeaturePair(
+            functions.distance,
+            functions.margin,
+            functions.touching,
+            functions.renew,
+            functions.data,
+            self.phase.iterates,
+            self.parts[0],
+            self.parts[1],
+            np.concatenate([one.center, other.center]),
+            np.array([one.radius, other.radius]),
+            _across(self.contact.still),
+            len(self.gaps),
+            np.array(self.gaps, dtype=np.int64),
+            self.numbers,
+            self.size,
+            memory,
+        )
+        return record, functions
 
 
 class FeaturePairs:
     """All pairs of a model with changing features. It holds no state.
 
-    :param closed: the place of the closed gaps among the inputs, and `features` that of the numbers of the slots.
+    :param features: the place of the numbers of the slots among the inputs.
     :param tolerance: the gap in m that counts as zero.
     """
 
     __repr__ = short_repr
 
     def __init__(
-        self,
-        one_sided: OneSidedEquations,
-        closed: int,
-        features: int,
-        kernel: Kernel,
-        part_names: Sequence[str],
-        tolerance: float,
+        self, one_sided: OneSidedEquations, features: int, kernel: Kernel, part_names: Sequence[str], tolerance: float
     ) -> None:
         """:param kernel: which reads the poses of these parts."""
         self._read, self._reads_inputs = kernel.readers["poses"], kernel.reads_inputs["poses"]
-        self._count, self._tolerance, self._closed = len(part_names), tolerance, closed
+        self._count, self.tolerance, self.places = len(part_names), tolerance, 12 * (len(part_names) + 1)
         self._ground = pack_poses(np.zeros((1, 3)), np.eye(3)[None])
         rows = {name: row for row, name in enumerate((*part_names, GROUND))}
         slots: dict[Contact, list[int]] = {}
@@ -113,191 +123,40 @@ class FeaturePairs:
             contact = one_sided.gaps[gap].contact
             assert contact is not None
             slots.setdefault(contact, []).append(gap)
-        self.pairs: list[FeaturePair] = []
+        self.pairs: list[SlottedPair] = []
         first = features
         for contact, gaps in slots.items():
             known = one_sided.gaps[gaps[0]].numbers
             assert known is not None
             size = known.shape[0]  # of a slot, the last of whose numbers is its key
-            numbers = tuple(slice(first + size * k, first + size * (k + 1)) for k in range(len(gaps)))
             parts = rows[contact.first.at.part], rows[contact.second.at.part]
-            self.pairs.append(FeaturePair(contact, narrow_phase(contact), tuple(gaps), numbers, parts))
-            first = numbers[-1].stop
-        self._parts = np.array([pair.parts for pair in self.pairs], dtype=int).reshape(-1, 2)
-        self._bounds = [pair.phase.bounds for pair in self.pairs]
-        self._across = np.array([_across(pair.contact.still) for pair in self.pairs])
+            self.pairs.append(SlottedPair(contact, narrow_phase(contact), tuple(gaps), first, size, parts))
+            first += size * len(gaps)
 
-    def clearances(self) -> Clearances:
-        """Where the distances of one motion are remembered."""
-        return Clearances(self._parts, self._bounds, self._across)
+    def compiled(self, failures: list[BaseException]) -> list[tuple[FeaturePair, PhaseFunctions]]:
+        """See `SlottedPair.compiled`."""
+        return [pair.compiled(failures) for pair in self.pairs]
 
-    def poses(self, time: float, y: int, inputs: int) -> Array:
-        """The poses (parts + 1, 12) of all parts and of ground, from the addresses of a state and of the inputs."""
+    def _poses(self, time: float, y: Array, inputs: Array) -> Array:
+        """The poses (parts + 1, 12) of all parts and of ground."""
         out, moment = np.empty((self._count + 1, 12)), np.array([time])
         given = (y, inputs) if self._reads_inputs else (y,)
-        self._read(moment.ctypes.data, *given, out.ctypes.data)
+        self._read(moment.ctypes.data, *(each.ctypes.data for each in given), out.ctypes.data)
         out[-1:] = self._ground
         return out
 
-    def closed(self, pair: FeaturePair, inputs: Array) -> list[int]:
-        """The slots of a pair that are closed."""
-        return [slot for slot, gap in enumerate(pair.gaps) if inputs[self._closed + gap]]
-
-    def first_change(
-        self, motion: PosesInTime, inputs: Array, known: Clearances, first: float | None, length: float
-    ) -> float | None:
-        """Where two bodies meet or features change, if that is before the `first` event or before a length in s.
-
-        :param known: distances of this motion; those that are computed are added.
-        """
-        end = length if first is None else first
-        for index in self._approaching(motion.poses(0.0), motion.poses(end), inputs, known) if end else ():
-            found = self._change(index, motion, inputs, known, end)
-            if found is not None:
-                first = end = found
-                if not end:
-                    break
-        return first
-
-    def _approaching(self, before: Array, after: Array, inputs: Array, known: Clearances) -> list[int]:
-        """The pairs that may have met on the way from the poses before to those after it: not those at rest."""
-        moves = np.any(np.abs(after - before) > AT_REST * self._tolerance, axis=1)
-        if not np.any(moves):
-            return []
-        path = PATH * known.paths(before, after) + 4.0 * self._tolerance
-        near = known.at_least(before) + known.at_least(after) <= path
-        near |= np.array([bool(self.closed(pair, inputs)) for pair in self.pairs])
-        near &= np.any(moves[self._parts], axis=1)
-        if np.any(near):
-            near &= known.spheres(before) + known.spheres(after) <= path
-        return [int(index) for index in np.flatnonzero(near)]
-
-    def _change(self, index: int, motion: PosesInTime, inputs: Array, known: Clearances, end: float) -> float | None:
-        pair = self.pairs[index]
-        closed = self.closed(pair, inputs)
-        gaps, both = [pair.gaps[slot] for slot in closed], dict[float, tuple[Pose, Pose]]()
-
-        def poses(s: float) -> tuple[Pose, Pose]:
-            if s not in both:
-                both[s] = _poses_of(pair, motion.poses(s))
-            return both[s]
-
-        def distance(s: float) -> float:
-            found = pair.phase.distance(*poses(s))
-            return found - min(0.0, *motion.gaps(s)[gaps].tolist()) if gaps else found
-
-        def margin(s: float) -> float:
-            return min((pair.phase.margin(*poses(s), inputs[pair.numbers[slot]]) for slot in closed), default=np.inf)
-
-        last, room = distance(end), margin(end)
-        known.note(index, motion.poses(end), last)
-        if last >= 0.0 and room >= -self._tolerance:
-            path = PATH * float(known.paths(motion.poses(0.0), motion.poses(end))[index])
-            return None if closed else self._passed(path, distance, end, last)
-        start = distance(0.0)
-        spare = self._tolerance if closed else DEEPER * self._tolerance
-        offset = spare + max(0.0, -start) if closed or start <= self._tolerance else 0.0
-
-        def value(s: float) -> float:
-            return min(distance(s) + offset, margin(s) + self._tolerance)
-
-        if (last := min(last + offset, room + self._tolerance)) >= 0.0:
-            return None
-        return first_zero(value, end, min(start + offset, margin(0.0) + self._tolerance), last, 0.0)
-
-    def _passed(self, path: float, distance: Callable[[float], float], end: float, last: float) -> float | None:
-        """Where bodies meet that are apart at both ends of a step, but turn back or pass each other within it.
-
-        :param path: how far in m they can move against each other in the step.
-        """
-        if last >= path or (start := distance(0.0)) + last >= path or start <= self._tolerance:
-            return None
-        brief = BRIEF * end
-        if distance(brief) >= start or distance(end - brief) >= last:
-            return None
-        low, high = 0.0, end
-        for _ in range(NARROWING):
-            one, other = low + (high - low) / 3.0, high - (high - low) / 3.0
-            values = distance(one), distance(other)
-            if min(values) < 0.0:
-                lowest = one if values[0] < 0.0 else other
-                return first_zero(distance, lowest, start, distance(lowest), 0.0)
-            low, high = (low, other) if values[0] < values[1] else (one, high)
-        return None
-
-    def _overlapping(self, poses: Array) -> list[int]:
-        """The pairs whose spheres overlap."""
-        gaps = self.clearances().spheres(poses)
-        return [int(index) for index in np.flatnonzero(gaps <= 4.0 * self._tolerance)]
-
-    def renew(self, time: float, y: Array, inputs: Array) -> None:
-        """Find the features of all slots at a state; closed slots keep theirs as long as these are where they meet."""
-        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
-        near = self._overlapping(poses)
-        for index, pair in enumerate(self.pairs):
-            if index in near:
-                self._renew(pair, poses, inputs)
-            else:
-                for slot in range(len(pair.gaps)):
-                    self._empty(pair, slot, inputs)
-
-    def _renew(self, pair: FeaturePair, poses: Array, inputs: Array) -> None:
-        both = _poses_of(pair, poses)
-        kept: dict[int, int] = {}
-        for slot in self.closed(pair, inputs):
-            numbers = inputs[pair.numbers[slot]]
-            if pair.phase.margin(*both, numbers) >= -BORDER * self._tolerance:
-                kept[int(numbers[-1])] = slot
-        found = [each for each in pair.phase.touching(*both, self._tolerance) if each.key not in kept]
-        old = {int(inputs[numbers][-1]): slot for slot, numbers in enumerate(pair.numbers)}
-        free = [slot for slot in range(len(pair.gaps)) if slot not in kept.values()]
-        chosen = {old[each.key]: each for each in found if old.get(each.key) in free}
-        free = [slot for slot in free if slot not in chosen]
-        chosen |= dict(zip(free, (each for each in found if each.key not in old), strict=False))
-        for slot in range(len(pair.gaps)):
-            if slot in chosen:
-                if inputs[pair.numbers[slot]][-1] != chosen[slot].key:
-                    self._empty(pair, slot, inputs)
-                inputs[pair.numbers[slot]] = chosen[slot].numbers
-            elif slot not in kept.values():
-                self._empty(pair, slot, inputs)
-
-    def _empty(self, pair: FeaturePair, slot: int, inputs: Array) -> None:
-        inputs[pair.numbers[slot]] = 0.0
-        inputs[self._closed + pair.gaps[slot]] = 0.0
-
-    def end_step(self, time: float, y: Array, inputs: Array) -> None:
-        """After a step: empty the slots that are open, and renew what the rows of the others iterate from."""
-        for pair in self.pairs:
-            closed = self.closed(pair, inputs)
-            for slot, numbers in enumerate(pair.numbers):
-                if slot not in closed:
-                    inputs[numbers] = 0.0
-            if closed and pair.phase.iterates:
-                both = _poses_of(pair, self.poses(time, y.ctypes.data, inputs.ctypes.data))
-                for slot in closed:
-                    inputs[pair.numbers[slot]] = pair.phase.renewed(*both, inputs[pair.numbers[slot]])
-
     def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
         """The distance of the two bodies in m, by the index of each of their gaps."""
-        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
-        found = ((pair, pair.phase.distance(*_poses_of(pair, poses))) for pair in self.pairs)
+        poses = self._poses(time, y, inputs)
+        found = ((pair, pair.phase.distance(*pair.poses(poses))) for pair in self.pairs)
         return {gap: distance for pair, distance in found for gap in pair.gaps}
 
     def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
         """The contacts whose bodies penetrate each other at a state, with the depths in m."""
-        poses = self.poses(time, y.ctypes.data, inputs.ctypes.data)
-        for index in self._overlapping(poses):
-            pair = self.pairs[index]
-            if (depth := -pair.phase.distance(*_poses_of(pair, poses))) > 0.0:
+        poses = self._poses(time, y, inputs)
+        for pair in self.pairs:
+            if (depth := -pair.phase.distance(*pair.poses(poses))) > 0.0:
                 yield pair.contact, depth
-
-
-def _poses_of(pair: FeaturePair, poses: Array) -> tuple[Pose, Pose]:
-    """The poses of both parts; of pairs in a plane, in this plane."""
-    across = _across(pair.contact.still)
-    one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in pair.parts))
-    return one, other
 
 
 def _across(still: int | None) -> Array:

@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.dynamics.constraints.rows import perpendiculars
+from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Curved, EllipsoidBody, Solid
-from mbd_sim.simulation.contact.features.polytopes import cross, dots, turned
-
-TINY = 1e-60
+from mbd_sim.simulation.contact.compiled.features.round_bodies import RoundHull
+from mbd_sim.simulation.contact.features.polytopes import cross, dots
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,8 @@ class RoundBody:
     """A body in the frame of its part; `grams` (n, 3, 3) are the matrices K of its corners (n, 3).
 
     `sides` are pairs of corners, with `directions` (m, 3) and `cosines` (m,); `faces` are plane. It is rounded by a
-    `radius`. `curved` are the corners with a K that is not zero, and `ruled` the sides of cylinders and cones.
+    `radius`. `curved` are the corners with a K that is not zero, and `ruled` the sides of cylinders and cones. `at`
+    (3,) is the point at which the body is attached.
     """
 
     corners: Array
@@ -50,6 +52,7 @@ class RoundBody:
     ruled: NDArray[np.bool_]
     center: Array
     reach: float
+    at: Array
     normals: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -71,7 +74,7 @@ def round_body(body: Curved | Solid) -> RoundBody:
                 (radius**2 * np.outer(axis, axis) for radius, axis in zip(body.radii, body.axes.T, strict=True)),
                 np.zeros((3, 3)),
             )
-            return _body(body.at.point[None], gram[None], (), (), max(body.radii), 0.0)
+            return _body(body.at.point[None], gram[None], (), (), max(body.radii), 0.0, body.at.point)
 
 
 def _polytope(solid: Solid) -> RoundBody:
@@ -84,7 +87,7 @@ def _polytope(solid: Solid) -> RoundBody:
     for one, other in solid.edges:
         line = corners[other] - corners[one]
         sides.append((one, other, line / np.sqrt(dots(line, line)), 0.0))
-    return _body(corners, np.zeros((len(corners), 3, 3)), sides, faces, 0.0, solid.radius)
+    return _body(corners, np.zeros((len(corners), 3, 3)), sides, faces, 0.0, solid.radius, solid.at.point)
 
 
 def _revolved(center: Array, axis: Array, rims: tuple[tuple[float, float], ...]) -> RoundBody:
@@ -98,10 +101,12 @@ def _revolved(center: Array, axis: Array, rims: tuple[tuple[float, float], ...])
     for sign, k in ((-1.0, 0), (1.0, len(rims) - 1)):
         if rims[k][1]:
             faces.append(PlaneFace(sign * axis, corners[k], none, rims[k][1]))
-    return _body(corners, grams, sides, faces, max(radius for _, radius in rims), 0.0)
+    return _body(corners, grams, sides, faces, max(radius for _, radius in rims), 0.0, center)
 
 
-def _body(corners: Array, grams: Array, sides: object, faces: object, spread: float, radius: float) -> RoundBody:
+def _body(
+    corners: Array, grams: Array, sides: object, faces: object, spread: float, radius: float, at: Array
+) -> RoundBody:
     listed = list(sides)  # type: ignore[call-overload]
     curved = np.array([bool(np.any(gram)) for gram in grams])
     pairs = np.array([side[:2] for side in listed], dtype=np.intp).reshape(-1, 2)
@@ -119,60 +124,48 @@ def _body(corners: Array, grams: Array, sides: object, faces: object, spread: fl
         np.array([bool(curved[pair].any()) for pair in pairs], dtype=bool),
         center,
         float(np.sqrt(dots(arms, arms).max())) + spread + radius,
+        at,
     )
 
 
-def times(matrices: Array, vectors: Array) -> Array:
-    """Products (..., 3) of symmetric matrices (..., 3, 3) and vectors (..., 3)."""
-    return np.stack([dots(matrices[..., row, :], vectors) for row in range(3)], axis=-1)
+def hull_of(body: RoundBody) -> RoundHull:
+    """The numbers of a body for compiled code; its rims have points at fixed angles."""
+    rims = np.where(body.curved, np.sqrt(np.trace(body.grams, axis1=1, axis2=2) / 2.0), 0.0)
+    arms = np.zeros((POINTS, 3))
+    if body.curved.any() and len(body.faces):
+        first, second = perpendiculars(body.directions[0] if len(body.directions) else body.faces[-1].normal)
+        angles = np.arange(POINTS) * (2.0 * np.pi / POINTS)
+        arms = np.array([np.cos(angle) * first + np.sin(angle) * second for angle in angles])
+    borders, inward = [], []
+    for face in body.faces:
+        lines = np.roll(face.border, -1, axis=0) - face.border
+        borders.append(face.border)
+        inward.append(cross(face.normal, lines) / np.sqrt(dots(lines, lines))[:, None])
+    return RoundHull(
+        len(body.corners),
+        _numbers(body.corners),
+        _numbers(body.grams),
+        body.curved.astype(np.int64),
+        bool(body.curved.any()),
+        rims,
+        rims if body.faces else body.curved.astype(float),
+        arms.ravel(),
+        len(body.sides),
+        body.sides.astype(np.int64).ravel(),
+        _numbers(body.directions),
+        _numbers(body.cosines),
+        body.ruled.astype(np.int64),
+        len(body.faces),
+        _numbers(body.normals),
+        _numbers([face.center for face in body.faces]),
+        _numbers([face.radius for face in body.faces]),
+        np.cumsum([0, *map(len, borders)]),
+        _numbers([point for border in borders for point in border]),
+        _numbers([direction for each in inward for direction in each]),
+        body.reach,
+        body.at,
+    )
 
 
-class PlacedBody:
-    """A body at a pose, in ground's axes, with positions relative to an `origin` (3,)."""
-
-    def __init__(self, body: RoundBody, pose: Pose, origin: Array) -> None:
-        self.body, self.rotation, self.position = body, pose.rotation, pose.position - origin
-        self.corners = turned(pose.rotation, body.corners) + self.position
-        self.directions = turned(pose.rotation, body.directions)
-        self.normals = turned(pose.rotation, body.normals)
-
-    def offsets(self, corners: NDArray[np.intp], normals: Array) -> Array:
-        """From corners (k,) to their farthest points (k, 3) along normals (k, 3)."""
-        own = turned(self.rotation.T, normals)
-        found = times(self.body.grams[corners], own)
-        size = np.sqrt(dots(own, found) + TINY)
-        return turned(self.rotation, found / size[..., None])
-
-    def bends(self, corners: NDArray[np.intp], normals: Array) -> Array:
-        """The derivatives (k, 3, 3) of the offsets by the normals, in ground's axes."""
-        own = turned(self.rotation.T, normals)
-        grams = self.body.grams[corners]
-        found = times(grams, own)
-        size = np.sqrt(dots(own, found) + TINY)
-        arm = found / size[..., None]
-        inner = (grams - arm[..., :, None] * arm[..., None, :]) / size[..., None, None]
-        half = np.stack([turned(self.rotation, inner[..., row, :]) for row in range(3)], axis=-2)
-        return np.stack([turned(self.rotation, half[..., :, row]) for row in range(3)], axis=-1)
-
-    def heights(self, normals: Array) -> Array:
-        """How far in m all corners (k, corners) reach along normals (k, 3)."""
-        own = turned(self.rotation.T, normals)[:, None]
-        squares = dots(own, times(self.body.grams, own))
-        return np.asarray(dots(self.corners, normals[:, None]) + np.sqrt(squares + TINY))
-
-    def inside(self, face: int, point: Array) -> float:
-        """How far in m a point (3,) is inside the border of a face, seen along its normal."""
-        own, known = turned(self.rotation.T, point - self.position), self.body.faces[face]
-        arm = own - known.center
-        if known.radius:
-            aside = arm - known.normal * dots(arm, known.normal)
-            return known.radius - float(np.sqrt(dots(aside, aside)))
-        lines = np.roll(known.border, -1, axis=0) - known.border
-        inward = cross(known.normal, lines) / np.sqrt(dots(lines, lines))[:, None]
-        return float(dots(own - known.border, inward).min())
-
-    def lead(self, corners: list[int], normal: Array) -> float:
-        """How far in m the first of some corners reaches beyond all others than these along a normal (3,)."""
-        heights = self.heights(normal[None])[0]
-        others = [height for k, height in enumerate(heights.tolist()) if k not in corners]
-        return float(heights[corners[0]]) - max(others, default=-np.inf)
+def _numbers(values: object) -> Array:
+    return np.array(values, dtype=float).ravel()

@@ -7,43 +7,59 @@ import pytest
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose, pack_poses
-from mbd_sim.simulation.contact.features.clearances import Clearances
+from mbd_sim.simulation.contact.compiled.features.pairs import (
+    MEMORY,
+    FeaturePair,
+    at_least,
+    note,
+    path_between,
+    spheres_apart,
+)
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
 from test.simulation.contact.features.solids import block, random_pose, rod
 
 
 def packed(*poses):
-    return pack_poses(np.array([pose.position for pose in poses]), np.array([pose.rotation for pose in poses]))
+    return pack_poses(np.array([pose.position for pose in poses]), np.array([pose.rotation for pose in poses])).ravel()
+
+
+def remembered(bounds, first, second):
+    """A pair of the bodies with these rows of poses; only what bounds its distance."""
+    memory = np.zeros(MEMORY)
+    memory[-1] = -np.inf
+    one, other = bounds
+    centers, radii = np.concatenate([one.center, other.center]), np.array([one.radius, other.radius])
+    return FeaturePair(0, 0, 0, 0, 0, False, first, second, centers, radii, np.ones(3), 0, np.zeros(0), 0, 0, memory)
 
 
 def test_bounds_are_below_the_distances_after_any_motion():
     """Bodies that turn and move, of which the spheres are not around the origins of their parts."""
     pair = PolytopePair(block(0.2, 0.3, 0.1), rod(0.4, 0.03), 2, None)
-    known = Clearances(np.array([[1, 0]]), [pair.bounds], np.ones((1, 3)))
+    known = remembered(pair.bounds, 1, 0)
     chance, near = np.random.default_rng(1), []
-    assert known.at_least(packed(*(random_pose(chance, 1.0) for _ in range(2)))) == -np.inf
+    assert at_least(known, packed(*(random_pose(chance, 1.0) for _ in range(2)))) == -np.inf
     for _ in range(40):
         start = [random_pose(chance, 1.0) for _ in range(2)]
-        known.note(0, packed(*start), pair.distance(start[1], start[0]))
+        note(known, packed(*start), pair.distance(start[1], start[0]))
         moved = []
         for pose in start:
             axis, size = rot.unit(chance.normal(size=3)), chance.uniform(0, 0.3)
             moved.append(Pose(pose.position + size * chance.normal(size=3), rot.about(axis, 3 * size) @ pose.rotation))
-        distance, bound = pair.distance(moved[1], moved[0]), known.at_least(packed(*moved))[0]
+        distance, bound = pair.distance(moved[1], moved[0]), at_least(known, packed(*moved))
         assert bound <= distance + 1e-15
-        assert known.spheres(packed(*moved))[0] <= distance + 1e-15
+        assert spheres_apart(known, packed(*moved)) <= distance + 1e-15
         near.append(distance - bound)
     assert min(near) < 0.2
 
 
 def test_an_infinite_plane_bounds_as_long_as_it_does_not_turn():
-    known = Clearances(np.array([[0, 1]]), [(Bounds(np.zeros(3), 0.1), Bounds(np.zeros(3), np.inf))], np.ones((1, 3)))
+    known = remembered((Bounds(np.zeros(3), 0.1), Bounds(np.zeros(3), np.inf)), 0, 1)
     still = Pose(np.zeros(3), np.eye(3))
     high = Pose(np.array([0.0, 0.0, 1.0]), np.eye(3))
-    known.note(0, packed(high, still), 0.9)
+    note(known, packed(high, still), 0.9)
     lower = Pose(np.array([0.0, 0.0, 0.8]), np.eye(3))
-    assert known.at_least(packed(lower, still)) == pytest.approx(0.7)
+    assert at_least(known, packed(lower, still)) == pytest.approx(0.7)
     tilted = Pose(np.zeros(3), rot.about(np.array([1.0, 0.0, 0.0]), 1e-3))
-    assert known.at_least(packed(lower, tilted)) == -np.inf
-    assert known.paths(packed(lower, still), packed(lower, tilted)) == np.inf
+    assert at_least(known, packed(lower, tilted)) == -np.inf
+    assert path_between(known, packed(lower, still), packed(lower, tilted)) == np.inf

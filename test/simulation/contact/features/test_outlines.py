@@ -72,7 +72,7 @@ def test_a_disc_rests_on_both_edges_of_a_narrow_hollow_and_on_the_ground_of_a_wi
     edges = pair(built([[wide, 0.0], {"to": [-wide, 0.0], "through": [0.0, wide]}, {"to": [wide, 0.0], "through": [0.0, -wide]}]), SLOT)  # fmt: skip
     assert len(edges.touching(at(0.0, 1.0 + math.sqrt(wide**2 - 0.25)), at(0.0, 0.0), TOLERANCE)) == 2
     low = pair(DISC, SLOT).touching(at(0.0, 0.8), at(0.0, 0.0), TOLERANCE)
-    assert len(low) == 1 and low[0].hollow
+    assert len(low) == 1 and low[0].numbers[14] == -1.0  # hollow
 
 
 def test_a_contact_ends_where_its_point_leaves_the_piece():

@@ -2,13 +2,47 @@
 
 import math
 import random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mbd_sim.mechanism.outlines.distances import PlaneMotion, depth, distances, lower_bounds, table_of
+from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.mechanism.outlines.pieces import Outline, Round, polyline
+from mbd_sim.mechanism.outlines.table import POINT, PlaneMotion, table_of
+from mbd_sim.simulation.contact.compiled.features import pieces
+from mbd_sim.simulation.contact.compiled.library import called
+from mbd_sim.simulation.contact.features.outlines import pieces_of
 from test.generators.outlines import built, random_chain
+
+
+def compiled(table):
+    return pieces_of(table, np.zeros(2))
+
+
+def numbers_of(place):
+    return np.array([place.cosine, place.sine, place.x, place.y])
+
+
+def distances(one, other, place, firsts, seconds):
+    """Gaps, margins, normals and points of pairs of pieces."""
+    records, found = [compiled(one), compiled(other)], np.zeros((len(firsts), pieces.MEETING))
+    arrays = [packed(record) for record in records]
+    for row, i, j in zip(found, firsts.tolist(), seconds.tolist(), strict=True):
+        called("meet_pieces", *arrays, numbers_of(place), i, j, row)
+    parts = np.split(found[:, 2:], 3, axis=1)
+    return SimpleNamespace(gaps=found[:, 0], margins=found[:, 1], normals=parts[0], points=parts[1], others=parts[2])
+
+
+def lower_bounds(one, other, place):
+    records, pairs = [compiled(one), compiled(other)], every_pair(one, other).T.tolist()
+    arrays = [packed(record) for record in records]
+    return np.array([called("lower_bound", *arrays, numbers_of(place), *pair) for pair in pairs])
+
+
+def depth(table, x, y):
+    records = compiled(POINT), compiled(table)
+    return called("depth_of", *map(packed, records), x, y)
 
 
 def every_pair(one, other):
@@ -46,7 +80,7 @@ def test_the_least_gap_of_pairs_is_the_distance_of_two_outlines(seed):
     polygons = [polyline(each, 4e-3) for each in outlines]
     expected = nearest_points(place.points(polygons[0]), polygons[1])
     assert np.min(found.gaps[valid]) == pytest.approx(expected, abs=4e-5)  # chords of both
-    bounds = lower_bounds(*tables, place, *(np.arange(len(each)) for each in tables)).ravel()
+    bounds = lower_bounds(*tables, place)
     assert np.all(found.gaps[valid] >= bounds[valid] - 1e-9)
     apart = np.linalg.norm(found.points - found.others, axis=1)
     np.testing.assert_allclose(apart[valid], found.gaps[valid], atol=1e-12)

@@ -1,0 +1,1 @@
+"""Where bodies of finite shapes meet, in the subset of Python that is compiled."""

@@ -1,0 +1,253 @@
+"""Convex bodies that may be round at a pose: see `mbd_sim.simulation.contact.features.round_bodies`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
+from mbd_sim.dynamics.contact.shapes import BULGE, EXACT_TILT, FLAT_TILT, POINTS
+from mbd_sim.simulation.contact.compiled.features.vectors import (
+    add,
+    dot,
+    place,
+    place_back,
+    relative_pose,
+    scale,
+    size_of,
+    subtract,
+    turn,
+    turn_back,
+)
+
+TINY = 1e-60
+FLAT = 1e-6  # sine of the angle below which an edge lies on a face
+CODES = POINTS + 2  # numbers of points of a rim, and of an edge
+CHORD = 0.98  # of the chord of an edge across a disc, the part that carries this
+
+
+@dataclass(frozen=True)
+class RoundHull:
+    """A body in the frame of its part: see `mbd_sim.simulation.contact.features.round_bodies.RoundBody`.
+
+    `curved` corners have `rims` in m; an ellipsoid has 1. `marks` are those rims as the numbers of slots have them. The
+    `arms` (3 `POINTS`,) are unit vectors from the center of a rim to its points. Face k has the corners of its border
+    from number `border_first` k on, with the directions `inward` from its sides, or is a disc with a radius.
+    """
+
+    count: int
+    corners: Array
+    grams: Array
+    curved: Integers
+    is_curved: bool
+    rims: Array
+    marks: Array
+    arms: Array
+    sides: int
+    ends: Integers
+    directions: Array
+    cosines: Array
+    ruled: Integers
+    faces: int
+    normals: Array
+    centers: Array
+    face_radii: Array
+    border_first: Integers
+    borders: Array
+    inward: Array
+    reach: float
+    at: Array
+
+
+@dataclass(frozen=True)
+class PlacedRound:
+    """A body at a pose, in ground's axes; positions are from the origin of the second part."""
+
+    hull: RoundHull
+    pose: Array
+    corners: Array
+    directions: Array
+    normals: Array
+
+
+def put_round(placed: PlacedRound, pose: Array, origin: Array) -> None:
+    """Place a body."""
+    hull = placed.hull
+    relative_pose(pose, origin, placed.pose)
+    for i in range(hull.count):
+        place(placed.pose, hull.corners[3 * i :], placed.corners[3 * i :])
+    for i in range(hull.sides):
+        turn(placed.pose, hull.directions[3 * i :], placed.directions[3 * i :])
+    for i in range(hull.faces):
+        turn(placed.pose, hull.normals[3 * i :], placed.normals[3 * i :])
+
+
+def times(matrix: Array, v: Array, out: Array) -> None:
+    """The product of a symmetric matrix and a vector; `out` is another vector."""
+    for row in range(3):
+        out[row] = dot(matrix[3 * row :], v)
+
+
+def offset(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
+    """From a corner to its farthest point along a normal."""
+    own, arm = zeros(3), zeros(3)
+    turn_back(body.pose, normal, own)
+    times(body.hull.grams[9 * corner :], own, arm)
+    size = math.sqrt(max(dot(own, arm), 0.0) + TINY)
+    for k in range(3):
+        arm[k] = arm[k] / size
+    turn(body.pose, arm, out)
+
+
+def farthest(body: PlacedRound, corner: int, normal: Array, sign: float, out: Array) -> None:
+    """The farthest point of a corner along a normal times `sign`, without rounding."""
+    arm = zeros(3)
+    offset(body, corner, normal, arm)
+    add(body.corners[3 * corner :], sign, arm, out)
+
+
+def add_bend(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
+    """Subtract the derivative (9,) of an offset by the normal, in ground's axes."""
+    own, arm, row_of, half, part = zeros(3), zeros(3), zeros(3), zeros(9), zeros(3)
+    if not body.hull.curved[corner]:
+        return
+    gram = body.hull.grams[9 * corner :]
+    turn_back(body.pose, normal, own)
+    times(gram, own, arm)
+    size = math.sqrt(max(dot(own, arm), 0.0) + TINY)
+    for k in range(3):
+        arm[k] = arm[k] / size
+    for row in range(3):
+        for column in range(3):
+            row_of[column] = (gram[3 * row + column] - arm[row] * arm[column]) / size
+        turn(body.pose, row_of, half[3 * row :])
+    for column in range(3):
+        for row in range(3):
+            row_of[row] = half[3 * row + column]
+        turn(body.pose, row_of, part)
+        for row in range(3):
+            out[3 * row + column] -= part[row]
+
+
+def height(body: PlacedRound, corner: int, normal: Array, sign: float, own: Array) -> float:
+    """How far in m a corner reaches along a normal times `sign`; this normal is `own` in the frame of the part."""
+    arm = zeros(3)
+    if not body.hull.curved[corner]:
+        return sign * dot(body.corners[3 * corner :], normal)
+    times(body.hull.grams[9 * corner :], own, arm)
+    return sign * dot(body.corners[3 * corner :], normal) + math.sqrt(max(dot(own, arm), 0.0) + TINY)
+
+
+def reach(body: PlacedRound, normal: Array, sign: float) -> float:
+    """How far in m a body reaches along a normal times `sign`, without rounding."""
+    own, found = zeros(3), -math.inf
+    turn_back(body.pose, normal, own)
+    for i in range(body.hull.count):
+        found = max(found, height(body, i, normal, sign, own))
+    return found
+
+
+def lead(body: PlacedRound, first: int, second: int, normal: Array, sign: float) -> float:
+    """How far in m a corner reaches beyond all others but a second one along a normal times `sign`."""
+    own, found = zeros(3), -math.inf
+    turn_back(body.pose, normal, own)
+    for i in range(body.hull.count):
+        if i != first and i != second:
+            found = max(found, height(body, i, normal, sign, own))
+    return height(body, first, normal, sign, own) - found
+
+
+def inside(body: PlacedRound, face: int, point: Array) -> float:
+    """How far in m a point is inside the border of a face, seen along its normal."""
+    own, arm, aside, hull, found = zeros(3), zeros(3), zeros(3), body.hull, math.inf
+    place_back(body.pose, point, own)
+    if hull.face_radii[face] > 0.0:
+        subtract(own, hull.centers[3 * face :], arm)
+        add(arm, -dot(arm, hull.normals[3 * face :]), hull.normals[3 * face :], aside)
+        return hull.face_radii[face] - size_of(aside)
+    for k in range(hull.border_first[face], hull.border_first[face + 1]):
+        subtract(own, hull.borders[3 * k :], arm)
+        found = min(found, dot(arm, hull.inward[3 * k :]))
+    return found
+
+
+def middle(body: PlacedRound, face: int, out: Array) -> None:
+    """A point of a face."""
+    place(body.pose, body.hull.centers[3 * face :], out)
+
+
+def tilt(body: PlacedRound, corner: int, normal: Array) -> float:
+    """The sine of the tilt of a rim against a face with a normal; 1 for an ellipsoid."""
+    own, arm = zeros(3), zeros(3)
+    if body.hull.faces == 0:
+        return 1.0
+    turn_back(body.pose, normal, own)
+    times(body.hull.grams[9 * corner :], own, arm)
+    return math.sqrt(max(0.0, dot(own, arm))) / body.hull.rims[corner]
+
+
+def tilted(body: PlacedRound, corner: int, normal: Array) -> float:
+    """In m, negative where a rim lies so flat on a face with this normal that it rests on points; large for others."""
+    if not body.hull.curved[corner]:
+        return math.inf
+    return (tilt(body, corner, normal) - EXACT_TILT) * body.hull.rims[corner]
+
+
+def protrusion(radius: float, square: float) -> float:
+    """See `shapes.protrusion`."""
+    x = square / (FLAT_TILT * FLAT_TILT)
+    return BULGE * radius * square * (1.0 - x) / ((1.0 + x) * (1.0 + x))
+
+
+def point_protrusion(body: PlacedRound, code: int, normal: Array) -> float:
+    """How far in m the point with this number protrudes, if it is one of a rim."""
+    if code % CODES >= POINTS:
+        return 0.0
+    sine = tilt(body, code // CODES, normal)
+    return protrusion(body.hull.rims[code // CODES], sine * sine)
+
+
+def codes(hull: RoundHull) -> int:
+    """The numbers of points that are fixed in a body and can lie on faces."""
+    return CODES * max(hull.count, hull.sides)
+
+
+def lies(one: PlacedRound, other: PlacedRound, face: int, code: int, out: Array) -> bool:
+    """Whether the point with this number lies on a face of another body: one of a rim, or of an edge across a disc."""
+    number, feature = code % CODES, code // CODES
+    if number < POINTS:
+        return one.hull.is_curved and feature < one.hull.count and rim_lies(one, other, face, feature, number, out)
+    return feature < one.hull.sides and edge_lies(one, other, face, feature, number - POINTS, out)
+
+
+def rim_lies(one: PlacedRound, other: PlacedRound, face: int, corner: int, number: int, out: Array) -> bool:
+    """Whether a rim lies flat on a face; `out` becomes one of its points."""
+    normal, arm, own = other.normals[3 * face :], zeros(3), zeros(3)
+    if not one.hull.curved[corner] or tilt(one, corner, normal) > FLAT_TILT:
+        return False
+    if lead(one, corner, -1, normal, -1.0) < 0.0:
+        return False
+    scale(one.hull.rims[corner], one.hull.arms[3 * number :], own)
+    turn(one.pose, own, arm)
+    add(one.corners[3 * corner :], 1.0, arm, out)
+    return True
+
+
+def edge_lies(one: PlacedRound, other: PlacedRound, face: int, side: int, number: int, out: Array) -> bool:
+    """Whether an edge lies across a disc; `out` becomes one of the two points that carry it."""
+    direction, line, center = one.directions[3 * side :], zeros(3), zeros(3)
+    radius = other.hull.face_radii[face]
+    if one.hull.ruled[side] or radius == 0.0 or abs(dot(direction, other.normals[3 * face :])) > FLAT:
+        return False
+    start, stop = one.corners[3 * one.hull.ends[2 * side] :], one.corners[3 * one.hull.ends[2 * side + 1] :]
+    middle(other, face, center)
+    subtract(start, center, line)
+    along = dot(direction, line)
+    chord = radius * radius - dot(line, line) + along * along
+    if not chord > 0.0:
+        return False
+    half = CHORD * math.sqrt(chord)
+    end = -along + (half if number == 1 else -half)
+    subtract(stop, start, line)
+    add(start, end, direction, out)
+    return 0.0 < end < size_of(line)

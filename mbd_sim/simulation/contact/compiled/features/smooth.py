@@ -1,0 +1,487 @@
+"""The narrow phase of two convex bodies of which at least one is round.
+
+The bodies are apart by the largest of the s(n) of `normals`: of the normals of faces, of pairs of sides, and of those
+that are iterated.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS
+from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
+from mbd_sim.simulation.contact.compiled.features.normals import (
+    CORNER_CORNER,
+    CORNER_FACE,
+    CORNER_SIDE,
+    FACE_CORNER,
+    FACE_POINT,
+    FIRST,
+    KEY,
+    KIND,
+    POINT_FACE,
+    SECOND,
+    SIDE_CORNER,
+    SIDE_SIDE,
+    SIGN,
+    STARTS,
+    RoundBodies,
+    iterated_normal,
+    key_at,
+    simple_count,
+    simple_normal,
+    start_direction,
+    support,
+)
+from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, COUNT, SUPPORT, TURNED
+from mbd_sim.simulation.contact.compiled.features.round_bodies import (
+    CODES,
+    PlacedRound,
+    codes,
+    farthest,
+    inside,
+    lead,
+    lies,
+    middle,
+    point_protrusion,
+    put_round,
+    tilt,
+    tilted,
+)
+from mbd_sim.simulation.contact.compiled.features.vectors import (
+    add,
+    copy,
+    cross,
+    distance_of,
+    divide,
+    dot,
+    least_axis,
+    place,
+    place_back,
+    scale,
+    size_of,
+    subtract,
+    turn,
+    turn_back,
+)
+
+HINT = 0.1  # rad by which a normal may turn from its hint
+ROUND_OFF = 1e-6  # of `near`: a distance that is not less is at least the one found first
+# Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet.
+NORMAL, GAP, MARGIN, POINT = 0, 3, 4, 5
+MEETING = 8
+
+
+def smooth_distance(p: RoundBodies, one: Array, other: Array) -> float:
+    """See `NarrowPhase`."""
+    a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
+    b = PlacedRound(
+        p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
+    )
+    put_round(a, one, other)
+    put_round(b, other, other)
+    return smooth_gap(p, a, b)
+
+
+def smooth_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
+    """The distance of both bodies."""
+    key, normal, simple = integers(KEY), zeros(3), simple_count(p)
+    apart = max(simple_gap(p, a, b), starts_gap(p, a, b))
+    if not (apart > ROUND_OFF * p.near or is_on_face(p, a, b, apart)):
+        for index in range(simple, simple + p.count):
+            key_at(p, index, key)
+            iterated_normal(a, b, key, normal, False, normal)
+            apart = max(apart, support(p, a, b, normal))
+    return with_flat_rims(p, a, b, apart)
+
+
+def simple_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
+    """The largest s(n) of faces and of pairs of sides."""
+    key, normal, found = integers(KEY), zeros(3), -math.inf
+    for index in range(simple_count(p)):
+        key_at(p, index, key)
+        if simple_normal(a, b, key, normal):
+            found = max(found, support(p, a, b, normal))
+    return found
+
+
+def starts_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
+    """The largest s(n) of some directions that are fixed in the second part."""
+    direction, normal, found = zeros(3), zeros(3), -math.inf
+    for number in range(STARTS):
+        start_direction(number, direction)
+        turn(b.pose, direction, normal)
+        found = max(found, support(p, a, b, normal))
+    return found
+
+
+def with_flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> float:
+    """The distance where rims that lie nearly flat on a face protrude, from that of the bodies without this.
+
+    Below `EXACT_TILT` the gaps of the points that carry them take its place: a rim is lower between its points.
+    """
+    found = zeros(2)  # the least gap, and whether a rim lies flat
+    found[0] = math.inf
+    if a.hull.faces and a.hull.is_curved and b.hull.faces:
+        flat_rims(p, a, b, POINT_FACE, apart, found)
+    if b.hull.faces and b.hull.is_curved and a.hull.faces:
+        flat_rims(p, a, b, FACE_POINT, apart, found)
+    return found[0] if found[1] > 0.0 else min(apart, found[0])
+
+
+def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: float, found: Array) -> None:
+    """Note the gaps of points of rims that lie on faces of the other body."""
+    sign, body, other = 1.0, a, b
+    key, normal, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
+    if kind == FACE_POINT:
+        sign, body, other = -1.0, b, a
+    key[KIND], key[SIGN] = kind, 0
+    for face in range(other.hull.faces):
+        scale(sign, other.normals[3 * face :], normal)
+        if support(p, a, b, normal) < apart - FLAT_TILT * body.hull.reach:
+            continue
+        for code in range(codes(body.hull)):
+            if code % CODES < POINTS and lies(body, other, face, code, at) and inside(other, face, at) >= 0.0:
+                key[FIRST], key[SECOND] = code, face
+                if kind == FACE_POINT:
+                    key[FIRST], key[SECOND] = face, code
+                meet(p, a, b, key, normal, at, meeting)
+                found[0] = min(found[0], meeting[GAP])
+                if tilt(body, code // CODES, normal) < EXACT_TILT:
+                    found[1] = 1.0
+        if found[1] > 0.0:
+            beneath(p, a, b, kind, other.normals[3 * face :], found)
+
+
+def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: Array, found: Array) -> None:
+    """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
+    sign, body, other, face = 1.0, a, b, 0
+    key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
+    if kind == FACE_POINT:
+        sign, body, other = -1.0, b, a
+    for k in range(body.hull.faces):
+        if dot(body.normals[3 * k :], normal) < dot(body.normals[3 * face :], normal):
+            face = k
+    scale(-sign, body.normals[3 * face :], outward)
+    for code in range(codes(other.hull)):
+        if code % CODES >= POINTS and lies(other, body, face, code, at):
+            key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
+            if kind == FACE_POINT:
+                key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
+            meet(p, a, b, key, outward, at, meeting)
+            found[0] = min(found[0], meeting[GAP])
+    for corner in range(other.hull.count):
+        if not other.hull.curved[corner]:
+            key[KIND], key[FIRST], key[SECOND] = FACE_CORNER, face, corner
+            if kind == FACE_POINT:
+                key[KIND], key[FIRST], key[SECOND] = CORNER_FACE, corner, face
+            meet(p, a, b, key, outward, at, meeting)
+            if meeting[MARGIN] >= 0.0:
+                found[0] = min(found[0], meeting[GAP])
+
+
+def is_on_face(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> bool:
+    """Whether a corner is within the border of a face that it touches, up to round-off."""
+    key, normal, meeting = integers(KEY), zeros(3), zeros(MEETING)
+    if abs(apart) > ROUND_OFF * p.near:
+        return False
+    for index in range(a.hull.faces + b.hull.faces):
+        key_at(p, index, key)
+        simple_normal(a, b, key, normal)
+        count = a.hull.count if key[KIND] == CORNER_FACE else b.hull.count
+        for corner in range(count):
+            key[SECOND if key[KIND] == FACE_CORNER else FIRST] = corner
+            meet(p, a, b, key, normal, normal, meeting)
+            if meeting[MARGIN] >= 0.0 and meeting[GAP] <= apart:
+                return True
+    return False
+
+
+def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, slots: Array) -> int:
+    """See `NarrowPhase`."""
+    a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
+    b = PlacedRound(
+        p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
+    )
+    key, normal, count, simple = integers(KEY), zeros(3), integers(1), simple_count(p)
+    normals, points = zeros(3 * p.count), zeros(3 * p.slots)
+    put_round(a, one, other)
+    put_round(b, other, other)
+    apart = simple_gap(p, a, b)
+    for k in range(p.count):
+        key_at(p, simple + k, key)
+        iterated_normal(a, b, key, normal, False, normals[3 * k :])
+        apart = max(apart, support(p, a, b, normals[3 * k :]))
+    bottom = min(with_flat_rims(p, a, b, apart), 0.0) - SUPPORT * tolerance
+    for index in range(simple + p.count):
+        key_at(p, index, key)
+        if index >= simple:
+            copy(normals[3 * (index - simple) :], normal)
+        elif not simple_normal(a, b, key, normal):
+            continue
+        is_face = key[KIND] in (CORNER_FACE, FACE_CORNER)
+        if support(p, a, b, normal) < bottom - (FLAT_TILT * p.reach if is_face else 0.0):
+            continue
+        if is_face:
+            consider_face(p, a, b, key, normal, bottom, tolerance, slots, points, count)
+        else:
+            consider(p, a, b, key, normal, normal, bottom, tolerance, slots, points, count)
+    return count[0]
+
+
+def consider_face(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, bottom: float, top: float,
+    slots: Array, points: Array, count: Integers,
+) -> None:  # fmt: skip
+    """Write the slots of all that touches at a face: corners, and points that are fixed in what lies on it."""
+    body, other, at, own = a, b, zeros(3), FIRST
+    face, kind = key[SECOND], POINT_FACE
+    if key[KIND] == FACE_CORNER:
+        body, other, own = b, a, SECOND
+        face, kind = key[FIRST], FACE_POINT
+    for corner in range(body.hull.count):
+        key[own] = corner
+        consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
+    key[KIND] = kind
+    for code in range(codes(body.hull)):
+        if lies(body, other, face, code, at):
+            key[own] = code
+            consider(p, a, b, key, normal, at, bottom, top, slots, points, count)
+
+
+def consider(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, at: Array, bottom: float, top: float,
+    slots: Array, points: Array, count: Integers,
+) -> None:  # fmt: skip
+    """Write the slot of two features that meet, unless a point has been found at this place or no slot is left."""
+    meeting = zeros(MEETING)
+    meet(p, a, b, key, normal, at, meeting)
+    if count[0] == p.slots or not (bottom <= meeting[GAP] <= top and meeting[MARGIN] >= -BORDER * top):
+        return
+    for k in range(count[0]):
+        if distance_of(meeting[POINT:], points[3 * k :]) <= p.near:
+            return
+    copy(meeting[POINT:], points[3 * count[0] :])
+    write_slot(a, b, key, meeting, slots[SMOOTH_SIZE * count[0] :])
+    count[0] += 1
+
+
+def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, at: Array, out: Array) -> None:
+    """Two features with a normal: points of sides and of faces are those of the other feature's corner.
+
+    :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies.
+    """
+    kind, i, j = key[KIND], key[FIRST], key[SECOND]
+    copy(normal, out[NORMAL:])
+    if kind == POINT_FACE:
+        meet_fixed(p, a, i, b, j, 1.0, at, out)
+    elif kind == FACE_POINT:
+        meet_fixed(p, b, j, a, i, -1.0, at, out)
+    elif kind == CORNER_FACE:
+        meet_face(p, a, i, b, j, 1.0, out)
+    elif kind == FACE_CORNER:
+        meet_face(p, b, j, a, i, -1.0, out)
+    else:
+        meet_round(p, a, b, kind, i, j, out)
+
+
+def meet_fixed(
+    p: RoundBodies, body: PlacedRound, code: int, other: PlacedRound, face: int, sign: float, at: Array, out: Array
+) -> None:
+    """A point that is fixed in a body, on a face of the other; the normal times `sign` is that of the face."""
+    base, line = zeros(3), zeros(3)
+    middle(other, face, base)
+    subtract(at, base, line)
+    out[GAP] = sign * dot(out[NORMAL:], line) - p.radius - point_protrusion(body, code, out[NORMAL:])
+    out[MARGIN] = inside(other, face, at)
+    copy(at, out[POINT:])
+
+
+def meet_face(
+    p: RoundBodies, body: PlacedRound, corner: int, other: PlacedRound, face: int, sign: float, out: Array
+) -> None:
+    """A corner of a body on a face of the other; the normal times `sign` is that of the face."""
+    base, line, normal = zeros(3), zeros(3), out[NORMAL:]
+    farthest(body, corner, normal, -sign, out[POINT:])
+    middle(other, face, base)
+    subtract(out[POINT:], base, line)
+    out[GAP] = sign * dot(normal, line) - p.radius
+    out[MARGIN] = min(inside(other, face, out[POINT:]), tilted(body, corner, normal))
+
+
+def meet_round(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, i: int, j: int, out: Array) -> None:
+    """Two sides, a side and a corner, or two corners."""
+    at, other, line, normal = zeros(3), zeros(3), zeros(3), out[NORMAL:]
+    first_side, second_side = kind in (SIDE_SIDE, SIDE_CORNER), kind in (SIDE_SIDE, CORNER_SIDE)
+    farthest(a, a.hull.ends[2 * i] if first_side else i, normal, -1.0, at)
+    farthest(b, b.hull.ends[2 * j] if second_side else j, normal, 1.0, other)
+    subtract(at, other, line)
+    out[GAP] = dot(normal, line) - p.radius
+    copy(at, out[POINT:])
+    if kind == SIDE_CORNER:
+        copy(other, out[POINT:])
+    if kind == SIDE_SIDE:
+        crossing(a, i, b, j, normal, at, other, out[POINT:])
+    out[MARGIN] = min(
+        own_margin(a, i, first_side, normal, -1.0, out[POINT:]),
+        own_margin(b, j, second_side, normal, 1.0, out[POINT:]),
+    )
+
+
+def own_margin(body: PlacedRound, feature: int, is_side: bool, normal: Array, sign: float, point: Array) -> float:
+    """How far in m a side or a corner of a body is from where others take its place."""
+    start, stop = zeros(3), zeros(3)
+    if not is_side:
+        return lead(body, feature, -1, normal, sign)
+    first, second = body.hull.ends[2 * feature], body.hull.ends[2 * feature + 1]
+    farthest(body, first, normal, sign, start)
+    farthest(body, second, normal, sign, stop)
+    subtract(stop, start, stop)
+    length = size_of(stop)
+    subtract(point, start, start)
+    along = dot(start, stop) / length
+    return min(min(along, length - along), lead(body, first, second, normal, sign))
+
+
+def ruling(body: PlacedRound, side: int, normal: Array, sign: float, out: Array) -> None:
+    """The direction of the line of a side that reaches farthest along a normal times `sign`."""
+    start, stop = zeros(3), zeros(3)
+    farthest(body, body.hull.ends[2 * side], normal, sign, start)
+    farthest(body, body.hull.ends[2 * side + 1], normal, sign, stop)
+    subtract(stop, start, out)
+    divide(out, size_of(out))
+
+
+def crossing(
+    a: PlacedRound, i: int, b: PlacedRound, j: int, normal: Array, at: Array, other: Array, out: Array
+) -> None:
+    """The point of the first of two sides where both cross, seen along their normal."""
+    one, two, apart = zeros(3), zeros(3), zeros(3)
+    ruling(a, i, normal, -1.0, one)
+    ruling(b, j, normal, 1.0, two)
+    subtract(at, other, apart)
+    cosine = dot(one, two)
+    along = (cosine * dot(two, apart) - dot(one, apart)) / (1.0 - cosine * cosine)
+    add(at, along, one, out)
+
+
+def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array) -> float:
+    """See `NarrowPhase`."""
+    a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
+    b = PlacedRound(
+        p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
+    )
+    key, normal, at, own = integers(KEY), zeros(3), zeros(3), zeros(3)
+    meeting, side, stored = zeros(MEETING), zeros(3), zeros(3)
+    put_round(a, one, other)
+    put_round(b, other, other)
+    decode(int(numbers[SMOOTH_SIZE - 1]), key)
+    stored_normal(a, b, key, numbers, normal)
+    if key[KIND] == POINT_FACE:
+        add(numbers, 1.0, p.first.at, own)
+        place(a.pose, own, at)
+    if key[KIND] == FACE_POINT:
+        add(numbers[3:], 1.0, p.second.at, own)
+        place(b.pose, own, at)
+    meet(p, a, b, key, normal, at, meeting)
+    turn(b.pose, numbers[25:], stored)
+    cross(stored, normal, side)
+    margin = min(meeting[MARGIN], size_of(side) - TURNED)
+    if is_iterated(key[KIND]):
+        turn(b.pose, numbers[22:], stored)
+        margin = min(margin, HINT - distance_of(normal, stored))
+    return margin
+
+
+def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> None:
+    """See `NarrowPhase`."""
+    a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
+    b = PlacedRound(
+        p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
+    )
+    key, normal = integers(KEY), zeros(3)
+    decode(int(numbers[SMOOTH_SIZE - 1]), key)
+    if is_iterated(key[KIND]):
+        put_round(a, one, other)
+        put_round(b, other, other)
+        stored_normal(a, b, key, numbers, normal)
+        turn_back(b.pose, normal, numbers[22:])
+
+
+def is_iterated(kind: int) -> bool:
+    """Whether the normal of a kind of pairs is iterated."""
+    return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER)
+
+
+def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
+    """The normal of a pair of features, from the hint among the numbers of its slot."""
+    start = zeros(3)
+    if is_iterated(key[KIND]):
+        turn(b.pose, numbers[22:], start)
+        iterated_normal(a, b, key, start, True, out)
+    else:
+        simple_normal(a, b, key, out)
+
+
+def encoded(key: Integers) -> int:
+    """A pair of features as one number."""
+    return 1 + ((key[KIND] * COUNT + key[FIRST]) * COUNT + key[SECOND]) * 2 + (1 if key[SIGN] > 0 else 0)
+
+
+def decode(number: int, key: Integers) -> None:
+    """The pair of features with this number."""
+    rest = number - 1
+    key[KIND] = rest // (2 * COUNT * COUNT)
+    key[FIRST], key[SECOND] = rest // (2 * COUNT) % COUNT, rest // 2 % COUNT
+    key[SIGN] = 2 * (rest % 2) - 1 if key[KIND] == SIDE_SIDE else 0
+
+
+def write_slot(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
+    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows.SmoothFeatures`."""
+    kind, own, mode = key[KIND], zeros(3), ITERATED
+    for k in range(SMOOTH_SIZE):
+        slot[k] = 0.0
+    write_body(
+        a, 0, key[FIRST], kind in (SIDE_SIDE, SIDE_CORNER), kind in (FACE_CORNER, FACE_POINT), kind, meeting, slot
+    )
+    write_body(
+        b, 1, key[SECOND], kind in (SIDE_SIDE, CORNER_SIDE), kind in (CORNER_FACE, POINT_FACE), kind, meeting, slot
+    )
+    if kind in (CORNER_FACE, POINT_FACE):
+        mode = FIXED_SECOND
+    elif kind in (FACE_CORNER, FACE_POINT):
+        mode = FIXED_FIRST
+    elif kind == SIDE_SIDE:
+        mode = TWO_SIDES
+    slot[16 + mode] = 1.0
+    slot[20] = key[SIGN]
+    slot[21] = 1.0 if kind in (FACE_CORNER, FACE_POINT, SIDE_CORNER) else 0.0
+    turn_back(b.pose, meeting[NORMAL:], own)
+    copy(own, slot[22:])
+    least_axis(own, slot[25:])
+    if mode == FIXED_FIRST:
+        turn_back(a.pose, meeting[NORMAL:], slot[22:])
+    slot[SMOOTH_SIZE - 1] = encoded(key)
+
+
+def write_body(
+    body: PlacedRound, own: int, feature: int, is_side: bool, is_face: bool, kind: int, meeting: Array, slot: Array
+) -> None:
+    """The numbers of a slot that belong to one of the bodies: its corner, rim, direction, cosine and flat rim."""
+    hull, is_point = body.hull, kind in (POINT_FACE, FACE_POINT) and not is_face
+    corner, at = feature, zeros(3)
+    if is_side:
+        corner = hull.ends[2 * feature]
+        copy(hull.directions[3 * feature :], slot[6 + 3 * own :])
+        slot[14 + own] = hull.cosines[feature]
+    if is_point:
+        place_back(body.pose, meeting[POINT:], at)
+        if feature % CODES < POINTS:
+            slot[28 + own] = hull.rims[feature // CODES]
+    elif is_face:
+        copy(hull.centers[3 * feature :], at)
+    else:
+        copy(hull.corners[3 * corner :], at)
+        slot[12 + own] = hull.marks[corner]
+    subtract(at, hull.at, slot[3 * own :])

@@ -1,0 +1,116 @@
+"""The scenes of `body_scenes`, described otherwise: their coordinates and speeds have the same values in any of these."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from mbd_sim.base.geometry import rotation as rot
+
+GRAVITY = [0.0, 0.0, -9.81]
+CYCLE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # x to y, y to z, z to x
+
+
+def random_turn(rng: np.random.Generator) -> np.ndarray:
+    """Any rotation (3, 3)."""
+    turn = rng.normal(size=4)
+    return rot.from_quaternion(turn / np.linalg.norm(turn))
+
+
+def turned_world(data: dict, turn: np.ndarray, shift: np.ndarray) -> dict:
+    """Everything that is fixed to ground, and gravity, turned and then shifted."""
+    data = copy.deepcopy(data)
+    data["gravity"] = (turn @ data.get("gravity", GRAVITY)).tolist()
+    points = data.setdefault("ground", {}).setdefault("points", {})
+    points |= {name: _frame(shift + turn @ np.array(at), turn) for name, at in points.items()}
+    points["world"] = _frame(shift, turn)
+    for joint in data["joints"].values():
+        joint["between"] = ["ground.world" if name == "ground" else name for name in joint["between"]]
+    for contact in data["contacts"].values():
+        if contact.get("plane") == "ground":
+            contact["plane"] = "ground.world"
+    return data
+
+
+def other_frames(data: dict, rng: np.random.Generator, turns: bool = True) -> dict:
+    """Each part in a frame of its own, turned if `turns` and shifted against the one before."""
+    data = copy.deepcopy(data)
+    for part in data["parts"].values():
+        turn, shift = random_turn(rng) if turns else np.eye(3), rng.normal(size=3) * 0.1
+        part["points"] = {
+            name: _frame(shift + turn @ np.array(at), turn) for name, at in part.get("points", {}).items()
+        }
+        part["points"]["own"] = _frame(shift, turn)
+        if "inertia" in part:
+            matrix = turn @ np.diag(part["inertia"]) @ turn.T
+            part["inertia"] = {"xyz"[i] + "xyz"[j]: float(matrix[i, j]) for i in range(3) for j in range(i, 3)}
+            part["center"] = shift.tolist()
+        shape = part["shape"]
+        if shape["type"] == "rod":
+            shape |= {key: (shift + turn @ np.array(shape.get(key, [0, 0, 0]))).tolist() for key in ("from", "to")}
+        else:
+            at = _frame(shift + turn @ np.array(shape.get("at", [0, 0, 0])), turn)
+            shape |= at
+    for joint in data["joints"].values():
+        joint["between"] = [f"{name}.own" if name in data["parts"] else name for name in joint["between"]]
+    return data
+
+
+def reversed_order(data: dict) -> dict:
+    """Parts, contacts and what they name in the reverse order; joints, whose coordinates are compared, as they are."""
+    data = copy.deepcopy(data)
+    for section in ("parts", "contacts"):
+        data[section] = dict(reversed(data[section].items()))
+    for contact in data["contacts"].values():
+        for key in ("parts", "among", "between"):
+            if key in contact:
+                contact[key] = contact[key][::-1]
+    return data
+
+
+def welded(data: dict) -> dict:
+    """Each part without mass, welded to another part that has its mass."""
+    data = copy.deepcopy(data)
+    for name in list(data["parts"]):
+        part = data["parts"][name]
+        carrier = {key: part.pop(key) for key in ("mass", "inertia", "center") if key in part}
+        if not carrier:
+            carrier["shape"] = copy.deepcopy(part["shape"])
+        part["shape"]["mass"] = 0
+        data["parts"][f"{name}_mass"] = carrier
+        data["joints"][f"{name}_weld"] = {"type": "fixed", "between": [name, f"{name}_mass"]}
+    return data
+
+
+def mirrored(data: dict) -> dict:
+    """A plane scene of falling bodies seen from behind: x and angles have the opposite sign."""
+    data = copy.deepcopy(data)
+    for part in data["parts"].values():
+        part["shape"] = _mirrored_shape(part["shape"])
+    for joint in data["joints"].values():
+        for key in ("position", "velocity"):
+            if key in joint:
+                joint[key] = [-joint[key][0], joint[key][1], -joint[key][2]]
+    return data
+
+
+def _mirrored_shape(shape: dict) -> dict:
+    if shape["type"] == "hull":
+        return shape | {"points": [[-x, y, z] for x, y, z in shape["points"]]}
+    if shape["type"] == "rod":
+        return shape | {key: [-shape[key][0], *shape[key][1:]] for key in ("from", "to")}
+    if shape["type"] == "outline":
+        return shape | {"points": [_mirrored_stroke(stroke) for stroke in shape["points"]]}
+    return shape
+
+
+def _mirrored_stroke(stroke: list | dict) -> list | dict:
+    if isinstance(stroke, list):
+        return [-stroke[0], stroke[1]]
+    found = stroke | {key: _mirrored_stroke(stroke[key]) for key in ("to", "through", "center") if key in stroke}
+    return found | ({"radius": -stroke["radius"]} if "radius" in stroke else {})
+
+
+def _frame(at: np.ndarray, turn: np.ndarray) -> dict:
+    return {"at": at.tolist(), "rotate": {"quaternion": rot.to_quaternion(turn).tolist()}}
