@@ -6,7 +6,6 @@ import ctypes
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import TypeVar
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
 from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.short_repr import record
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.code.machine_code import load_code
 from mbd_sim.compiler.lists.lowering import export, lower
@@ -29,7 +29,7 @@ Record = TypeVar("Record")
 ALL = slice(None)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CompiledFunction:
     """Machine code of a function of the addresses of the time, of further arrays, and of its output of some `size`.
 
@@ -93,13 +93,13 @@ class CompiledFunction:
         clock: Clock,
         arrays: Sequence[NDArray[np.float64]],
         names: tuple[str, ...],
-        record: Callable[..., Record],
+        make: Callable[..., Record],
         fields: tuple[Shape, ...],
     ) -> Callable[[], dict[str, Record]]:
         """The bound call as a callable that returns new records by name.
 
         :param names: in the order in which the output has the numbers of the records.
-        :param record: makes a record of its arrays.
+        :param make: makes a record of its arrays.
         :param fields: the shapes of these arrays; each has the next numbers of the output, column by column.
         """
         evaluate, out = self._evaluation(clock, arrays)
@@ -111,7 +111,7 @@ class CompiledFunction:
             evaluate()
             copied = rows.copy()
             columns = [copied[:, place].reshape(shape).T for place, shape in zip(places, by_columns, strict=True)]
-            return {name: record(*(values[..., k] for values in columns)) for k, name in enumerate(names)}
+            return {name: make(*(values[..., k] for values in columns)) for k, name in enumerate(names)}
 
         return read
 
