@@ -347,7 +347,7 @@ class _ContactBuilder:
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
         """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
-        bodies = []
+        bodies: list[ContactBody] = []
         for each in (first, second):
             encloses = inside and each is second
             if isinstance(each.shape, schema.OutlineSpec):
