@@ -193,10 +193,17 @@ def one_sided_rows(
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
         try:
+<<<<<<< HEAD
             planar = between_outlines(contact, rotations)
         except InputError as error:
             raise MechanismError([mechanism.source.problem_of(("contacts", contact.name), error)]) from error
         moving = planar if still is None else in_plane(planar, still, places)
+=======
+            turned = between_outlines(contact, rotations)
+        except InputError as error:
+            raise MechanismError([mechanism.source.problem_of(("contacts", contact.name), error)]) from error
+        moving = turned if still is None else in_plane(turned, still, places)
+>>>>>>> events2
         if moving is None:
             message = "{} and {} never touch: they are beside each other along the axis along which nothing moves"
             remedy = "Move their shapes into one plane, or remove the contact."
