@@ -3,7 +3,7 @@
 The rows that are active are solved for together: A λ = r with A = G P M⁻¹ (G + friction)ᵀ, where P M⁻¹ is the response
 of the mechanism with its loops and other two-sided constraints. A is not symmetric while something slides. Functions
 come in pairs: the first gives a memory and the system, the second takes the memory and the solution. Both take the
-values of slots as well, see `mbd_sim.dynamics.contact.slots`.
+values of slots as well, see `mbd_sim.dynamics.contact.rows.slots`.
 
 With many rows the system has factors of A, of which the compiled code computes what the active rows need.
 """
@@ -18,7 +18,7 @@ from itertools import accumulate
 import casadi as ca
 import numpy as np
 
-from mbd_sim.compiler.steps.row_factors import Factors
+from mbd_sim.compiler.rows.row_factors import Factors
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
     ConstrainedMotion,
@@ -27,11 +27,11 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
 )
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, joined
-from mbd_sim.dynamics.contact.combined_rows import matrix_of
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.dynamics.contact.one_sided_readings import gap_values, one_sided_readings
 from mbd_sim.dynamics.contact.one_sided_rows import JointLoad, transmitted_force
-from mbd_sim.dynamics.contact.slots import MOTION, SlotCall
+from mbd_sim.dynamics.contact.rows.combined_rows import matrix_of
+from mbd_sim.dynamics.contact.rows.slots import MOTION, SlotCall
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import merged_function, separated
@@ -205,10 +205,11 @@ class OneSidedDynamics:
     def _free(self) -> ca.SX:
         """The rates of change (rows,) of the rows' rates without contact forces."""
         applied, _, multipliers = self._unloaded
-        free = self._mass_matrix.product(self._net_forces, applied)
+        combination = self._rows.combination
+        free = combination @ self._mass_matrix.product(self._net_forces, applied) + self.one_sided.equations.bias
         if self._solver is not None:
-            free += self._solver.coupling(self._net_forces).T @ multipliers
-        return ca.densify(self._rows.combination @ free + self.one_sided.equations.bias)
+            free += combination @ (self._solver.coupling(self._net_forces).T @ multipliers)
+        return ca.densify(free)
 
     def given_motion(self) -> ConstrainedMotion:
         """The motion under the contact forces among the inputs, in the state."""

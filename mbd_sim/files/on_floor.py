@@ -24,7 +24,7 @@ from mbd_sim.mechanism.touching import first_of, welded
 from mbd_sim.mechanism.values.names import in_quotes, unique_name
 
 FLOOR, FRICTION = "floor", 1.0
-MOST = 20  # gaps of a floor, beyond which only the ends of the tree touch it
+MOST = 80  # gaps of a floor, beyond which only the ends of the tree touch it
 UP = np.array([0.0, 0.0, 1.0])
 UPRIGHT = 1e-9  # by how much the square of what a base rises may differ from 1
 
@@ -90,8 +90,8 @@ def _with_few_gaps(mechanism: Mechanism, floors: list[str], scenery: Mapping[str
         changed |= {name: {**contacts[name], "active": False} for name in inner}
         parts = list(dict.fromkeys(inner.values()))
         remarks.append(
-            f"{listed(parts)}, not at the ends of the tree, touch only planes: with all parts, each step would take "
-            f"many times as long. Change that in contacts: 'active' of {listed(list(inner))}."
+            f"{listed(parts)}, not at the ends of the tree, touch only planes: with all parts, the first start would "
+            f"take long. Change that in contacts: 'active' of {listed(list(inner))}."
         )
     for name in floors:
         record = contacts[name]
@@ -102,8 +102,8 @@ def _with_few_gaps(mechanism: Mechanism, floors: list[str], scenery: Mapping[str
         if chosen and other:
             changed[name] = {**record, "without": other}
             remarks.append(
-                f"only {listed(chosen)}, at the ends of the tree, touch the {name}: with all parts, each step would "
-                f"take many times as long. Change that in contacts.{name}, 'without' {listed(other)}."
+                f"only {listed(chosen)}, at the ends of the tree, touch the {name}: with all parts, the first start "
+                f"would take long. Change that in contacts.{name}, 'without' {listed(other)}."
             )
     if not changed:
         return mechanism

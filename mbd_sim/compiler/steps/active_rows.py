@@ -21,11 +21,11 @@ from mbd_sim.compiler.lists.lowering import instruction_count, lower
 from mbd_sim.compiler.lists.packed_lowering import lower_packed
 from mbd_sim.compiler.lists.packing import packed
 from mbd_sim.compiler.lists.schedule import arranged
+from mbd_sim.compiler.rows.row_factors import Factors, emit_product
+from mbd_sim.compiler.rows.shared_rows import ActiveRows, emit_active_solver
+from mbd_sim.compiler.rows.slot_values import SlotSystem, emit_slot_values
 from mbd_sim.compiler.steps.emitter import System
 from mbd_sim.compiler.steps.guarded import GuardedSteps, Guards, emit_one_sided_advance
-from mbd_sim.compiler.steps.row_factors import Factors, emit_product
-from mbd_sim.compiler.steps.shared_rows import ActiveRows, emit_active_solver
-from mbd_sim.compiler.steps.slots import SlotSystem, emit_slot_values
 
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 

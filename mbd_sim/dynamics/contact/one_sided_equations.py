@@ -16,9 +16,9 @@ from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equation
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
-from mbd_sim.dynamics.contact.combined_rows import CombinedRows, combined_rows
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
-from mbd_sim.dynamics.contact.slots import PartMotions, Slot, Slots, written_slot
+from mbd_sim.dynamics.contact.rows.combined_rows import CombinedRows, combined_rows
+from mbd_sim.dynamics.contact.rows.slots import PartMotions, Slot, Slots, written_slot
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.rank import row_is_zero
@@ -240,12 +240,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
         unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows})
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
-    frictions: list[FrictionElement] = []
-    for index, gap in enumerate(gaps):
-        if slip := [new_index[row] for row in own[index][1:] if row in new_index]:
-            sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
-            element = FrictionElement(tuple(slip), new_index[index], partial(_of_any_speed, sliding), static)
-            frictions.append(element)
+    frictions = _frictions(gaps, {index: [new_index[row] for row in own[index] if row in new_index] for index in own})
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
@@ -269,6 +264,17 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     points = placed_forces(placed, combined.equations.rows, inputs[layout.given], in_state)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
     return OneSidedEquations(tuple(gaps), tuple(frictions), combined, layout, inputs, points, units, are_lengths)
+
+
+def _frictions(gaps: Sequence[Gap], rows: Mapping[int, Sequence[int]]) -> list[FrictionElement]:
+    """The friction of gaps, from the rows that are left of each: of the gap itself, and then of its slip."""
+    found = []
+    for index, gap in enumerate(gaps):
+        if len(rows[index]) > 1:
+            sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
+            slip, sizes = tuple(rows[index][1:]), partial(_of_any_speed, sliding)
+            found.append(FrictionElement(slip, rows[index][0], sizes, static))
+    return found
 
 
 def _written_slots(

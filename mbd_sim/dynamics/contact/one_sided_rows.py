@@ -23,7 +23,7 @@ from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendi
 from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
-from mbd_sim.dynamics.contact.planar_solids import between_outlines, in_plane
+from mbd_sim.dynamics.contact.planar.planar_solids import between_outlines, in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
 from mbd_sim.dynamics.kinematics.links import Link
@@ -193,17 +193,10 @@ def one_sided_rows(
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
     for contact in without_repeated(rigid, still):
         try:
-<<<<<<< HEAD
-            planar = between_outlines(contact, rotations)
+            shadows = between_outlines(contact, rotations)
         except InputError as error:
             raise MechanismError([mechanism.source.problem_of(("contacts", contact.name), error)]) from error
-        moving = planar if still is None else in_plane(planar, still, places)
-=======
-            turned = between_outlines(contact, rotations)
-        except InputError as error:
-            raise MechanismError([mechanism.source.problem_of(("contacts", contact.name), error)]) from error
-        moving = turned if still is None else in_plane(turned, still, places)
->>>>>>> events2
+        moving = shadows if still is None else in_plane(shadows, still, places)
         if moving is None:
             message = "{} and {} never touch: they are beside each other along the axis along which nothing moves"
             remedy = "Move their shapes into one plane, or remove the contact."

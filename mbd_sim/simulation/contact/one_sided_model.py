@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.compiler.rows.slot_values import CompiledSlot, SlotSystem
 from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSystem
-from mbd_sim.compiler.steps.slots import Slot, SlotSystem
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
-from mbd_sim.dynamics.contact.slots import MOTION
+from mbd_sim.dynamics.contact.rows.slots import MOTION
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
@@ -336,7 +336,7 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
 def _slot_system(functions: OneSidedFunctions) -> SlotSystem:
     slots = functions.slots
     calls = [
-        Slot(
+        CompiledSlot(
             call.function,
             slots.first_number + call.numbers,
             tuple(MOTION * part for part in call.parts),

@@ -36,17 +36,17 @@ class ClusterOnPlane:
     def gaps(self, one: Pose, other: Pose) -> Array:
         """The distance (bodies,) of each body in m."""
         normal = turned(other.rotation, self._face.normal)
-        base = other.position + turned(other.rotation, self._face.at.point)
-        heights: Array = dots(one.position + turned(one.rotation, self._points) - base, normal)
+        away = one.position - other.position - turned(other.rotation, self._face.at.point)
+        own = turned(one.rotation.T, normal)  # in the part's axes, in which the bodies stay where they are
+        heights: Array = dots(self._points, own) + dots(away, normal)
         if not self._is_round:
             return np.asarray(heights - self._radii)
-        axes, arms = turned(one.rotation, self._axes), turned(one.rotation, self._directions)
-        slope = dots(axes, normal)
-        across = normal - axes * slope[:, None]
+        slope = dots(self._axes, own)
+        across = own - self._axes * slope[:, None]
         square = dots(across, across)
         low = self._radii * square / np.sqrt(np.maximum(square, (0.5 * EXACT_TILT) ** 2))
         below = np.where(square < EXACT_TILT**2, withdrawn(self._radii, square), low)
-        far = heights + self._lengths * slope * (slope < 0.0) + self._radii * dots(arms, normal)
+        far = heights + self._lengths * slope * (slope < 0.0) + self._radii * dots(self._directions, own)
         points = far - protrusion(self._radii, square)
         return np.where(self._rim_points, points, heights - np.where(self._rims, below, self._radii))
 

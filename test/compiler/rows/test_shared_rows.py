@@ -9,7 +9,7 @@ from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.ir.builder import IRBuilder, integer
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType
-from mbd_sim.compiler.steps.shared_rows import ActiveRows, emit_active_solver, emit_shared_solver
+from mbd_sim.compiler.rows.shared_rows import ActiveRows, emit_active_solver, emit_shared_solver
 
 
 def shared(matrix, weights, right, basis):

@@ -15,7 +15,7 @@ from mbd_sim.compiler.lists.schedule import arranged
 
 
 @dataclass(frozen=True, eq=False)
-class Slot:
+class CompiledSlot:
     """A slot, whose values are `function(t, inputs, numbers, motion…)`.
 
     Its numbers are those from `first` on among the inputs. The last one is not zero while it is in use. Its motions are
@@ -37,7 +37,7 @@ class SlotSystem:
     """
 
     motions: ca.Function
-    slots: Sequence[Slot]
+    slots: Sequence[CompiledSlot]
     size: int
     unused: float
 
@@ -78,5 +78,5 @@ def _clear(b: IRBuilder, values: Value, size: int) -> None:
     loop(b, 1, size, lambda i: store(b, number(0.0), values, i))
 
 
-def _key(b: IRBuilder, inputs: Value, slot: Slot) -> Value:
+def _key(b: IRBuilder, inputs: Value, slot: CompiledSlot) -> Value:
     return load(b, inputs, slot.first + slot.function.nnz_in(2) - 1)

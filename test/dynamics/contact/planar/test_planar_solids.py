@@ -10,7 +10,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.dynamics.contact.planar_solids import in_plane
+from mbd_sim.dynamics.contact.planar.planar_solids import in_plane
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import Contact
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeAlias
 
 from mbd_sim.compiler.ir.builder import FALSE, INT, TRUE, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
-from mbd_sim.compiler.steps.shared_rows import ActiveRows
+from mbd_sim.compiler.rows.shared_rows import ActiveRows
 
 
 @dataclass(frozen=True)
-class Block:
+class FactorBlock:
     """Some `columns` of a factor, with their entries at these `places` and zeros elsewhere."""
 
     places: tuple[int, ...]
@@ -41,7 +41,7 @@ class RowFactor:
     """
 
     size: int
-    blocks: tuple[Block, ...]
+    blocks: tuple[FactorBlock, ...]
     terms: tuple[tuple[tuple[int, int], ...], ...]
     coefficients: int
 
@@ -161,23 +161,35 @@ def emit_product(module: Module, name: str, factors: Factors, active: ActiveRows
     loop(b, 0, count, gather)
     loop(b, 0, count, multiply)
 
-    def move(i: Value) -> None:
-        """The mobility of a row that slides: without friction, the coefficients of R are those of L."""
-        store(b, number(0.0), mobility, i)
-        with b.if_then(_is_set(b, inputs, directions, i)):
-            _column(b, by_left, left, by_row, i, own, part)
-            _column(b, by_left, right, by_row, i, other, part)
-
-            def add(k: Value) -> None:
-                store(b, b.fma(load(b, own, k), load(b, other, k), load(b, mobility, i)), mobility, i)
-
-            loop(b, 0, size, add)
-
     if active is not None:
-        directions = active.first + n - active.gaps
-        loop(b, active.gaps, n, move)
+        numbers, directions = (left, right, by_row), active.first + n - active.gaps
+        slides = partial(_is_set, b, inputs, directions)
+        loop(b, active.gaps, n, partial(_move, b, by_left, numbers, slides, (own, other, part), mobility))
     b.ret_void()
     return function
+
+
+def _move(
+    b: IRBuilder,
+    tables: _Tables,
+    numbers: tuple[Value, Value, Value],
+    slides: Callable[[Value], Value],
+    memory: tuple[Value, Value, Value],
+    mobility: Value,
+    row: Value,
+) -> None:
+    """Emit the mobility of a row: without friction, the coefficients of R are those of L."""
+    left, right, coefficients = numbers
+    own, other, part = memory
+    store(b, number(0.0), mobility, row)
+
+    def add(k: Value) -> None:
+        store(b, b.fma(load(b, own, k), load(b, other, k), load(b, mobility, row)), mobility, row)
+
+    with b.if_then(slides(row)):
+        _column(b, tables, left, coefficients, row, own, part)
+        _column(b, tables, right, coefficients, row, other, part)
+        loop(b, 0, tables.factor.size, add)
 
 
 def _is_set(b: IRBuilder, inputs: Value, first: int, index: Value) -> Value:

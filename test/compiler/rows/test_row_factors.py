@@ -9,8 +9,8 @@ from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType
-from mbd_sim.compiler.steps.row_factors import Block, RowFactor, emit_product
-from mbd_sim.compiler.steps.shared_rows import ActiveRows
+from mbd_sim.compiler.rows.row_factors import FactorBlock, RowFactor, emit_product
+from mbd_sim.compiler.rows.shared_rows import ActiveRows
 
 SIZE, ROWS, GAPS = 11, 9, 3
 
@@ -45,7 +45,9 @@ def test_products_have_the_entries_that_are_needed(seed):
     """Those of rows that are active, closed or have a given force; of sliding friction the diagonal without friction."""
     chance = np.random.default_rng(seed)
     places = [tuple(sorted(chance.permutation(SIZE)[: chance.integers(1, SIZE)].tolist())) for _ in range(4)]
-    blocks = tuple(Block(own, int(columns)) for own, columns in zip(places, chance.integers(1, 7, size=4), strict=True))
+    blocks = tuple(
+        FactorBlock(own, int(columns)) for own, columns in zip(places, chance.integers(1, 7, size=4), strict=True)
+    )
     left, right = random_factor(chance, blocks), random_factor(chance, blocks)
     numbers = [chance.normal(size=each.starts[-1] + each.coefficients) for each in (left, right)]
     masks = [chance.normal(size=size) * (chance.random(size) < 0.4) for size in (GAPS, ROWS, ROWS - GAPS, ROWS)]

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import casadi as ca
 
-from mbd_sim.compiler.steps.row_factors import Block, Factors, RowFactor
+from mbd_sim.compiler.rows.row_factors import FactorBlock, Factors, RowFactor
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, joined
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
-from mbd_sim.dynamics.contact.slots import Slots
+from mbd_sim.dynamics.contact.rows.slots import Slots
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class CombinedRows:
         blocks = []
         for group in self.groups:
             found = {row for each in pattern for k in group for row in each.row()[each.colind(k) : each.colind(k + 1)]}
-            blocks.append(Block(tuple(sorted(found)), len(group)))
+            blocks.append(FactorBlock(tuple(sorted(found)), len(group)))
         shape, pairs = tuple(blocks), []
         for columns, combination in ((left, self.combination), (right, last.T @ self.combination)):
             entries = [

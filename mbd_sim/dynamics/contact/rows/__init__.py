@@ -1,0 +1,1 @@
+"""Rows of slots, and rows that combine the wrenches on parts."""
