@@ -112,7 +112,7 @@ GRIPPER = """<sdf version="1.9"><world name="cell"><gravity>0 0 -9.81</gravity>
  <joint name="lift" type="prismatic"><parent>world</parent><child>palm</child><axis><xyz>0 0 1</xyz>
    <dynamics><spring_stiffness>5000</spring_stiffness><damping>200</damping></dynamics></axis></joint>
  FINGERS</model>
-<model name="brick"><pose>0.004 0.001 0.025 0 0 0.05</pose><link name="body"><inertial><mass>0.3</mass>
+<model name="brick"><pose>0 0 0.025 0 0 0</pose><link name="body"><inertial><mass>0.3</mass>
    <inertia><ixx>0.000125</ixx><iyy>0.000125</iyy><izz>0.000125</izz></inertia></inertial>
  <collision name="cube"><geometry><box><size>0.05 0.05 0.05</size></box></geometry></collision></link></model>
 </world></sdf>"""
@@ -122,12 +122,12 @@ FINGER = """<link name="NAME"><pose>0 Y 0.045 0 0 0</pose><inertial><mass>0.1</m
  <joint name="NAME_slide" type="prismatic"><parent>palm</parent><child>NAME</child><axis><xyz>0 1 0</xyz>
   <dynamics><damping>40</damping></dynamics></axis></joint>"""
 MOTORS = ("lift", "left", "right")
-SLIP = 19.5  # s, when grippers let go so much that what they hold slips
+SLIP = 19.9  # s, when grippers let go so much that what they hold slips
 
 
 def sdf_gripper() -> Mechanism:
     """A hand with two fingers over a brick on a table."""
-    sides = (("left", "0.05"), ("right", "-0.05"))
+    sides = (("left", "0.03"), ("right", "-0.03"))
     fingers = "".join(FINGER.replace("NAME", name).replace("Y", y) for name, y in sides)
     found = on_floor(parse_mechanism(GRIPPER.replace("FINGERS", fingers)))
     contacts = {name: record for name, record in found.source.data["contacts"].items() if "brick" in name}
@@ -156,7 +156,7 @@ def panda_grasps() -> Mechanism:
         changes |= {f'joints."{name}".stiffness': 200.0, f'joints."{name}".damping': 1.0}
     for name in ("panda_finger_joint1", "panda_finger_joint2"):
         changes |= {
-            f'joints."{name}".position': 0.0205,
+            f'joints."{name}".position': 0.02002,
             f'joints."{name}".rest': 0.0,
             f'joints."{name}".stiffness': 0.0,
             f'joints."{name}".damping': 20.0,

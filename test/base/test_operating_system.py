@@ -77,14 +77,14 @@ COMMANDS = """
 from mbd_sim.cli.main import main
 for arguments in (
     "check four_bar",
-    "run bounce --time 0.3 --out run.mcap",
+    "run four_bar --time 0.3 --out run.mcap",
     "verify run.mcap",
     "plot run.mcap --out plot.svg",
     "check four_bar --draw drawn.svg",
 ):
     assert main(arguments.split()) == 0, arguments
 from mbd_sim import Ensemble
-ensemble = Ensemble.from_file("bounce", 3)
+ensemble = Ensemble.from_file("four_bar", 3)
 ensemble.run(0.1)
 from mbd_sim.base import disk_cache
 assert disk_cache.load(disk_cache.folder() and sorted(disk_cache.folder().iterdir())[0].name)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from benchmarks import contact_bodies
 from benchmarks.contact_models import SYSTEMS, text
 from benchmarks.contacts import CLOSED, HOPPER, OPEN, TWENTY, timed_run, without
 from mbd_sim import Simulation
@@ -54,3 +55,12 @@ def test_the_hopper_hops():
     changes = [str(event.change) for event in sim.contact_events]
     assert min(changes.count(change) for change in ("impact", "closed", "opened")) >= 2
     assert abs(sim.energies.residual) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["stack of four blocks", "grip that holds", "grip that slips"])
+def test_bodies_of_the_benchmark_end_where_closed_forms_say(name):
+    """Ours to round-off, MuJoCo's to millimeters: both are the same scene."""
+    scene = contact_bodies.scenes()[name]
+    assert contact_bodies.ours(scene, 1)[1] < 1e-12
+    pytest.importorskip("mujoco")
+    assert contact_bodies.theirs(scene, contact_bodies.DEFAULTS, 1)[1] < 0.03

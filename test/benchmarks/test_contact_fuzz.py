@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from benchmarks import contact_fuzz
-from benchmarks.contact_fuzz import Found, read, result
+from benchmarks.contact_fuzz import STARTS, Found, read, result
 from test.generators.body_scenes import SCENES, scene
 from test.generators.contact_mechanisms import ALL_KINDS, contact_mechanism
 
@@ -72,3 +72,11 @@ def test_errors_of_integration_are_told_apart_by_a_finer_step():
 @pytest.mark.parametrize("kind", SCENES)
 def test_a_scene_has_one_text(kind):
     assert scene(3, kind) == scene(3, kind) != scene(4, kind)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_bodies_of_all_shapes_end_with_the_right_energy(kind):
+    """Four starts of a mechanism: finds hangs, exceptions, penetration and gains of energy."""
+    for start in range(STARTS):
+        found = result("scene", STARTS * SCENES.index(kind) + start, 0.4)
+        assert found.kind == kind and found.outcome == "ended" and found.is_good, found

@@ -48,7 +48,9 @@ def throw(sim: Simulation, rng: np.random.Generator) -> None:
             q[place : place + 4] = turn / np.linalg.norm(turn)
             place += 1  # four numbers of three speeds
         place += 1
-    sim.reset(q, rng.normal(size=sim.u.size) * 1.5, nearest_speeds=True)
+    free = {name.removesuffix(".rx") for name in sim.coordinate_names if name.endswith(".rx")}
+    sizes = [0.4 if name[:-2] in free else 1.5 for name in sim.coordinate_names]  # slow enough to meet
+    sim.reset(q, rng.normal(size=sim.u.size) * sizes, nearest_speeds=True)
 
 
 def _shape(draw: Draw, kind: str, spatial: bool) -> dict[str, object]:

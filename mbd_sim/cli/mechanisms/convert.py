@@ -15,7 +15,7 @@ from mbd_sim.cli.shared.common import add_mechanism
 from mbd_sim.cli.shared.setup_options import add_robot, read_mechanism, set_up_by
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
-from mbd_sim.files.mjcf.written_bodies import Written
+from mbd_sim.files.mjcf.written.bodies import Written
 from mbd_sim.files.sdf.writer import to_sdf
 from mbd_sim.files.text.library import shipped
 from mbd_sim.files.text.mesh_files import with_meshes_seen_from

@@ -214,10 +214,8 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
     still = still_axis(traced.poses)
-    along, rotations = _places(traced, still), _start_rotations(traced)
-    gaps, sticking = one_sided_rows(
-        traced.mechanism, bodies, time, traced.state.t, units.length, still, along, rotations
-    )
+    frames = _places(traced, still), _start_rotations(traced)
+    gaps, sticking = one_sided_rows(traced.mechanism, bodies, time, traced.state.t, units.length, still, *frames)
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
@@ -235,11 +233,11 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     unable |= {own[index][place] for index, slot in slots.items() for place in _idle(motions, slot)}
     unable |= {row for index in own if index in unable for row in own[index]}
     if still is None:
-        slip_rows = range(len(gaps), len(gaps) + len(slips))
-        gradients = {row: equations.gradient[place, :] for place, row in enumerate(plain) if row in slip_rows}
+        gradients = dict(zip(plain, ca.vertsplit(equations.gradient), strict=True))
         for index, slot in slots.items():
-            gradients |= dict(zip(own[index], ca.vertsplit(_gradient_somewhere(motions, slot)), strict=True))
-        unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows if row not in unable})
+            gradients |= dict(zip(own[index], _gradients_somewhere(motions, slot), strict=True))
+        slip_rows = [row for index in own for row in own[index][1:] if row not in unable]
+        unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows})
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
     frictions = _frictions(gaps, {index: [new_index[row] for row in own[index] if row in new_index] for index in own})
@@ -363,11 +361,11 @@ def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple
     return {row for row in still if unchanged[row]}, [row for row in still if not unchanged[row]]
 
 
-def _gradient_somewhere(motions: PartMotions, slot: Slot) -> ca.SX:
-    """The gradients (k, nv) of the rows of a slot in the state, with numbers drawn for its features."""
+def _gradients_somewhere(motions: PartMotions, slot: Slot) -> list[ca.SX]:
+    """The gradients (1, nv) of the rows of a slot in the state, with numbers drawn for its features."""
     numbers = np.random.default_rng(5).normal(size=slot.numbers.shape[0])
     symbols, values = [slot.numbers, *motions.symbols], [ca.SX(ca.DM(numbers)), *motions.values]
-    return ca.substitute([slot.gradient(motions)], symbols, values)[0]
+    return ca.vertsplit(ca.substitute([slot.gradient(motions)], symbols, values)[0])
 
 
 def _never_moved(traced: TracedMechanism, equations: ConstraintEquations, gradients: Mapping[int, ca.SX]) -> set[int]:

@@ -23,8 +23,7 @@ from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendi
 from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
-from mbd_sim.dynamics.contact.planar.planar_solids import in_plane
-from mbd_sim.dynamics.contact.planar.shadows import between_outlines
+from mbd_sim.dynamics.contact.planar.planar_solids import between_outlines, in_plane
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
 from mbd_sim.dynamics.kinematics.links import Link

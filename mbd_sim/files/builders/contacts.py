@@ -12,7 +12,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.builders.contact_bodies import edges, is_thin, round_body, slots_of, solid
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import planar_body, planar_face
+from mbd_sim.files.builders.outlines import planar_body
 from mbd_sim.files.builders.parts import pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -29,15 +29,12 @@ from mbd_sim.mechanism.elements.contacts import (
     ContactBody,
     Cushion,
     Face,
-    PlanarBody,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.mechanism.touching import first_of, free_parts, neighbor_groups, welded
 from mbd_sim.mechanism.values.names import reference
 from mbd_sim.mechanism.values.source import Location
-
-ACROSS = 1e-9  # cosine between the plane and the axis of an outline
 
 
 def build_contacts(
@@ -247,21 +244,8 @@ class _ContactBuilder:
                 if not self._differ(place, shape.part, face.at.part):
                     break
                 for label, body in edges(shape.part, shape.shape):
-                    if isinstance(body, PlanarBody):
-                        yield from self._outline_on_face(place, shape, body, names, face)
-                        continue
                     quantity = " ".join(filter(None, (_word(shape.name), "on", _word(names), label)))
                     yield quantity, (shape.name, names), body, face
-
-    def _outline_on_face(
-        self, where: Location, shape: _TouchingShape, body: PlanarBody, names: str, face: Face
-    ) -> Iterator[tuple[str, tuple[str, str], ContactBody, ContactBody]]:
-        across = body.axes[:, 2]
-        if abs(float(across @ face.normal)) > ACROSS:
-            message = f"the plane does not cut that of the outline {shape.name!r} at a right angle"
-            self._context.report(where, message, "Choose another 'normal', or the 'plane' of the outline.")
-            return
-        yield f"{_word(shape.name)} on {_word(names)}", (shape.name, names), body, planar_face(face, across)
 
     def _on_cam(
         self, where: Location, spec: ContactSpec, cam: Cam

@@ -16,7 +16,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, Problem
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.files.schema.shapes import AnyShapeSpec, OutlineSpec, StrokeSpec
-from mbd_sim.mechanism.elements.contacts import Face, PlanarBody
+from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.outlines.area import runs_clockwise
 from mbd_sim.mechanism.outlines.crossings import ROUND_OFF, crossing_points, lies_on, self_crossing
@@ -25,7 +25,6 @@ from mbd_sim.mechanism.values.source import Location, Source
 
 SMOOTH = 1e-6  # rad, turn up to which a joint is no corner
 MEETS = 1e-6  # relative; how exactly the ends of an arc must have the same distance from its center
-FAR = 1e6  # m, to the ends of a plane
 AXES = {
     "xy": np.eye(3),
     "xz": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -351,13 +350,6 @@ def _with_corners(outline: Outline) -> Iterator[Piece]:
 def planar_body(part: str, spec: OutlineSpec, pose: Pose, hollow: bool) -> PlanarBody:
     """What others touch of an outline with this pose of its plane; it is around them where it is `hollow`."""
     return PlanarBody(Attachment(part, np.zeros(3)), pose.position, pose.rotation, outline_of(spec, hollow))
-
-
-def planar_face(face: Face, across: Array) -> PlanarBody:
-    """A plane as an outline, of which `across` (3,) is the axis."""
-    axes = np.column_stack([np.cross(face.normal, across), face.normal, across])
-    outline = Outline((Straight((FAR, 0.0), (-FAR, 0.0)),), closed=False)
-    return PlanarBody(Attachment(face.at.part, np.zeros(3)), face.at.point, axes, outline)
 
 
 def outline_axes(spec: OutlineSpec) -> Array:

@@ -15,7 +15,7 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import from_quaternion, to_quaternion
 from mbd_sim.dynamics.equations import Equations, derive
-from mbd_sim.files.mjcf.written_bodies import (
+from mbd_sim.files.mjcf.written.bodies import (
     Element,
     MjcfDocument,
     MjcfJoint,
@@ -28,8 +28,8 @@ from mbd_sim.files.mjcf.written_bodies import (
     written,
     written_bodies,
 )
-from mbd_sim.files.mjcf.written_contacts import add_contacts
-from mbd_sim.files.mjcf.written_elements import add_actuators, add_constraints, add_elements, add_loops, attached_parts
+from mbd_sim.files.mjcf.written.contacts import add_contacts
+from mbd_sim.files.mjcf.written.elements import add_actuators, add_constraints, add_elements, add_loops, attached_parts
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.elements.parts import GROUND, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism

@@ -19,7 +19,7 @@ import numpy as np
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
-from mbd_sim.files.mjcf.written_bodies import Written, number, text, written
+from mbd_sim.files.mjcf.written.bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.urdf.elements import Mimic, mimics_of, motions_of
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks

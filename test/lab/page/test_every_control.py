@@ -1,4 +1,4 @@
-"""Every control of the page is used once, on a contact, a motor and a robot that stands on a floor; those of a loop have tests."""
+"""Every control of the page is used once, on a motor and a robot that stands on a floor; those of a loop have tests."""
 
 import io
 
@@ -123,7 +123,7 @@ def keeps(opened):
     assert files[f"{name}.html"].startswith(b"<!doctype html>")  # opened in test_keep_tab
 
 
-@pytest.mark.parametrize("name", ["bounce", "motor_drive", "robot"])
+@pytest.mark.parametrize("name", ["motor_drive", "robot"])
 def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(keep_tab, "PICTURE", (320, 240))  # a browser without a GPU draws large ones slowly

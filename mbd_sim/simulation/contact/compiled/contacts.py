@@ -29,7 +29,7 @@ class Contacts:
     have been recorded; where they are 0, such steps are left to others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
-    that have slots are `bodies`, see `features.pairs`; a gap in m counts as zero up to the `accuracy`. There are
+    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
     `inputs`, and behind them `history` numbers of the method. The `held_count` numbers `held` of a state change between
     steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
     from `first_speed` on, and the losses follow `first_loss`. The modes are the inputs from `first_mode` on, and those

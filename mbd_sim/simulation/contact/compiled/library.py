@@ -23,15 +23,14 @@ from mbd_sim.simulation.contact.compiled import (
     linear,
     members,
     modes,
+    pairs,
     search,
     slip,
     step,
-    trial,
 )
 from mbd_sim.simulation.contact.compiled.features import (
     normals,
     outlines,
-    pairs,
     pieces,
     polytopes,
     round_bodies,
@@ -57,7 +56,6 @@ MODULES: tuple[ModuleType, ...] = (
     slip,
     smooth,
     step,
-    trial,
     vectors,
 )
 EXPORTED: tuple[Callable[..., Any], ...] = (

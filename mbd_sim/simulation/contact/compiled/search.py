@@ -7,11 +7,12 @@ the state at its start.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers
-from mbd_sim.simulation.contact.compiled.contacts import Contacts, guard_at, rate_at
-from mbd_sim.simulation.contact.compiled.features.pairs import PATH as ALONG
-from mbd_sim.simulation.contact.compiled.features.pairs import (
+from mbd_sim.simulation.contact.compiled.contacts import PART_STEP, Contacts, guard_at, rate_at, read, read_poses
+from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
+from mbd_sim.simulation.contact.compiled.pairs import (
     any_closed,
     beyond_gaps,
     distance_at,
@@ -21,7 +22,6 @@ from mbd_sim.simulation.contact.compiled.features.pairs import (
     pair_at,
     path_between,
 )
-from mbd_sim.simulation.contact.compiled.trial import NONE, TrialPart, has_failed, places_at, readings_at
 
 ITERATIONS = 80
 BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
@@ -34,7 +34,84 @@ DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact t
 # What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
 # says that they meet or that their features change, or the slip of friction along its first direction.
 GUARD, GAP, RATE, APART, CHANGE, FORWARD = 0, 1, 2, 3, 4, 5
+NONE = -1.0  # in place of the length up to an event
 DIVERGED = -2.0
+
+
+@dataclass(frozen=True)
+class TrialPart:
+    """The motion from a state on, for up to a length in s, which is `span[0]`.
+
+    `before` are the readings at its start, `end` and `after` the state and the readings after this length, and `state`
+    and `out` those after the `latest` other length that was tried. The poses of the parts in mechanisms with slots are
+    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. `failed`
+    is 1 if a state was not finite.
+    """
+
+    y: Array
+    inputs: Array
+    t: float
+    span: Array
+    before: Array
+    end: Array
+    after: Array
+    latest: Array
+    state: Array
+    out: Array
+    places_before: Array
+    places_after: Array
+    places: Array
+    offset: Array
+    failed: Integers
+
+
+def begin(c: Contacts, m: TrialPart, length: float) -> None:
+    """Find the state after a length, and the readings at both ends."""
+    read(c, m.t, m.y, m.inputs, m.before)
+    read_poses(c, m.t, m.y, m.inputs, m.places_before)
+    m.latest[0] = NONE
+    finish(c, m, length)
+
+
+def finish(c: Contacts, m: TrialPart, length: float) -> None:
+    """Let the motion end after another length."""
+    m.span[0] = length
+    try_length(c, m, length, m.end, m.after, m.places_after)
+
+
+def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array, places: Array) -> None:
+    """The state, the readings and the poses after a length in s."""
+    for i in range(c.size):
+        state[i] = m.y[i]
+    if length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
+        m.failed[0] = 1
+    read(c, m.t + length, state, m.inputs, out)
+    read_poses(c, m.t + length, state, m.inputs, places)
+
+
+def readings_at(c: Contacts, m: TrialPart, length: float) -> Array:
+    """The readings after a length in s."""
+    if length == 0.0:
+        return m.before
+    if length == m.span[0]:
+        return m.after
+    if length != m.latest[0]:
+        m.latest[0] = length
+        try_length(c, m, length, m.state, m.out, m.places)
+    return m.out
+
+
+def places_at(c: Contacts, m: TrialPart, length: float) -> Array:
+    """The poses of all parts after a length in s."""
+    readings_at(c, m, length)
+    if length == 0.0:
+        return m.places_before
+    return m.places_after if length == m.span[0] else m.places
+
+
+def has_failed(m: TrialPart) -> bool:
+    """Whether a state was not finite."""
+    return m.failed[0] != 0
 
 
 def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) -> float:

@@ -21,12 +21,16 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     turning_at,
 )
 from mbd_sim.simulation.contact.compiled.linear import solve
-from mbd_sim.simulation.contact.compiled.search import FORWARD, first_change, first_event, first_zero, forward
-from mbd_sim.simulation.contact.compiled.trial import (
+from mbd_sim.simulation.contact.compiled.search import (
+    FORWARD,
     NONE,
     TrialPart,
     begin,
     finish,
+    first_change,
+    first_event,
+    first_zero,
+    forward,
     has_failed,
     readings_at,
     try_length,

@@ -25,12 +25,11 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     readings_size,
     slides,
 )
-from mbd_sim.simulation.contact.compiled.features.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.impact import impact
 from mbd_sim.simulation.contact.compiled.modes import RESTING, find_modes, is_touching
-from mbd_sim.simulation.contact.compiled.search import first_change
+from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
+from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
-from mbd_sim.simulation.contact.compiled.trial import NONE, TrialPart
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step

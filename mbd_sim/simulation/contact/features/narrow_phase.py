@@ -12,8 +12,8 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
-from mbd_sim.simulation.contact.compiled.features.pairs import DISTANCE, MARGIN, RENEW, TOUCHING
 from mbd_sim.simulation.contact.compiled.library import called, library
+from mbd_sim.simulation.contact.compiled.pairs import DISTANCE, MARGIN, RENEW, TOUCHING
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The pairs of bodies that touch with changing features, and the narrow phase of each: see `compiled.features.pairs`.
+"""The pairs of bodies that touch with changing features, and the narrow phase of each: see `compiled.pairs`.
 
 A slot has features only while it is closed, and at the instants of events. Whether two bodies meet is known from the
 distance that their narrow phase gives, so that the motion does not depend on what was looked at before.
@@ -27,7 +27,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.simulation.contact.compiled.features.pairs import KNOWN, MEMORY, FeaturePair
+from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, FeaturePair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
 from mbd_sim.simulation.contact.features.outlines import OutlinePair

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE
 from mbd_sim.mechanism.elements.contacts import Solid
-from mbd_sim.simulation.contact.compiled.features.polytopes import PARALLEL, Hull, Polytopes
+from mbd_sim.simulation.contact.compiled.features.polytopes import PARALLEL, Polytopes, SharpHull
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds, CompiledPhase
 
 
@@ -156,12 +156,12 @@ class PolytopePair(CompiledPhase):
         super().__init__("polytope", record, bounds, slots, SLOT_SIZE, iterates=False)
 
 
-def _hull(body: Polytope) -> Hull:
+def _hull(body: Polytope) -> SharpHull:
     """The numbers of a polytope for compiled code."""
     corners, inward = body.borders if body.faces else (np.zeros((0, 0, 3)), np.zeros((0, 0, 3)))
     starts, directions, lengths = body.segments
     beside = body.beside_edges if body.edges else []
-    return Hull(
+    return SharpHull(
         len(body.vertices),
         _array(body.vertices),
         len(body.faces),

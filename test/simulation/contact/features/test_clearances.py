@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose, pack_poses
-from mbd_sim.simulation.contact.compiled.features.pairs import (
+from mbd_sim.simulation.contact.compiled.pairs import (
     MEMORY,
     FeaturePair,
     at_least,

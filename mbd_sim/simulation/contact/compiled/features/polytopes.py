@@ -46,7 +46,7 @@ MEETING = 23
 
 
 @dataclass(frozen=True)
-class Hull:
+class SharpHull:
     """A convex polytope in the frame of its part: see `mbd_sim.simulation.contact.features.polytopes.Polytope`.
 
     Face k begins with the vertex `firsts` k and has `sides` `corners` with their `inward` directions. Edge k has two
@@ -83,8 +83,8 @@ class Hull:
 class Polytopes:
     """Two polytopes, with the sum of their `radii` (2,); `solid`: one of them has faces."""
 
-    first: Hull
-    second: Hull
+    first: SharpHull
+    second: SharpHull
     radii: Array
     radius: float
     solid: bool
@@ -95,7 +95,7 @@ class Polytopes:
 class PlacedHull:
     """A polytope at a pose, with its vertices in ground's axes; positions are from the origin of the second part."""
 
-    hull: Hull
+    hull: SharpHull
     pose: Array
     vertices: Array
 
@@ -175,7 +175,7 @@ def into_frame(one: PlacedHull, other: PlacedHull, own: Array) -> None:
         place_back(other.pose, one.vertices[3 * i :], own[3 * i :])
 
 
-def depth(hull: Hull, face: int, own: Array) -> float:
+def depth(hull: SharpHull, face: int, own: Array) -> float:
     """How far inside the border of a face a point in the frame of the part is, seen along the normal."""
     found, arm = math.inf, zeros(3)
     for k in range(hull.sides):

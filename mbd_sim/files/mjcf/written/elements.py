@@ -13,7 +13,7 @@ from typing import assert_never
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.files.mjcf.written_bodies import Element, MjcfDocument, add_element, number, text
+from mbd_sim.files.mjcf.written.bodies import Element, MjcfDocument, add_element, number, text
 from mbd_sim.mechanism.elements.actuators import (
     Actuator,
     CoordinatePort,

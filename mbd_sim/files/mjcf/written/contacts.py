@@ -13,7 +13,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.geometry.rotation import aligning_z
-from mbd_sim.files.mjcf.written_bodies import MjcfDocument, add_element, number, placed, text
+from mbd_sim.files.mjcf.written.bodies import MjcfDocument, add_element, number, placed, text
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.elements.parts import GROUND
