@@ -290,7 +290,9 @@ def _written_slots(
         for index, gap in enumerate(gaps)
         if gap.numbers is not None and gap.contact is not None
     }
-    motions = PartMotions(traced, tuple(sorted({link for own in links.values() for link in own})))
+    axes = {gap.contact.still for gap in gaps if gap.numbers is not None and gap.contact is not None}
+    moving = tuple(sorted({link for own in links.values() for link in own}))
+    motions = PartMotions(traced, moving, axes.pop() if len(axes) == 1 else None)
     found = {}
     for index, own in links.items():
         numbers, parts = gaps[index].numbers, [motions.links.index(link) for link in own]

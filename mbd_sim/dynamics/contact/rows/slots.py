@@ -26,12 +26,29 @@ MOTION = POSE + 2 * TWIST
 class PartMotions:
     """The motions (MOTION,) of the parts of some `links` in ground's axes, in the state.
 
-    Symbols stand for them in the rows of slots, but not for what is constant, such as the motion across a plane.
-    `velocities` (6, links) say which components of the velocities are not.
+    Symbols stand for them in the rows of slots, but not for what is constant across the plane of contacts of prisms,
+    along the axis `still` of ground. Along all other components contacts exert wrenches, which a joint bears, and
+    against which a drive works, also where the part does not move.
     """
 
     traced: TracedMechanism
     links: tuple[int, ...]
+    still: int | None
+
+    @cached_property
+    def components(self) -> tuple[int, ...]:
+        """The components of the wrenches that contacts exert."""
+        if self.still is None:
+            return tuple(range(TWIST))
+        return tuple(sorted((self.still, *(3 + axis for axis in range(3) if axis != self.still))))
+
+    def _is_across(self, place: int) -> bool:
+        """Whether a number of a motion is across the plane of the contacts, so that their rows do not depend on it."""
+        if self.still is None:
+            return False
+        if place < POSE:  # a position and a rotation
+            return self.still in ((place,) if place < 3 else divmod(place - 3, 3))
+        return (place - POSE) % TWIST not in self.components
 
     @cached_property
     def twists(self) -> list[ca.SX]:
@@ -57,35 +74,31 @@ class PartMotions:
 
     @cached_property
     def entries(self) -> list[ca.SX]:
-        """The symbols, with constants where the motions are constant; sparse."""
+        """The symbols, with constants where the motions across the plane of the contacts are constant; sparse."""
         return [
             ca.sparsify(
-                ca.vertcat(*(v if v.is_constant() else s for v, s in zip(*map(ca.vertsplit, pair), strict=True)))
+                ca.vertcat(*(
+                    value[k] if self._is_across(k) and value[k].is_constant() else symbol[k] for k in range(MOTION)
+                ))
             )
-            for pair in zip(self.values, self.symbols, strict=True)
-        ]
-
-    @cached_property
-    def columns(self) -> list[tuple[int, ...]]:
-        """The components of the velocity of each part that are not constant."""
-        return [tuple(k for k in range(TWIST) if not twist[k].is_constant()) for twist in self.twists]
+            for value, symbol in zip(self.values, self.symbols, strict=True)
+        ]  # fmt: skip
 
     def places(self, part: int) -> range:
         """The rows of a part among the `wrenches`."""
-        first = sum(map(len, self.columns[:part]))
-        return range(first, first + len(self.columns[part]))
+        count = len(self.components)
+        return range(part * count, (part + 1) * count)
 
     @cached_property
     def wrenches(self) -> ConstraintEquations:
-        """Unit wrenches along the `columns`, part by part, as rows: only their gradients and wrenches."""
-        traced, parts = self.traced, list(zip(self.links, self.twists, self.columns, strict=True))
-        count = sum(map(len, self.columns))
-        found, first = [ca.SX(6, count) for _ in traced.links], 0
-        for index, _, columns in parts:
-            unit = link_wrench(traced.links[index], traced.poses[index], ca.SX.eye(6)[:, list(columns)])
-            found[index][:, first : first + len(columns)] = unit
-            first += len(columns)
-        gradients = [ca.jacobian(twist[list(columns)], traced.state.u) for _, twist, columns in parts]
+        """Unit wrenches along the `components`, part by part, as rows: only their gradients and wrenches."""
+        traced, components = self.traced, list(self.components)
+        count = len(components) * len(self.links)
+        found = [ca.SX(6, count) for _ in traced.links]
+        for part, index in enumerate(self.links):
+            unit = link_wrench(traced.links[index], traced.poses[index], ca.SX.eye(6)[:, components])
+            found[index][:, list(self.places(part))] = unit
+        gradients = [ca.jacobian(twist[components], traced.state.u) for twist in self.twists]
         none = ca.SX(count, 1)
         return ConstraintEquations(
             rows=[ConstraintRow(("contacts", ""), "wrench")] * count,
@@ -190,8 +203,7 @@ def written_slot(
         bias += ca.jacobian(velocity, own.symbols) @ rate(own.step)
         position, velocity, bias, gradient = map(own.inserted, (position, velocity, bias, gradient))
     wrenches = [
-        ca.sparsify(gradient[:, [TWIST * number + k for k in motions.columns[part]]])
-        for number, part in enumerate(parts)
+        ca.sparsify(gradient[:, [TWIST * number + k for k in motions.components]]) for number in range(len(parts))
     ]
     return Slot(numbers, tuple(parts), position, velocity, ca.sparsify(bias), wrenches)
 
