@@ -13,7 +13,19 @@ from test.generators.contact_mechanisms import ALL_KINDS, contact_mechanism
 
 def test_a_series_continues_without_what_is_in_the_file(tmp_path, monkeypatch, capsys):
     path = tmp_path / "results.jsonl"
-    command = ["contact_fuzz", "--runs", "1", "--time", "0.2", "--impacts", "1", "--results", str(path)]
+    command = [
+        "contact_fuzz",
+        "--runs",
+        "1",
+        "--time",
+        "0.2",
+        "--impacts",
+        "1",
+        "--scenes",
+        "0",
+        "--results",
+        str(path),
+    ]
     monkeypatch.setattr(sys, "argv", command)
     contact_fuzz.main()
     first = read(path)
