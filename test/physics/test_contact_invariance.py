@@ -26,7 +26,7 @@ from test.generators.changed_scenes import (
 NEARBY, ROUND_OFF = 1e-9, 1e-11
 CHAOS = 1e-4  # difference from the nearby start, from which on nothing is compared
 SAMPLE, SAMPLES = 5, 100  # steps between comparisons, and comparisons
-MOST = 12  # events; later ones bring bodies to rest, which multiplies differences faster than a nearby start shows
+MOST = 8  # events; later ones bring bodies to rest, which multiplies differences faster than a nearby start shows
 SHIFT = np.array([0.3, -0.2, 0.5])
 
 

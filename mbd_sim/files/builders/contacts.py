@@ -12,7 +12,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.builders.contact_bodies import edges, is_thin, round_body, slots_of, solid
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import planar_body
+from mbd_sim.files.builders.outlines import is_usable, planar_body
 from mbd_sim.files.builders.parts import pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
@@ -188,6 +188,8 @@ class _ContactBuilder:
     ) -> tuple[ContactBody, ContactBody] | None:
         """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
         bodies: list[ContactBody] = []
+        if any(isinstance(each.shape, schema.OutlineSpec) and not is_usable(each.shape) for each in (first, second)):
+            return None
         for each in (first, second):
             encloses = inside and each is second
             if isinstance(each.shape, schema.OutlineSpec):
@@ -243,6 +245,8 @@ class _ContactBuilder:
             for shape in self._solids(place, written):
                 if not self._differ(place, shape.part, face.at.part):
                     break
+                if isinstance(shape.shape, schema.OutlineSpec) and not is_usable(shape.shape):
+                    continue
                 for label, body in edges(shape.part, shape.shape):
                     quantity = " ".join(filter(None, (_word(shape.name), "on", _word(names), label)))
                     yield quantity, (shape.name, names), body, face

@@ -117,6 +117,14 @@ def check_outlines(
     return len(problems) == before and not unknown
 
 
+def is_usable(spec: OutlineSpec) -> bool:
+    """Whether an outline can be built; `check_outlines` reports others, or what their numbers depend on is reported."""
+    try:
+        return _is_known(spec) and bool(outline_of(spec).pieces)
+    except OutlineError:
+        return False
+
+
 def _is_known(spec: OutlineSpec) -> bool:
     """Whether all numbers of an outline are finite."""
     numbers = [spec.repeat]

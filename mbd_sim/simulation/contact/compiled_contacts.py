@@ -227,7 +227,7 @@ class CompiledContacts:
 
 def _view(kind: Any, at: int, count: int) -> Any:
     """Numbers in memory as an array."""
-    return np.ctypeslib.as_array((kind * count).from_address(at))
+    return np.frombuffer((kind * count).from_address(at), np.dtype(kind))
 
 
 def _addresses(model: OneSidedModel, kernel: Kernel) -> dict[str, Any]:

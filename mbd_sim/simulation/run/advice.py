@@ -20,7 +20,6 @@ from mbd_sim.mechanism.elements.forces import (
     ForceElement,
     Spring,
 )
-from mbd_sim.simulation.model.method_choice import fastest_mode
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.state_records import Energies
 
@@ -42,6 +41,8 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
     """
     if estimate <= TOLERATED:
         return None
+    from mbd_sim.simulation.model.method_choice import fastest_mode
+
     method = model.method.one_step
     meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
     mode = fastest_mode(model.equations, *((0.0, model.start) if meaningless else (time, y)), inputs)
@@ -155,6 +156,8 @@ def divergence(
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
     """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s; 0 if it cannot be found."""
+    from mbd_sim.simulation.model.method_choice import fastest_mode
+
     return fastest_mode(model.equations, time, y, inputs).rate
 
 

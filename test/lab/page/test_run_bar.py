@@ -31,11 +31,12 @@ def test_keys(opened):
 
 
 def test_the_speed(opened):
-    opened.choose("Speed", "1/100")
+    speed = opened.lab.page._run_bar._speed
+    opened.select("Speed", "1/100", speed)
     wait_until(lambda: opened.lab.session.speed == 0.01, "the speed")
-    opened.choose("Speed", "fastest")
+    opened.select("Speed", "fastest", speed)
     wait_until(lambda: opened.lab.session.speed == float("inf"), "the speed")
-    opened.choose("Speed", "1")
+    opened.select("Speed", "1", speed)
     wait_until(lambda: opened.lab.session.speed == 1.0, "the speed")
 
 

@@ -212,4 +212,4 @@ def _pose(at: int) -> Pose:
 
 def _view(at: int, count: int) -> Array:
     """Numbers in memory as an array."""
-    return np.ctypeslib.as_array((ctypes.c_double * count).from_address(at))
+    return np.frombuffer(memoryview((ctypes.c_double * count).from_address(at)), np.float64)
