@@ -82,8 +82,8 @@ _KEYS: Mapping[str, Mapping[Words, str]] = {
     },
 }  # fmt: skip
 _OF_A_JOINT = (
-    "It measures a joint: write 'joint: …', for a force_torque also 'at: …'. "
-    "At points are accelerometer, imu, odometry, pose, range and twist."
+    "It measures a joint: write 'joint: …'. At points are accelerometer, imu, odometry, pose, range and twist; "
+    "a force_torque of a joint may have 'at' besides."
 )
 _AT_A_POINT = _AT + " Of a joint are encoder, force_torque and tachometer."
 _ERRORS = ("noise", "noise_density", "bias", "bias_walk", "resolution", "limit", "stddev")
