@@ -110,7 +110,7 @@ def test_play_pause_step_and_reset(node, opened):
     opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) == paused + STEP_NS, "one step")
     opened.button("Reset")
     opened.until(lambda: "reset" in listener.events, "the reset")
-    assert "time of a node is not wound back" in opened.page.content()
+    opened.until(lambda: "time of a node is not wound back" in opened.page.content(), "the reason")
 
 
 def test_keys(node, opened):

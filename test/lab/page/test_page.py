@@ -60,7 +60,7 @@ def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
 def test_on_a_phone_the_mechanism_is_above_the_panel(opened, chromium):
     phone = BrowserPage(chromium, opened.lab, {"width": 390, "height": 844})
     assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
-    assert phone.has_tabs_in_one_line()
+    wait_until(phone.has_tabs_in_one_line, "the tabs in one line")
     panel = phone.page.get_by_role("button", name="Play").locator("xpath=ancestor::*[contains(@style, 'fixed')]")
     box = panel.first.bounding_box()
     assert (box["x"], box["width"]) == (0.0, 390.0)

@@ -51,7 +51,7 @@ def test_large_text_is_larger(show):
     show.check("Large text")
     wait_until(lambda: show.page.evaluate(size) != before, "the larger text")
     assert (before, show.page.evaluate(size)) == ("16px", "20px")
-    assert show.has_tabs_in_one_line()
+    wait_until(show.has_tabs_in_one_line, "the tabs in one line")
     show.check("Large text")
     wait_until(lambda: show.page.evaluate(size) == before, "the text of before")
 
