@@ -137,9 +137,13 @@ def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd
         if name == "robot":
             keeps(opened)
         opened.tab("Show")
-        opened.check("Dark")
         theme = "document.documentElement.dataset.mantineColorScheme"
-        wait_until(lambda: opened.page.evaluate(theme) == "dark", "the dark page")
+
+        def darken():  # a tab that is just being drawn takes no click
+            opened.check("Dark")
+            opened.pause(5.0)
+
+        wait_until(lambda: opened.page.evaluate(theme) == "dark", "the dark page", meanwhile=darken)
         before = lab.session.frame.number
         wait_until(lambda: lab.session.frame.number > before, "a frame")
         assert lab.page._thread.is_alive()
