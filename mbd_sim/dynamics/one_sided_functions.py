@@ -117,8 +117,8 @@ class OneSidedFunctions:
       these (k, rows) column by column; k are the `load_components`.
     - `response(t, y, inputs, impulses, slots)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
-    - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
-      inputs.
+    - `places(t, y, inputs)`: the points in m, the forces in N and the normals (9, placed gaps), in ground's frame; λ is
+      among the inputs.
     """
 
     equations: OneSidedEquations

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import html
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -16,7 +16,6 @@ from typing import Any
 
 from mbd_sim.analysis.mechanics.mobility import mobility
 from mbd_sim.base.errors import InputError
-from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -24,6 +23,7 @@ from mbd_sim.pictures.drawing.animation import FRAME_RATE, TRACE_POINTS, Animati
 from mbd_sim.pictures.drawing.picture import draw
 from mbd_sim.pictures.rerun.viewer import Viewer
 from mbd_sim.pictures.shapes.joints import traced_points
+from mbd_sim.pictures.shapes.touching import touching_now
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.recordings.views import plots
@@ -41,12 +41,12 @@ MIME_TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp
 def mechanism_html(mechanism: Mechanism) -> str:
     """The picture at the start, the numbers of parts and joints, the mass, and the degrees of freedom."""
     simulation = BaseSimulation(mechanism)
-    return _beside(_picture(mechanism, simulation.poses(), ".svg"), mechanism, _summary(simulation))
+    return _beside(_picture(simulation, ".svg"), mechanism, _summary(simulation))
 
 
 def mechanism_png(mechanism: Mechanism) -> bytes:
     """The picture at the start."""
-    return _picture(mechanism, BaseSimulation(mechanism).poses(), ".png")
+    return _picture(BaseSimulation(mechanism), ".png")
 
 
 def simulation_html(simulation: BaseSimulation) -> str:
@@ -54,13 +54,12 @@ def simulation_html(simulation: BaseSimulation) -> str:
     energies = simulation.energies
     rows = [("time", f"{simulation.time:g} s"), *_coordinates(simulation)]
     rows += [(name, f"{value:.6g} J") for name, value in zip(energies._fields, energies, strict=True)]
-    mechanism = simulation.mechanism
-    return _beside(_picture(mechanism, simulation.poses(), ".svg"), mechanism, rows)
+    return _beside(_picture(simulation, ".svg"), simulation.mechanism, rows)
 
 
 def simulation_png(simulation: BaseSimulation) -> bytes:
     """The picture in the present state."""
-    return _picture(simulation.mechanism, simulation.poses(), ".png")
+    return _picture(simulation, ".png")
 
 
 def embedded(content: bytes, suffix: str, text: str, width: int) -> str:
@@ -95,10 +94,10 @@ def _coordinates(simulation: BaseSimulation) -> list[tuple[str, str]]:
     return rows if len(rows) <= MAX_COORDINATES else [*rows[:MAX_COORDINATES], ("…", f"{len(rows)} in all")]
 
 
-def _picture(mechanism: Mechanism, poses: Mapping[str, Pose], suffix: str) -> bytes:
+def _picture(simulation: BaseSimulation, suffix: str) -> bytes:
     with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
         path = Path(folder, f"picture{suffix}")
-        draw(mechanism, poses, path)
+        draw(simulation.mechanism, simulation.poses(), path, contacts=touching_now(simulation))
         return path.read_bytes()
 
 
@@ -161,17 +160,18 @@ def animate(simulation: BaseSimulation, until: float, traces: Sequence[str] = ()
     traces = [traces] if isinstance(traces, str) else traces
     traced_points(simulation.mechanism, traces)  # a wrong name is reported before the run
     step_at(until, simulation.step_size, simulation.steps)  # and so is a wrong time
-    begin, samples = simulation.time, [(simulation.time, simulation.poses())]
+    begin, samples, contacts = simulation.time, [(simulation.time, simulation.poses())], [touching_now(simulation)]
     rate = FRAME_RATE * (TRACE_POINTS if traces else 1)
     for number in range(1, 1 + int((until - begin) * rate + 1e-9)):
         simulation.run(begin + number / rate)
         samples.append((simulation.time, simulation.poses()))
+        contacts.append(touching_now(simulation))
     simulation.run(until)
     poses = [pose for _, pose in samples]
     animation = Animation(simulation.model, *ANIMATION_SIZE, configurations=poses, traces=traces)
     with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
         path = Path(folder, "run.webp")
-        write_animation(path, animation.frames(samples, FRAME_RATE), simulation.mechanism.name)
+        write_animation(path, animation.frames(samples, FRAME_RATE, contacts=contacts), simulation.mechanism.name)
         content = path.read_bytes()
     text = f"{simulation.mechanism.name} in motion, to {until:g} s"
     return RunPicture(content, ".webp", text, ANIMATION_SIZE[0])

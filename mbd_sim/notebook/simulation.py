@@ -36,8 +36,8 @@ class Simulation(BaseSimulation):  # noqa: D101
 
         `mbd_sim verify`, `view`, `plot`, `export` and `replay_node` accept the file. Recording needs no ROS.
 
-        :param options: the keyword arguments of `RunRecorder`: `rate` in Hz, `reactions`, `violation`, `poses`,
-            `accelerations`.
+        :param options: the keyword arguments of `RunRecorder`: `rate` in Hz, `reactions`, `contact_forces`,
+            `violation`, `poses`, `accelerations`.
         :raises InputError, RecordingError: see `RunRecorder`.
         """
         from mbd_sim.recordings.run.run_recorder import RunRecorder

@@ -72,8 +72,9 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
     simulation = BaseSimulation(mechanism)
     if options.draw:
         from mbd_sim.pictures.drawing.picture import draw
+        from mbd_sim.pictures.shapes.touching import touching_now
 
-        draw(simulation.mechanism, simulation.poses(), options.draw)
+        draw(simulation.mechanism, simulation.poses(), options.draw, contacts=touching_now(simulation))
         print_undrawn_meshes(simulation.mechanism)
     if options.latex:
         print_file(_latex(simulation.mechanism, options))

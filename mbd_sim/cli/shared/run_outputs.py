@@ -26,6 +26,7 @@ from mbd_sim.cli.shared.common import (
 )
 from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.joints import traced_points
+from mbd_sim.pictures.shapes.touching import Touching, touching_now
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 RECORDING = ".mcap"
@@ -65,6 +66,9 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         help="recorded states per simulated second (default 100, but at most one per step)",
     )
     group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
+    group.add_argument(
+        "--contact-forces", action="store_true", help="also record the point, the normal and the force of each contact"
+    )
     group.add_argument("--violation", action="store_true", help="also record the violation of loops and constraints")
     group.add_argument(
         "--poses", metavar="PARTS", default="", help="also record the poses of these parts, separated by commas; *: all"
@@ -95,6 +99,7 @@ class RunOutputs:
             file, or a package is not installed.
         """
         self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
+        self._contacts: list[Touching] = []
         self.written: list[str] = []
         self._shown, self._coordinates = shown_plots(options, options.plot), plotted_coordinates(options, options.plot)
         require_styled(options, options.plot)
@@ -117,7 +122,9 @@ class RunOutputs:
         self._pace, self._size = options.pace or 1.0, options.size or SIZE
         if not self.records:
             unused = [
-                name for name in ("rate", "reactions", "violation", "poses", "accelerations") if getattr(options, name)
+                name.replace("_", "-")
+                for name in ("rate", "reactions", "contact_forces", "violation", "poses", "accelerations")
+                if getattr(options, name)
             ]
             if unused:
                 names = ", ".join(f"--{name}" for name in unused)
@@ -162,8 +169,9 @@ class RunOutputs:
             self._write(simulation, path)
 
     def add_frame(self, simulation: BaseSimulation) -> None:
-        """Keep the present poses for the animation."""
+        """Keep the present poses and closed contacts for the animation."""
         self._frames.append((simulation.time, simulation.poses()))
+        self._contacts.append(touching_now(simulation))
 
     @property
     def records(self) -> bool:
@@ -181,6 +189,7 @@ class RunOutputs:
             simulation,
             path,
             rate=options.rate,
+            contact_forces=options.contact_forces,
             reactions=options.reactions or "reactions" in self._shown,
             violation=options.violation,
             poses=poses,
@@ -226,7 +235,7 @@ class RunOutputs:
 
             def frames() -> Iterator[Frame]:
                 nonlocal drawn
-                for frame in animation.frames(self._frames, self._drawn_rate):
+                for frame in animation.frames(self._frames, self._drawn_rate, contacts=self._contacts):
                     yield frame
                     drawn += 1
                     progress.advance(1)

@@ -70,7 +70,8 @@ class AppliedCushion:
 class CushionFunctions:
     """Functions (t, y, inputs) of all compliant contacts, see `AppliedCushion`.
 
-    `places` (6, contacts), and `readings`, one after the other, with as many `directions` of friction each.
+    `places` (9, contacts) are points, forces and normals; `readings` one after the other, with as many `directions` of
+    friction each.
     """
 
     places: ca.Function
@@ -102,7 +103,8 @@ def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion, stil
         _apply_at(applied, body, touching.point, sign * (force.elastic + force.resisting))
     total = force.elastic + force.resisting
     reading = _reading(law, touching, first - second, force.normal, total)
-    return AppliedCushion(force.potential, force.loss, ca.vertcat(touching.point, total), reading)
+    place = ca.vertcat(touching.point, total, touching.normal)
+    return AppliedCushion(force.potential, force.loss, place, reading)
 
 
 def _reading(law: Cushion, touching: Touch, relative: ca.SX, normal: ca.SX, force: ca.SX) -> ca.SX:

@@ -110,7 +110,7 @@ def placed_forces(
     forces: ca.SX,
     in_state: Callable[[ca.SX], ca.SX],
 ) -> ca.SX:
-    """The points in m and the forces in N (6, places), in ground's frame.
+    """The points in m, the forces in N and the normals (9, places), in ground's frame.
 
     :param places: each with the row of its gap, and those of its slip.
     :param rows: those that have multipliers; other slip cannot occur.
@@ -123,8 +123,8 @@ def placed_forces(
         for row, direction in zip(own, (place.normal, *place.sides), strict=False):
             if row in index:
                 force += forces[index[row]] * in_state(direction)
-        columns.append(ca.vertcat(in_state(place.point), force))
-    return ca.horzcat(ca.SX(6, 0), *columns)
+        columns.append(ca.vertcat(in_state(place.point), force, in_state(place.normal)))
+    return ca.horzcat(ca.SX(9, 0), *columns)
 
 
 @dataclass(frozen=True, eq=False)

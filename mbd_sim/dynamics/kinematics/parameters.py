@@ -24,7 +24,7 @@ from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor, EffortMotor, FluidCylinder, Gas, Oil, Servo
 from mbd_sim.mechanism.elements.constraints import ContactLaw, Play
-from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cushion, EllipsoidBody, Rim
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Contact, Cushion, EllipsoidBody, PlanarBody, Rim
 from mbd_sim.mechanism.elements.forces import Bushing, Spring
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Limits, Part
 from mbd_sim.mechanism.elements.sensors import AnySensor, RangeFinder
@@ -319,13 +319,22 @@ def read_fields(kind: type) -> tuple[tuple[str, bool], ...]:
     return tuple((name, name in _SYMBOLIC.get(kind, ())) for name in names)
 
 
+def _has_features(contact: Contact) -> bool:
+    """Whether features are computed from the sizes of both bodies, which are then numbers and no symbols."""
+    return bool(contact.slots) or any(isinstance(body, PlanarBody) for body in (contact.first, contact.second))
+
+
 def add_leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
     """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
     kind: type = type(record)
     match structure_of(kind):
         case "record":
+            fixed = ("first", "second") if isinstance(record, Contact) and _has_features(record) else ()
             for name, can_be_symbolic in read_fields(kind):
+                first = len(found)
                 add_leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
+                if name in fixed:
+                    found[first:] = [(*leaf[:2], False) for leaf in found[first:]]
         case "mapping":
             for key, value in record.items():
                 add_leaves(value, (*path, key), symbolic, found)

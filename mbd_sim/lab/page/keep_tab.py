@@ -15,6 +15,7 @@ from mbd_sim.lab.scene.traces import TIPS
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.session import Session
 from mbd_sim.pictures.shapes.joints import default_traces
+from mbd_sim.pictures.shapes.touching import touching
 from mbd_sim.simulation.run.run_point import RunPoint
 
 PICTURE = (1440, 1080)  # px
@@ -105,7 +106,9 @@ class KeepTab:
         drawn = Animation(
             model, *ANIMATION, [poses for _, poses in samples], traced if self._scene.shown.traces else ()
         )
-        write_animation(file, drawn.frames(samples, FRAME_RATE, mechanisms_at(model, points)), self._name)
+        contacts = [touching(model, time, point.state, point.inputs) for time, point in points]
+        frames = drawn.frames(samples, FRAME_RATE, mechanisms_at(model, points), contacts)
+        write_animation(file, frames, self._name)
 
     def _send(self, event: Any, name: str, data: bytes) -> None:
         event.client.send_file_download(name, data, save_immediately=True)

@@ -15,6 +15,7 @@ from mbd_sim.lab.server.server import started, stop
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.touching import touching
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.run_point import RunPoint
 from mbd_sim.simulation.run.simulation import BaseSimulation
@@ -88,7 +89,7 @@ def _frame(model: Model, mechanism: Mechanism, time: float, point: RunPoint) -> 
         rate=0.0,
         speed=1.0,
         poses=model.pose_array(*now).copy(),
-        contacts=np.array(model.contact_readings.places(*now)) if model.contact_readings.placed else np.empty((0, 6)),
+        contacts=touching(model, *now),
         energies=np.zeros(7),
         positions=np.empty(0),
         speeds=np.empty(0),

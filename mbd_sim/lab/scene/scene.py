@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.lab.scene.arrows import NOWHERE, Arrows
 from mbd_sim.lab.scene.bodies import Bodies, Dragged
+from mbd_sim.lab.scene.contacts import Contacts
 from mbd_sim.lab.scene.ground import add_ground
 from mbd_sim.lab.scene.traces import Traces
 from mbd_sim.lab.scene.vectors import VIEWS, Vectors
@@ -19,7 +20,7 @@ from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes import palette, solids
 from mbd_sim.pictures.shapes.extent import Extent
-from mbd_sim.pictures.shapes.joints import pulls, weight
+from mbd_sim.pictures.shapes.joints import weight
 from mbd_sim.pictures.shapes.primitives import Connector, connectors
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH
 from mbd_sim.simulation.model.model import Model
@@ -70,7 +71,6 @@ class Scene:
         self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
         self._lines: dict[tuple[str, str], _Between] = {}
         self._connect(model.mechanism)
-        self._pushes = [not pulls(model.mechanism, owner) for owner, _ in model.contact_readings.placed]
         self._add_arrows(dark)
         self.traces = Traces(scene, model.mechanism, extent.size)
         self._path, self._kept_paths = (
@@ -180,7 +180,7 @@ class Scene:
         """Contact forces, the force of a hand, and what the views read."""
         mechanism, size = self._mechanism, self._extent.size
         force = weight(mechanism, size), 1.0
-        self._contacts = Arrows(self._scene, "contacts", palette.CONTACT if dark else (196, 138, 0), size, force)
+        self._contacts = Contacts(self._scene, size, force[0], dark=dark)
         self._pull = Arrows(self._scene, "pull", palette.APPLIED, size, force)
         self._string = self._scene.add_line_segments(
             "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * size
@@ -191,8 +191,10 @@ class Scene:
         }
 
     def _show_arrows(self, frame: Frame) -> None:
-        contacts = frame.contacts.reshape(-1, 2, 3) if self.shown.contacts else NOWHERE
-        self._contacts.show(Vectors([(point, force) for point, force in contacts]), self._pushes[: len(contacts)])
+        if self.shown.contacts:
+            self._contacts.show(frame.contacts)
+        else:
+            self._contacts.hide()
         for key, arrows in self._views.items():
             arrows.show(frame.watched.get(key) or Vectors())
         self._pull.show(Vectors([] if frame.pull is None else [(frame.pull[0], frame.pull[2])]))

@@ -13,6 +13,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.pictures.shapes.touching import Touching
 from mbd_sim.simulation.run.run_point import RunPoint
 
 MOST_SAMPLES = 3600
@@ -25,8 +26,8 @@ class Frame:
     """What pages show: all of one moment.
 
     `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
-    `Model.pose_array`, `contacts` (n, 2, 3) are points and forces; `watched` is what the session was asked to
-    watch, by name. `pull` are the held point (3,), the pointer (3,), the force (3,) and the largest
+    `Model.pose_array`, `contacts` are those that are closed; `watched` is what the session was asked to watch, by
+    name. `pull` are the held point (3,), the pointer (3,), the force (3,) and the largest
     one in N, if something is held. `rate` is how many seconds are simulated in one, `speed` how many were asked for.
     `values` are those of the sliders by key, in SI units.
     """
@@ -39,7 +40,7 @@ class Frame:
     rate: float
     speed: float
     poses: Array
-    contacts: Array
+    contacts: Touching
     energies: Array
     positions: Array
     speeds: Array

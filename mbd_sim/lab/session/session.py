@@ -22,6 +22,7 @@ from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.frames import Frame, History, Samples
+from mbd_sim.pictures.shapes.touching import touching
 
 PICTURES = 60.0  # frames per second of real time
 HISTORY_PERIOD = 1.0 / 30.0  # s of real time between points of the history
@@ -231,9 +232,7 @@ class Session(ABC):
             rate=self._rate if self.running else 0.0,
             speed=self.speed,
             poses=model.pose_array(*now).copy(),
-            contacts=np.array(model.contact_readings.places(*now))
-            if model.contact_readings.placed
-            else np.empty((0, 6)),
+            contacts=touching(model, *now),
             energies=np.array(tuple(simulation.energies)),
             positions=model.coordinates(simulation.state),
             speeds=simulation.u.copy(),

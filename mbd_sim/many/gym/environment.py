@@ -22,6 +22,7 @@ from mbd_sim.files.load import load_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.notebook.simulation import Simulation
 from mbd_sim.pictures.drawing.animation import Animation
+from mbd_sim.pictures.shapes.touching import touching_now
 from mbd_sim.simulation.run.arguments import positive_count
 
 try:
@@ -166,7 +167,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
             return None
         if self._animation is None:
             self._animation = Animation(self.simulation.model, *self._render_size)
-        return self._animation.frame(self.simulation.poses())
+        return self._animation.frame(self.simulation.poses(), contacts=touching_now(self.simulation))
 
     def _observation(self) -> Observation:
         return self._agent.observation(self.simulation.y)

@@ -10,7 +10,7 @@ mechanism is chosen, its lines and texts are laid out in points on a `Sheet`, an
 | `outlines`, `mesh_outlines` | parts and their shapes |
 | `joints` | joints |
 | `symbols` | springs, ropes, hatched lines, supports, bearings, walls |
-| `forces`, `constraints` | forces and drives; constraints and gears |
+| `forces`, `constraints`, `contacts` | forces and drives; constraints and gears; closed contacts |
 | `animation` | frames of a mechanism in motion |
 """
 

@@ -21,12 +21,14 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.constraints import constraint_curves
+from mbd_sim.pictures.drawing.contacts import contact_paths
 from mbd_sim.pictures.drawing.outlines import bounding_points, pointer_paths
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, DrawingError, mechanism_sheet, pixels
 from mbd_sim.pictures.drawing.sheet import FRONT, GRAY, MARKS, ScaledView, Sheet, SheetPath, SheetText, view_of
-from mbd_sim.pictures.shapes.joints import traced_points
+from mbd_sim.pictures.shapes.joints import traced_points, weight
 from mbd_sim.pictures.shapes.palette import part_colors
 from mbd_sim.pictures.shapes.solids import circle
+from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
 from mbd_sim.simulation.model.model import Model
 
 TRACE_POINTS = 8  # of a traced path for each frame
@@ -106,9 +108,16 @@ class Animation:
         sheet.add(*traced_point_paths(self._page, self._mechanism, self._traced, poses))
         return sheet
 
-    def frame(self, poses: Mapping[str, Pose], caption: str = "") -> NDArray[np.uint8]:
-        """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
+    def frame(
+        self, poses: Mapping[str, Pose], caption: str = "", contacts: Touching = NONE_TOUCHING
+    ) -> NDArray[np.uint8]:
+        """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3).
+
+        :param contacts: that are closed, as from `mbd_sim.pictures.shapes.touching.touching`.
+        """
         sheet = self._sheet(poses)
+        size = self._mechanism_size
+        sheet.add(*contact_paths(self._page, contacts, size, weight(self._mechanism, size)))
         sheet.add(*self._extended_traces(poses))
         sheet = sheet.translated(self._shift)
         if caption:
@@ -125,11 +134,13 @@ class Animation:
         samples: Sequence[tuple[float, Mapping[str, Pose]]],
         rate: float,
         mechanisms: Sequence[Mechanism] = (),
+        contacts: Sequence[Touching] = (),
     ) -> Iterator[NDArray[np.uint8]]:
         """The frames of a motion, `rate` of them for each second of it, with the time as caption.
 
         :param samples: times in s and poses; those between two frames extend the traced paths.
         :param mechanisms: at each of the samples, if its values, such as lengths, change.
+        :param contacts: that are closed, at each of the samples.
         """
         begin, drawn = samples[0][0], 0
         for number, (time, poses) in enumerate(samples):
@@ -138,7 +149,7 @@ class Animation:
                 self._traced = traced_points(self._mechanism, self._names)
             if (time - begin) * rate >= drawn - NEARLY:
                 drawn += 1
-                yield self.frame(poses, f"t = {time:.2f} s")
+                yield self.frame(poses, f"t = {time:.2f} s", contacts[number] if contacts else NONE_TOUCHING)
             else:
                 self.follow(poses)
 

@@ -150,7 +150,10 @@ def _pitch_line_and_teeth(page: ScaledView, line: Array, teeth: list[Array], dep
 
 PLANE = (246, 247, 249)
 BLADE_HALF_LENGTH, BLADE_HALF_WIDTH = 26.0, 3.4  # pt
-HALF_LENGTH = 0.6  # of a plane or a line, relative to the size of the mechanism
+HALF_LENGTH, BEYOND = (
+    0.6,
+    0.15,
+)  # of a plane or a line, and beyond its outermost points; relative to the mechanism's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +169,27 @@ class _Guide:
     hatched: float
 
 
+@dataclass(frozen=True, eq=False)
+class _DrawnGuide:
+    """A plane or line through `base` (3,) that guides some `points` (3,), in ground's frame, see `_Guide`."""
+
+    base: Array
+    points: list[Array]
+    normals: Array
+    hatched: float
+
+    def span(self, along: Array, size: float) -> tuple[Array, float]:
+        """The middle (3,) of the feet of the points along a direction (3,), and how far it is drawn on both sides."""
+        feet = [at - sum(((at - self.base) @ normal) * normal for normal in self.normals) for at in self.points]
+        places = [float(foot @ along) for foot in feet]
+        middle, reach = 0.5 * (max(places) + min(places)), 0.5 * (max(places) - min(places))
+        return feet[0] + (middle - places[0]) * along, max(HALF_LENGTH * size, reach + BEYOND * size)
+
+
 def constraint_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
     """The symbols of the constraints, except rods of constant length, and curves and surfaces; `size` in m."""
     paths: list[SheetPath] = []
-    planes: set[tuple[float, ...]] = set()
+    drawn: dict[tuple[float, ...], _DrawnGuide] = {}
     guides: list[_Guide | None] = []
     for constraint in mechanism.constraints:
         paths += _own_symbol(page, mechanism, poses, constraint)
@@ -180,10 +200,10 @@ def constraint_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str,
         base = point_of(poses, guide.base)
         normals = guide.normals @ _rotation(poses, guide.base).T
         plane = (*normals[0].round(6), round(float(base @ normals[0]) / size, 6))
-        if len(normals) == 1 and plane in planes:
-            continue
-        planes.add(plane)
-        paths += _plane_or_line(page, base, point_of(poses, guide.point), normals, size, guide.hatched)
+        key = plane if len(normals) == 1 else (*plane, float(len(drawn)))  # a plane is drawn once, for all its points
+        drawn.setdefault(key, _DrawnGuide(base, [], normals, guide.hatched)).points.append(point_of(poses, guide.point))
+    for one in drawn.values():
+        paths += _plane_or_line(page, one, size)
     return paths
 
 
@@ -237,27 +257,29 @@ def _below(base: Attachment) -> float:
     return -1.0 if base.part == GROUND else 0.0
 
 
-def _plane_or_line(
-    page: ScaledView, base: Array, point: Array, normals: Array, size: float, hatched: float
-) -> list[SheetPath]:
-    """A plane (one normal) or a line (two), near the `point` (3,) that it guides."""
-    foot = point - sum(((point - base) @ normal) * normal for normal in normals)
+def _plane_or_line(page: ScaledView, guide: _DrawnGuide, size: float) -> list[SheetPath]:
+    """A plane (one normal) or a line (two), near the points that it guides."""
+    normals, hatched = guide.normals, guide.hatched
     if len(normals) == 2:
         along = unit_or_zero(np.cross(normals[0], normals[1]))
-        ends = page.project(np.array([foot - HALF_LENGTH * size * along, foot + HALF_LENGTH * size * along]))
+        foot, reach = guide.span(along, size)
+        ends = page.project(np.array([foot - reach * along, foot + reach * along]))
         return [SheetPath(ends, edge=GRAY, width=1.4, dash=(7.0, 3.0), layer=BACK, depth=page.depth(foot))]
     normal = unit_or_zero(normals[0])
     if abs(float(normal @ page.view.toward)) < 1e-6:
         along = np.cross(page.view.toward, normal)
-        ends = page.project(np.array([foot - HALF_LENGTH * size * along, foot + HALF_LENGTH * size * along]))
+        foot, reach = guide.span(along, size)
+        ends = page.project(np.array([foot - reach * along, foot + reach * along]))
         if hatched:
             return hatched_line(ends[0], ends[1], hatched * page.direction(normal))
         return [SheetPath(ends, edge=INK, width=1.4, layer=BACK)]
     if page.view.planar:
         return []
-    across = HALF_LENGTH * size * aligning_z(normal)[:, :2]
-    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across.T
-    return [SheetPath(page.project(foot + corners), edge=GRAY, fill=PLANE, width=0.8, closed=True, layer=BACK)]
+    one, other = aligning_z(normal)[:, :2].T
+    (first, half), (second, width) = guide.span(one, size), guide.span(other, size)
+    middle = first + ((second - first) @ other) * other
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ np.array([half * one, width * other])
+    return [SheetPath(page.project(middle + corners), edge=GRAY, fill=PLANE, width=0.8, closed=True, layer=BACK)]
 
 
 def _blade(page: ScaledView, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[SheetPath]:

@@ -23,6 +23,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.elements.parts import Part
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.constraints import constraint_curves, constraint_paths, curve_paths
+from mbd_sim.pictures.drawing.contacts import contact_paths
 from mbd_sim.pictures.drawing.forces import drive_paths, force_paths, two_point_paths
 from mbd_sim.pictures.drawing.joints import carries_coordinate_only, joint_paths, label_point
 from mbd_sim.pictures.drawing.outlines import bounding_points, mass_center, part_paths, pin_bar_paths
@@ -43,8 +44,10 @@ from mbd_sim.pictures.drawing.sheet import (
 )
 from mbd_sim.pictures.drawing.symbols import PlacedJoint, middle, place_joint
 from mbd_sim.pictures.shapes.curves import CurveLine
+from mbd_sim.pictures.shapes.joints import weight
 from mbd_sim.pictures.shapes.palette import AXIS_X, AXIS_Y, AXIS_Z, Color, mixed, part_colors
 from mbd_sim.pictures.shapes.solids import is_invisible
+from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
 
 HEIGHT = 62.0  # pt
 ARM = 30.0  # pt
@@ -142,8 +145,10 @@ class Composition:
     size: Array
 
 
-def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = None) -> Composition:
-    """Lay out a mechanism at the poses of its parts."""
+def compose(
+    mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = None, contacts: Touching = NONE_TOUCHING
+) -> Composition:
+    """Lay out a mechanism at the poses of its parts, with its closed contacts."""
     view = view_of(mechanism, poses)
     curves = constraint_curves(mechanism, poses, view)
     spread = bounding_points(mechanism, poses) @ np.column_stack([view.right, view.up])
@@ -157,6 +162,7 @@ def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None =
     page = ScaledView(view, scale)
     sheet = mechanism_sheet(page, mechanism, poses, size, curves)
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
+    sheet.add(*contact_paths(page, contacts, size, weight(mechanism, size)))
     sheet.texts += place_labels(sheet, _joint_and_part_labels(page, mechanism, poses, joints, size))
     low, high = sheet.bounds()
     width = max(float((high - low)[0]) + 2.0 * MARGIN, MIN_WIDTH)
@@ -273,13 +279,21 @@ class DrawingError(InputError):
     """A drawing cannot be written."""
 
 
-def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, title: str | None = None) -> None:
+def draw(
+    mechanism: Mechanism,
+    poses: Mapping[str, Pose],
+    path: str | Path,
+    *,
+    title: str | None = None,
+    contacts: Touching = NONE_TOUCHING,
+) -> None:
     """Draw a mechanism into a file, as PNG, SVG or PDF by its suffix.
 
     A planar mechanism is drawn in its plane, any other one obliquely from above.
 
     :param poses: the pose of each part in ground's frame in m, as from `Simulation.poses()`.
     :param title: a line above the drawing.
+    :param contacts: that are closed, as from `mbd_sim.pictures.shapes.touching.touching`.
     :raises DrawingError: the suffix is another one, or the file cannot be written.
     """
     path = Path(path)
@@ -289,7 +303,7 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, t
             f"Use a file name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.",
         )
     require_packages("matplotlib", purpose="A drawing")
-    picture = compose(mechanism, poses, title)
+    picture = compose(mechanism, poses, title, contacts)
     try:
         path.open("ab").close()  # fails before Matplotlib is loaded
         _write(picture, path)

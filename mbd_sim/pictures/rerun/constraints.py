@@ -1,6 +1,6 @@
 """Contacts, constrained points and traces in the scene.
 
-Contacts are shown while they are closed, by the points where they touch and their forces.
+Contacts are shown while they are closed, by the points where they touch, their normals and their forces.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ from mbd_sim.pictures.rerun.forces import ArrowStyle, is_closed, weight
 from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.joints import pulls
+from mbd_sim.pictures.shapes.touching import closed_places, normal_lines
 
-POINT_RADIUS = 0.014  # relative to the mechanism's size
+POINT_RADIUS, NORMAL_RADIUS = 0.014, 0.003  # relative to the mechanism's size
 
 
 def contact_entities(scene: SceneDescription) -> Iterator[Entity]:
@@ -41,27 +42,30 @@ def contact_entities(scene: SceneDescription) -> Iterator[Entity]:
 
 
 class _Contacts:
-    """The closed contacts, as points and arrows. All share two entities, so that many contacts cost little."""
+    """The closed contacts: points, normals and arrows. All share three entities, so that many contacts cost little."""
 
     def __init__(self, scene: SceneDescription) -> None:
         self._size = scene.extent.size
-        self._inputs = [-1 if index is None else index for _, index in scene.contacts]
-        self._compliant = np.array([index is None for _, index in scene.contacts], dtype=bool)
+        self._inputs = [index for _, index in scene.contacts]
         self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
         self._style = ArrowStyle(paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
 
     def static(self) -> LoggedItems:
         points = rr.Points3D.from_fields(radii=[POINT_RADIUS * self._size], colors=[palette.CONTACT])
         yield f"{paths.CONTACTS}/points", points
+        normals = rr.LineStrips3D.from_fields(radii=[NORMAL_RADIUS * self._size], colors=[palette.CONTACT])
+        yield f"{paths.CONTACTS}/normals", normals
         yield from self._style.static(couple=False)
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        places = rows.of("contacts").reshape(len(rows), -1, 2, 3)
-        points, forces = places[:, :, 0], places[:, :, 1]
-        closed = np.where(self._compliant, forces.any(axis=2), rows.of("inputs")[:, self._inputs] > 0.0)
+        points, forces, normals = np.moveaxis(rows.of("contacts").reshape(len(rows), -1, 3, 3), 2, 0)
+        closed = closed_places(self._inputs, rows.of("inputs"), forces)
+        counts = closed.sum(axis=1)
         columns = rr.Points3D.columns(positions=points[closed].reshape(-1, 3))
-        yield f"{paths.CONTACTS}/points", columns.partition(closed.sum(axis=1))
-        yield from self._style.force(points, forces, self._pushes)
+        yield f"{paths.CONTACTS}/points", columns.partition(counts)
+        lines = rr.LineStrips3D.columns(strips=list(normal_lines(points[closed], normals[closed], self._size)))
+        yield f"{paths.CONTACTS}/normals", lines.partition(counts)
+        yield from self._style.force(points, np.where(closed[:, :, None], forces, 0.0), self._pushes)
 
 
 def trace_entities(scene: SceneDescription) -> Iterator[Entity]:

@@ -39,8 +39,8 @@ class RowLayout:
 
     `times` are the time on the timeline and the mechanism's own; `energies` the fields of `Energies`; `poses` the
     position and the rotation matrix, column by column, of each of `parts`; `drives` the positions, speeds and forces of
-    the driven coordinates; `contacts` the point and the force of each contact that has a place; `reactions` the force
-    and moment through each joint, those of the tree first.
+    the driven coordinates; `contacts` the point, the force and the normal of each contact that has a place; `reactions`
+    the force and moment through each joint, those of the tree first.
     """
 
     state: int
@@ -55,7 +55,7 @@ class RowLayout:
         """The slice of a row that each of `FIELDS` occupies."""
         sizes = (
             *(2, ENERGY_NUMBERS, self.state, self.inputs, 12 * self.parts),
-            *(3 * self.driven, 6 * self.contacts, 6 * self.joints),
+            *(3 * self.driven, 9 * self.contacts, 6 * self.joints),
         )
         stops = np.cumsum(sizes).tolist()
         return {name: slice(stop - size, stop) for name, size, stop in zip(FIELDS, sizes, stops, strict=True)}

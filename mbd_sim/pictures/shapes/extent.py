@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.elements.parts import GROUND, Part
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.solids import half_sizes
+from mbd_sim.simulation.kernel.memory import KernelMemory
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.model.model import Model
 
 PREVIEW_TIME = 5.0  # s
-PREVIEW_STEPS = 5_000
+PREVIEW_STEPS, SLOT_STEPS, TIME_STEPPING_STEPS = 5_000, 1_000, 100
 PREVIEW_FRAMES = 100
 PLANE_TOLERANCE = 1e-6  # of the sines between axes and the normal of a plane
 
@@ -45,7 +48,7 @@ class Extent:
 
 
 def extent_of(model: Model) -> Extent:
-    """Find the extent from the start and the first seconds of free motion, which take milliseconds to simulate.
+    """Find the extent from the start and the first seconds of motion without efforts, which take milliseconds.
 
     The motion counts up to three times the box of the start, so that parts that fly away do not take the camera along.
     """
@@ -73,17 +76,26 @@ def extent_of(model: Model) -> Extent:
 
 
 def _preview(model: Model) -> tuple[list[float], list[Array]]:
-    """Times and states at the start and in the seconds after it, without efforts."""
-    y, inputs, step = model.start.copy(), model.kernel_inputs(), model.mechanism.step
-    times, states = [0.0], [y.copy()]
-    last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
+    """Times and states at the start and in the seconds after it, without efforts; less of costly contacts."""
+    memory, step = KernelMemory(model, model.mechanism.step), model.mechanism.step
+    times, states = [0.0], [memory.y.copy()]
+    last = min(round(PREVIEW_TIME / step), _most_steps(model))
     stride = max(last // PREVIEW_FRAMES, 1)
-    for first in range(0, last, stride):
-        if not model.kernel.advance(y.ctypes.data, inputs.ctypes.data, first, step, stride):
-            break
-        times.append((first + stride) * step)
-        states.append(y.copy())
+    with suppress(DivergedError):  # contacts without a solution
+        memory.find_modes()
+        while memory.steps < last and memory.advance(stride):
+            times.append(memory.time)
+            states.append(memory.y.copy())
     return times, states
+
+
+def _most_steps(model: Model) -> int:
+    """Up to which a preview takes at most about a second."""
+    if model.one_sided is None:
+        return PREVIEW_STEPS
+    if model.method.time_stepping:
+        return TIME_STEPPING_STEPS
+    return PREVIEW_STEPS if model.one_sided.features is None else SLOT_STEPS
 
 
 def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:

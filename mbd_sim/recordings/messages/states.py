@@ -15,7 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose, unpack_poses
-from mbd_sim.base.geometry.rotation import quaternions
+from mbd_sim.base.geometry.rotation import aligning_z, quaternions, to_quaternion
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.urdf.writer import floating_joints
 from mbd_sim.mechanism.elements.parts import GROUND
@@ -157,6 +157,33 @@ def contact_states(model: Model, frame_prefix: str = "") -> StateWriter:
         rows = model.contact_readings.entries(*snapshot.now)
         for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
             column[:] = values
+
+    return StateWriter(message, write)
+
+
+def contact_forces(model: Model, frame_prefix: str) -> StateWriter:
+    """Each contact that has a place, in ground's frame: where and along which normal it touches, and its force.
+
+    The `transforms` have the points, and rotations that turn z into the normals; the `wrench` are the forces on the
+    first part, zero while a contact is open.
+    """
+    names = model.contact_readings.placed_names()
+    builder = MessageBuilder()
+    builder.header(frame_prefix + GROUND)
+    builder.texts(names)
+    builder.integer(len(names))
+    poses = [builder.doubles(7) for _ in names]
+    builder.integer(0)  # no twists
+    builder.integer(len(names))
+    wrenches = [builder.doubles(6) for _ in names]
+    message = builder.message()
+    rows = [(message.view(pose), message.view(wrench)) for pose, wrench in zip(poses, wrenches, strict=True)]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        places = model.contact_readings.places(*snapshot.now)
+        for (pose, wrench), (point, force, normal) in zip(rows, places, strict=True):
+            w, x, y, z = to_quaternion(aligning_z(normal))
+            pose[:], wrench[:3] = (*point, x, y, z, w), force
 
     return StateWriter(message, write)
 

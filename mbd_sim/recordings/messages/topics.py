@@ -117,6 +117,12 @@ CONTACT_STATES = _state(
     states.contact_states,
     "publish gaps, normal forces, slip and friction of contacts, stops, ropes and clutches",
 )
+CONTACT_FORCES = _state(
+    "contact_forces",
+    "sensor_msgs/msg/MultiDOFJointState",
+    states.contact_forces,
+    "publish the point, the normal and the force vector of each contact",
+)
 CONSTRAINT_VIOLATION = _state(
     "constraint_violation",
     MULTI_ARRAY,
@@ -194,6 +200,7 @@ TOPICS = (
     ENERGY_VALUES,
     JOINT_REACTIONS,
     CONTACT_STATES,
+    CONTACT_FORCES,
     CONSTRAINT_VIOLATION,
     ACCELERATIONS,
     PART_POSES,

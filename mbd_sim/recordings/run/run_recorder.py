@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -19,6 +19,7 @@ from mbd_sim.recordings.messages.states import AccelerationMessages, StateWriter
 from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,
     CONSTRAINT_VIOLATION,
+    CONTACT_FORCES,
     JOINT_REACTIONS,
     PART_POSES,
     SENSORS,
@@ -61,6 +62,7 @@ class RunRecorder:
         *,
         rate: float | None = None,
         reactions: bool = False,
+        contact_forces: bool = False,
         violation: bool = False,
         poses: Sequence[str] = (),
         accelerations: Sequence[str] = (),
@@ -70,6 +72,7 @@ class RunRecorder:
         :param rate: states per second of simulated time, at most one for each step; by default 100 or one for each
             step. The first and the last state are always recorded.
         :param reactions: also record the force and moment that each joint transmits,
+        :param contact_forces: the point, the normal and the force vector of each contact,
         :param violation: the violation of loops and constraints,
         :param poses: the poses of these parts; `["*"]` are all,
         :param accelerations: and the accelerations of the `coordinates`, of parts and of points; `["*"]` are all. A
@@ -82,7 +85,12 @@ class RunRecorder:
         self.states = self.events = 0  # that have been recorded
         self._schedule = publication_schedule(_possible_rate(rate, simulation.step_size), simulation.step_size)
         poses, accelerations = ([one] if isinstance(one, str) else one for one in (poses, accelerations))
-        requested = _requested(simulation, reactions, violation, poses, accelerations)
+        wanted = {
+            JOINT_REACTIONS.name: reactions,
+            CONTACT_FORCES.name: contact_forces,
+            CONSTRAINT_VIOLATION.name: violation,
+        }
+        requested = _requested(simulation, wanted, poses, accelerations)
         _require_path(self.path)
         self._journal = Journal(simulation, first_tick=simulation.steps)
         self._clock = self._journal.clock
@@ -227,7 +235,7 @@ def _possible_rate(rate: float | None, step_size: float) -> float:
 
 
 def _requested(
-    simulation: BaseSimulation, reactions: bool, violation: bool, poses: Sequence[str], accelerations: Sequence[str]
+    simulation: BaseSimulation, wanted: Mapping[str, bool], poses: Sequence[str], accelerations: Sequence[str]
 ) -> list[OutputTopic]:
     """The topics to record: those that the node always records, and those on request."""
     parts = simulation.model.part_names
@@ -235,7 +243,6 @@ def _requested(
         if part not in (*parts, ALL):
             raise InputError(f"poses: there is no part '{part}'", nearest(part, parts))
     AccelerationMessages(simulation.model, accelerations)  # refuses unknown names
-    wanted = {JOINT_REACTIONS.name: reactions, CONSTRAINT_VIOLATION.name: violation}
     found: list[OutputTopic] = []
     for topic in TOPICS:
         if topic is SENSORS:

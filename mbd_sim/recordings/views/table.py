@@ -17,6 +17,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages import cdr
@@ -28,9 +29,14 @@ from mbd_sim.recordings.views.sensor_columns import SensorTable, SensorTables
 from mbd_sim.simulation.model.state_records import Energies
 from mbd_sim.simulation.run.events import RESTARTS, parse_event
 
-REACTION = "reaction."
+REACTION, CONTACT = "reaction.", "contact."
 REACTIONS, POSE = "sensor_msgs/msg/MultiDOFJointState", "geometry_msgs/msg/PoseStamped"
 _WRENCH = tuple(f"{vector}_{axis}_{unit}" for vector, unit in (("force", "N"), ("moment", "Nm")) for axis in "xyz")
+_AT_CONTACT = (
+    *(f"{axis}_m" for axis in "xyz"), *(f"normal_{axis}" for axis in "xyz"), *(f"force_{axis}_N" for axis in "xyz"),
+)  # fmt: skip
+_STATE = "gap", "rate", "force"  # in SI units, of lengths or angles
+_FRICTION = "slides", "slip", "force"
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 ColumnReader = Callable[[Message], tuple[tuple[str, ...], Array]]  # names and values of the columns of a message
@@ -45,6 +51,10 @@ def requested_readers(recording: Recording) -> Mapping[str, ColumnReader]:
         *_, folder, last = ("", *name.split("/"))
         if topic.type == REACTIONS and last == "joint_reactions":
             found[name] = lambda message: _reactions(recording.decoded(message))
+        elif topic.type == REACTIONS and last == "contact_forces":
+            found[name] = lambda message: _contact_forces(recording.decoded(message))
+        elif topic.type == cdr.JOINT_STATE and last == "contact_states":
+            found[name] = lambda message: _contact_states(cdr.joint_states(message.payload))
         elif topic.type == POSE and folder == "poses":
             found[name] = partial(_pose, recording, parts.get(last, last))
         elif topic.type == cdr.MULTI_ARRAY and last == "constraint_violation":
@@ -56,6 +66,26 @@ def _reactions(message: Any) -> tuple[tuple[str, ...], Array]:
     wrenches = [(wrench.force, wrench.torque) for wrench in message.wrench]
     names = tuple(f"{REACTION}{joint}.{column}" for joint in message.joint_names for column in _WRENCH)
     return names, np.array([[v.x, v.y, v.z] for wrench in wrenches for v in wrench]).reshape(-1)
+
+
+def _contact_forces(message: Any) -> tuple[tuple[str, ...], Array]:
+    names = tuple(f"{CONTACT}{contact}.{column}" for contact in message.joint_names for column in _AT_CONTACT)
+    rows = []
+    for transform, wrench in zip(message.transforms, message.wrench, strict=True):
+        at, turned, force = transform.translation, transform.rotation, wrench.force
+        normal = from_quaternion(np.array([turned.w, turned.x, turned.y, turned.z]))[:, 2]
+        rows.append([at.x, at.y, at.z, *normal, force.x, force.y, force.z])
+    return names, np.array(rows).reshape(-1)
+
+
+def _contact_states(message: cdr.JointStates) -> tuple[tuple[str, ...], Array]:
+    """The state of each contact, and for each direction of its friction whether it slides, its slip and its force."""
+    names = tuple(
+        f"{CONTACT}{contact}.{column}"
+        for contact in message.names
+        for column in (_FRICTION if ".friction" in contact else _STATE)
+    )
+    return names, np.stack([message.position, message.velocity, message.effort], axis=1).reshape(-1)
 
 
 def _pose(recording: Recording, part: str, message: Message) -> tuple[tuple[str, ...], Array]:

@@ -1,6 +1,7 @@
 """The topic `markers`: the mechanism as RViz draws it without TF, every marker in ground's frame.
 
-A contact has a ball where it touches, and an arrow for its force; both shrink to nothing while it is open.
+A contact has a ball where it touches, a line along its normal, and an arrow for its force; all shrink to nothing while
+it is open.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ from mbd_sim.pictures.shapes.solids import (
     circle,
     triangles_of,
 )
+from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, closed_places
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
 
 CONTACT_COLOR: Color = palette.CONTACT
-RADIUS, SHAFT, HEAD = 0.014, 0.012, 0.028  # relative to the mechanism's size
-SHORT = 1e-3  # length relative to the mechanism's size, below which an arrow is not drawn
+RADIUS, SHAFT, HEAD, NORMAL_WIDTH = 0.014, 0.012, 0.028, 0.006  # relative to the mechanism's size
 NOTHING = 1e-6  # relative to the mechanism's size; RViz does not accept zero
 
 
@@ -50,6 +51,14 @@ def ball_row(point: Array, closed: bool, size: float) -> Array:
     """The pose and the scale (10,) of the ball of a contact."""
     diameter = 2.0 * RADIUS * size if closed else NOTHING * size
     return np.concatenate([point, [0.0, 0.0, 0.0, 1.0], np.full(3, diameter)])
+
+
+def normal_row(point: Array, normal: Array, closed: bool, size: float) -> Array:
+    """The pose and the scale (10,) of the line along the normal (3,) of a contact, a cylinder along z."""
+    if not closed:
+        return np.concatenate([point, [0.0, 0.0, 0.0, 1.0], np.full(3, NOTHING * size)])
+    w, x, y, z = to_quaternion(aligning_z(normal))
+    return np.concatenate([point, [x, y, z, w], np.array([NORMAL_WIDTH, NORMAL_WIDTH, 2.0 * NORMAL]) * size])
 
 
 def arrow_row(point: Array, force: Array, full_force: float, size: float, pushes: bool) -> Array:
@@ -233,17 +242,17 @@ class Markers:
                 assert_never(line.kind)
 
     def _update_contacts(self, snapshot: Snapshot) -> None:
-        """Overwrite the pose and the scale of the ball and the arrow of each contact."""
+        """Overwrite the pose and the scale of the ball, the normal and the arrow of each contact."""
         if not self._contacts:
             return
         point, readings = snapshot.point, self._model.contact_readings
         places = readings.places(snapshot.time, point.state, point.inputs)
-        closed = [None if index is None else point.inputs[index] > 0.0 for _, index in readings.placed]
+        closed = closed_places([index for _, index in readings.placed], point.inputs, places[:, 1]).tolist()
         rows = zip(self._contacts, places, closed, self._pushes, strict=True)
-        for (ball, arrow), (place, force), is_closed, pushes in rows:
-            touches = force.any() if is_closed is None else is_closed
-            ball[:] = ball_row(place, bool(touches), self._size)
-            arrow[:] = arrow_row(place, force, self._full_force, self._size, pushes)
+        for (ball, line, arrow), (place, force, normal), touches, pushes in rows:
+            ball[:] = ball_row(place, touches, self._size)
+            line[:] = normal_row(place, normal, touches, self._size)
+            arrow[:] = arrow_row(place, force if touches else np.zeros(3), self._full_force, self._size, pushes)
 
     def _add_fixed_markers(self, extent: Extent) -> None:
         mechanism, source = self._model.mechanism, self._model.mechanism.source.file
@@ -274,14 +283,15 @@ class Markers:
 
     def _add_contacts(self) -> None:
         self._pushes: list[bool] = []
-        self._contact_markers: list[tuple[int, int]] = []
+        self._contact_markers: list[range] = []
         unit = (1.0, 1.0, 1.0)
         for owner, _ in self._model.contact_readings.placed:
             self._pushes.append(not pulls(self._model.mechanism, owner))
             number = len(self._messages)
             self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())
+            self._add_marker("contact_normals", Marker.CYLINDER, unit, CONTACT_COLOR, ())
             self._add_marker("contact_forces", Marker.ARROW, unit, CONTACT_COLOR, ())
-            self._contact_markers.append((number, number + 1))
+            self._contact_markers.append(range(number, number + 3))
 
     def _add_line(
         self, kind: LineKind, namespace: str, ends: tuple[Attachment, ...], shape: Array, width: float, color: Color

@@ -173,7 +173,7 @@ class OneSidedModel:
     def states(self, time: float, y: Array, inputs: Array, places: Array | None = None) -> dict[str, ContactState]:
         """Each gap and each friction element without one, by name.
 
-        :param places: the points and forces (placed, 2, 3) of `Model.contact_places`; without them they are None.
+        :param places: the points, forces and normals (placed, 3, 3), see `ContactReadings.places`; without them None.
         """
         placed = {} if places is None else dict(zip(self.placed, places, strict=True))
         modes, read = self.modes(inputs), self.readings(time, y, inputs)
@@ -189,8 +189,9 @@ class OneSidedModel:
         for gap, name in enumerate(self.names):
             how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
             how = how if modes[gap] else "open"
-            place = placed.get(gap, (None, None))
-            size = apart[gap] if gap in apart and not modes[gap] else read.gaps[gap]
+            is_open_slot = gap in apart and not modes[gap]
+            place = () if is_open_slot else placed.get(gap, ())
+            size = apart[gap] if is_open_slot else read.gaps[gap]
             found[name] = ContactState(how, size, read.rates[gap], read.forces[gap], forces, slip, *place)
         for index, (rows, load) in enumerate(self.frictions):
             if load is None:

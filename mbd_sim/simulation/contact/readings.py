@@ -36,7 +36,7 @@ class ContactReadings:
     ) -> None:
         """`cushions` are the functions of the compliant contacts.
 
-        :param read_places: the points and forces of the one-sided elements that have a place, into an array (n, 2, 3).
+        :param read_places: the points, forces and normals of the one-sided elements that have a place, into (n, 3, 3).
         """
         self._one_sided, self._compliant, self._cushions = one_sided, compliant, cushions
         self._read_places = read_places
@@ -55,14 +55,19 @@ class ContactReadings:
         found += [(("contacts", contact.name), None) for contact in self._compliant]
         return tuple(found)
 
+    def placed_names(self) -> list[str]:
+        """The names of the `placed` contacts, as in `states`."""
+        names = [] if self._one_sided is None else [self._one_sided.names[gap] for gap in self._one_sided.placed]
+        return names + compliant_names(self._compliant)
+
     def places(self, time: float, y: Array, inputs: Array) -> Array:
-        """(n, 2, 3): the points in m of the `placed` contacts, and their forces in N, in ground's frame."""
-        out = np.empty((self._placed, 2, 3))
+        """(n, 3, 3): the points in m of the `placed` contacts, their forces in N, and normals, in ground's frame."""
+        out = np.empty((self._placed, 3, 3))
         if self._placed:
             self._read_places(time, y, inputs, out)
         if self._cushions is None:
             return out
-        return np.concatenate([out, evaluated(self._cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
+        return np.concatenate([out, evaluated(self._cushions.places, time, y, inputs).T.reshape(-1, 3, 3)])
 
     def states(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """The state of each contact by name."""
@@ -112,7 +117,7 @@ def compliant_names(contacts: Sequence[Contact]) -> list[str]:
 def states_of_compliant_contacts(
     cushions: CushionFunctions, time: float, y: Array, inputs: Array, places: Array
 ) -> Iterator[ContactState]:
-    """The state of each compliant contact; `places` (n, 2, 3) are their points and forces.
+    """The state of each compliant contact; `places` (n, 3, 3) are their points, forces and normals.
 
     The gap is negative by the depth. They are open where they exert no force, and never stick.
     """

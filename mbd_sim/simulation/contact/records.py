@@ -82,9 +82,11 @@ class ContactState:
     negative by its depth; it is open where it exerts no force, and does not stick. Of an open slot, at which nothing
     touches, the gap is a lower bound of the distance of both bodies.
 
-    `point` (3,) in m is where it touches, and `force` (3,) in N what it exerts on the constrained point's or wheel's
-    part, friction included, both in ground's frame. Of a rope or strut they are those of its last end, or of the first
-    where the last is on ground. They are None for stops, plays, clutches and friction in joints.
+    `point` (3,) in m is where it touches, `force` (3,) in N what it exerts on the first part, friction included, and
+    `direction` (3,) the unit normal along which `normal` acts on that part, all in ground's frame. The first part is
+    that of the constrained point, of the wheel, or of the shape that is named first. Of a rope or strut they are those
+    of its last end, or of the first where the last is on ground. They are None for open slots, and for stops, plays,
+    clutches and friction in joints.
     """
 
     state: str
@@ -95,6 +97,7 @@ class ContactState:
     slip: Array
     point: Array | None = None
     force: Array | None = None
+    direction: Array | None = None
 
     @property
     def friction_entries(self) -> list[tuple[float, float, float]]:

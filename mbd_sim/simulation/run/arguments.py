@@ -117,6 +117,7 @@ class RecordingOptions(TypedDict, total=False):
 
     rate: float | None
     reactions: bool
+    contact_forces: bool
     violation: bool
     poses: Sequence[str]
     accelerations: Sequence[str]

@@ -114,6 +114,9 @@ def test_the_force_of_a_contact_is_an_arrow_that_ends_there():
     size = extent_of(model).size
     assert arrow[1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
     assert arrow[0] == pytest.approx([0.0, 0.0, -0.25 * size], rel=1e-5)  # the weight of all parts
+    assert nodes.nodes["/contact_points"].points[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    (line,) = nodes.nodes["/contact_normals"].points
+    assert line[1] - line[0] == pytest.approx([0.0, 0.0, 0.12 * size], rel=1e-5)
 
 
 def test_a_spring_appears_with_its_stiffness():

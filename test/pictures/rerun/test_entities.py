@@ -244,9 +244,9 @@ def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
     points, arrows = (
         [row for _, row in recorded.rows[f"/world/contact_forces/{name}"]] for name in ("points", "force")
     )
-    touching = [force.any() for _, force in places]
+    touching = [force.any() for _, force, _ in places]
     assert True in touching and False in touching
-    for drawn, arrow, (point, force) in zip(points, arrows, places, strict=True):
+    for drawn, arrow, (point, force, _) in zip(points, arrows, places, strict=True):
         expected = np.reshape([point] if force.any() else [], (-1, 3))
         np.testing.assert_allclose(np.reshape(drawn["Points3D:positions"] or [], (-1, 3)), expected, atol=1e-6)
         if force.any() and scale * np.linalg.norm(force) < 0.6 * scene.extent.size:

@@ -16,6 +16,11 @@ def test_the_extent_contains_the_swing_of_the_rods():
     assert extent.upper[2] < 1.0
 
 
+def test_what_rests_on_a_floor_does_not_fall_through_it_in_the_preview():
+    extent = extent_of(Simulation.from_file("bounce").model)
+    assert extent.lower[2] > -0.5 * extent.size
+
+
 def test_the_extent_of_a_single_part_that_is_only_a_mesh_is_that_of_the_mesh(tmp_path):
     (tmp_path / "a.stl").write_bytes(mesh_files.binary_stl())
     (tmp_path / "r.urdf").write_text(

@@ -9,6 +9,7 @@ from rclpy.serialization import deserialize_message
 from rosbags.typesys import Stores, get_typestore
 
 from mbd_sim import Simulation
+from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.recordings.messages import cdr, events, states
 from mbd_sim.recordings.messages.cdr import string_message
 from mbd_sim.recordings.messages.states import Snapshot
@@ -84,6 +85,22 @@ def test_contact_states_have_one_sided_elements_and_then_compliant_contacts():
         assert list(message.position) == [tie.gap, floor.gap, 1.0]
         assert list(message.velocity) == [tie.rate, floor.rate, *floor.slip]
         assert list(message.effort) == [tie.normal, floor.normal, *floor.friction]
+
+
+def test_contact_forces_have_the_points_normals_and_forces_of_all_contacts_with_a_place():
+    simulation = Simulation.from_text(SOFT_BALL.replace("[0, 0.12, 0]", "[0, 0.099, 0]"))
+    simulation.step(5)
+    floor = simulation.contacts()["floor"]
+    payload = written(simulation, states.contact_forces(simulation.model, "robot/"))
+    for message in read("sensor_msgs/msg/MultiDOFJointState", payload):
+        assert message.header.frame_id == "robot/ground"
+        assert (list(message.joint_names), len(message.twist)) == (["floor"], 0)
+        (transform,), (wrench,) = message.transforms, message.wrench
+        assert [getattr(transform.translation, axis) for axis in "xyz"] == floor.point.tolist()
+        turned = from_quaternion(np.array([getattr(transform.rotation, axis) for axis in "wxyz"]))
+        assert turned[:, 2] == pytest.approx(floor.direction, abs=1e-15)
+        assert [getattr(wrench.force, axis) for axis in "xyz"] == floor.force.tolist()
+        assert [getattr(wrench.torque, axis) for axis in "xyz"] == [0.0, 0.0, 0.0]
 
 
 def test_labeled_energies(simulation):

@@ -110,8 +110,11 @@ def test_contacts_are_balls_and_arrows_along_their_forces_that_shrink_while_open
     for _ in range(12):
         simulation.run(simulation.time + 0.1)
         found = drawn(markers, simulation)
-        balls, arrows = ([m for m in found if m.ns == name] for name in ("contacts", "contact_forces"))
-        assert (len(balls), len(arrows)) == (2, 2)
+        balls, lines, arrows = (
+            [m for m in found if m.ns == name] for name in ("contacts", "contact_normals", "contact_forces")
+        )
+        assert (len(balls), len(lines), len(arrows)) == (2, 2, 2)
+        assert [line.scale.z > 1e-3 for line in lines] == [ball.scale.x > 1e-3 for ball in balls]
         for ball, arrow, (name, state) in zip(balls, arrows, simulation.contacts().items(), strict=True):
             closed = state.state != "open"
             seen.add((name, closed))
@@ -137,7 +140,9 @@ def test_compliant_contacts_have_balls_and_arrows_while_they_touch():
         (ball,), (arrow,) = (
             [m for m in drawn(markers, simulation) if m.ns == name] for name in ("contacts", "contact_forces")
         )
-        ((point, force),) = simulation.model.contact_readings.places(simulation.time, simulation.y, simulation.inputs)
+        ((point, force, _),) = simulation.model.contact_readings.places(
+            simulation.time, simulation.y, simulation.inputs
+        )
         touches = bool(force.any())
         seen.add(touches)
         assert ((ball.scale.x > 1e-3), (arrow.scale.x > 1e-3)) == (touches, touches)

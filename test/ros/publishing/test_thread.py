@@ -18,7 +18,8 @@ from test.system.nodes import new_domain
 from test.waiting import wait_until
 
 ALL_OUTPUTS = {
-    "accelerations": "all", "part_poses": "all", "joint_reactions": True, "contact_states": True, "energy_values": True,
+    "accelerations": "all", "part_poses": "all", "joint_reactions": True, "contact_states": True, "contact_forces": True,
+    "energy_values": True,
     "constraint_violation": True, "record": False,
 }  # fmt: skip
 

@@ -60,6 +60,7 @@ def test_parameters_request_the_other_topics():
         "energy_values:=true",
         "joint_reactions:=true",
         "contact_states:=true",
+        "contact_forces:=true",
         "constraint_violation:=true",
         "part_poses:='*'",
         "accelerations:='coordinates, lower.tip'",

@@ -120,7 +120,7 @@ def test_the_force_of_a_compliant_contact_is_the_rate_of_momentum_at_the_place_w
     assert model.contact_readings.placed == ((("contacts", "floor"), None),)
     for _ in range(40):
         sim.step(5)
-        ((point, force),) = model.contact_readings.places(sim.time, sim.y, sim.inputs)
+        ((point, force, _),) = model.contact_readings.places(sim.time, sim.y, sim.inputs)
         x, z, _ = sim.u_rates
         assert force == pytest.approx([2.0 * x, 0.0, 2.0 * (z + 9.81)], abs=1e-11)
         assert point == pytest.approx([sim.q[0], 0.0, sim.q[1] - 0.1], abs=1e-15)

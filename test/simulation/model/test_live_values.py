@@ -97,6 +97,13 @@ def test_the_error_for_a_value_that_cannot_be_live_says_why(key, words):
         Simulation.from_file("double_rod", live=[key])
 
 
+def test_sizes_of_bodies_with_changing_features_are_built_into_the_equations():
+    """A node takes all parameters as live values that it can; `r` is the radius of a roller on an outline."""
+    names = names_with_matches(mechanism := load_mechanism("detent"), ["parameters.*"])
+    sim = Simulation(mechanism, live=names)
+    assert "parameters.k" in sim.live and "parameters.r" not in sim.live
+
+
 def test_patterns_pass_over_the_numbers_inside_expressions():
     sim = Simulation.from_file("duffing", live=["forces.*", "gravity[*]"])
     assert not any("names" in key for key in sim.live)

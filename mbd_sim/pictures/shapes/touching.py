@@ -1,0 +1,80 @@
+"""The contacts that are closed in one state, as pictures show them: points, forces and normals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.pictures.shapes.joints import LONG, LONGEST, pulls
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.model.model import Model
+    from mbd_sim.simulation.run.simulation import BaseSimulation
+
+NORMAL = 0.06  # length of the line along a normal, on both sides of its point, relative to the mechanism's size
+SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """Contacts that are closed: their `points` in m, `forces` in N and unit `normals`, all (n, 3), in ground's frame.
+
+    `pushes` (n,): the arrow of the force ends at its point; else, for a rope, it starts there.
+    """
+
+    points: Array
+    forces: Array
+    normals: Array
+    pushes: Array
+
+    def normal_lines(self, size: float) -> Array:
+        """The ends (n, 2, 3) of the lines along the normals, for a mechanism of a `size` in m."""
+        return normal_lines(self.points, self.normals, size)
+
+    def arrows(self, size: float, full: float) -> Iterator[tuple[Array, Array]]:
+        """The ends (3,) of the arrows that are long enough to be seen; `full` is the force in N of one of `LONG`."""
+        for point, force, pushes in zip(self.points, self.forces, self.pushes.tolist(), strict=True):
+            magnitude = float(np.linalg.norm(force))
+            length = min(LONG * magnitude / full, LONGEST)
+            if length > SHORT:
+                along = length * size * force / magnitude
+                yield (point - along, point) if pushes else (point, point + along)
+
+
+NONE_TOUCHING = Touching(*np.zeros((3, 0, 3)), np.zeros(0, dtype=bool))
+
+
+def normal_lines(points: Array, normals: Array, size: float) -> Array:
+    """The ends (n, 2, 3) of lines along normals (n, 3) through points (n, 3)."""
+    along = NORMAL * size * normals
+    return np.stack([points - along, points + along], axis=1)
+
+
+def closed_places(indices: Sequence[int | None], inputs: Array, forces: Array) -> Array:
+    """Which contacts (..., n) are closed.
+
+    :param indices: of the inputs (..., m) that are 1 while they are; None for compliant contacts, which are closed
+        while they exert forces (..., n, 3).
+    """
+    known = np.array([-1 if index is None else index for index in indices], dtype=np.int64)
+    return np.where(known < 0, forces.any(axis=-1), inputs[..., known] > 0.0)
+
+
+def touching(model: Model, time: float, y: Array, inputs: Array) -> Touching:
+    """The closed contacts of a model in a state."""
+    readings = model.contact_readings
+    if not readings.placed:
+        return NONE_TOUCHING
+    places = readings.places(time, y, inputs)
+    pushes = np.array([not pulls(model.mechanism, owner) for owner, _ in readings.placed], dtype=bool)
+    closed = closed_places([index for _, index in readings.placed], inputs, places[:, 1])
+    return Touching(places[closed, 0], places[closed, 1], places[closed, 2], pushes[closed])
+
+
+def touching_now(simulation: BaseSimulation) -> Touching:
+    """The closed contacts in the present state of a simulation."""
+    return touching(simulation.model, simulation.time, simulation.y, simulation.inputs)
