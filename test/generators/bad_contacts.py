@@ -60,7 +60,7 @@ def _shape(chance):
             shape[key] = [0.4, 0.3, 0.2][: 2 if kind == "plate" else 3]
         case "rod":
             shape |= {"to": [0.3, 0, 0], **chance.choice([{}, {"radius": 0.05}])}
-    if chance.random() < 0.15:
+    if chance.random() < 0.06:
         shape[chance.choice([key for key in shape if key != "type"])] = chance.choice(ODD)
     return shape
 
@@ -79,7 +79,7 @@ def _contact(chance):
         ]
     )
     for key in ("restitution", "friction", "static_friction", "stiffness", "normal"):
-        if chance.random() < 0.12:
+        if chance.random() < 0.05:
             contact[key] = chance.choice([*ODD, 0.3, 0.7, 2])
     return contact
 

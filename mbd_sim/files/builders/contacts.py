@@ -42,7 +42,26 @@ def build_contacts(
 ) -> tuple[Contact, ...]:
     """The contacts of a file; invalid ones are left out and reported to `context`."""
     builder = _ContactBuilder(parts, context)
-    return tuple(contact for name, spec in specs.items() for contact in builder.build(name, spec))
+    found = tuple(contact for name, spec in specs.items() for contact in builder.build(name, spec))
+    _remark_on_repeated_pairs(found, context)
+    return found
+
+
+def _remark_on_repeated_pairs(contacts: Sequence[Contact], context: BuildContext) -> None:
+    """Say which bodies several entries of the file name, all of which act."""
+    owners: dict[frozenset[str], dict[str, None]] = {}
+    for contact in contacts:
+        if not isinstance(contact.second, Face | Cam):
+            owners.setdefault(frozenset(contact.names), {})[contact.name] = None
+    for pair, names in owners.items():
+        if len(names) > 1:
+            both, entries = (listed([quoted(name) for name in group]) for group in (sorted(pair), names))
+            _add_remark(context, f"{both} touch in the contacts {entries}, which all act. Name each pair once.")
+
+
+def _add_remark(context: BuildContext, text: str) -> None:
+    if text not in context.source.remarks:
+        context.source.remarks = (*context.source.remarks, text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,12 +164,11 @@ class _ContactBuilder:
                 else:
                     del self._context.problems[problems:]
                     unable[f"{first.name} and {second.name}"] = None
-        if not found:
+        if not found and self._all_known:
             self._context.report(place, "no two parts that are not neighbors have shapes", "Give a list of parts.")
         text = f"contacts.{where[1]}: shapes that cannot touch each other: {listed(list(unable))}."
-        source = self._context.source
-        if unable and text not in source.remarks:
-            source.remarks = (*source.remarks, text)
+        if unable:
+            _add_remark(self._context, text)
         return found
 
     def _round_pair(
@@ -273,7 +291,7 @@ class _ContactBuilder:
         if spec.parts != ALL:
             return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
         names = free_parts(self._touching_parts(where, spec), self._context.valid_joints.values(), support)
-        if not names:
+        if not names and self._all_known:
             self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")
         return [(place, reference(name)) for name in names]
 
@@ -281,14 +299,20 @@ class _ContactBuilder:
         """The parts with shapes that can touch, but for those that are left out."""
         left_out = set(spec.without or ())
         for index, part in enumerate(spec.without or ()):
-            if part not in self._parts:
-                message, remedy = f"there is no part {quoted(part)}", nearest(part, self._parts)
+            if part not in self._names or part == GROUND:
+                others = [name for name in self._names if name != GROUND]
+                message, remedy = f"there is no part {quoted(part)}", nearest(part, others)
                 self._context.report((*where, "without", index), message, remedy)
         return [
             name
             for name, part in self._parts.items()
             if name not in left_out and any(not one.hole for one in touching_shapes(part))
         ]
+
+    @property
+    def _all_known(self) -> bool:
+        """Whether no part has problems of its own, because of which it is left out here."""
+        return self._names.keys() <= {*self._parts, GROUND}
 
     def _differ(self, where: Location, one: str, other: str) -> bool:
         if one == other:
@@ -354,4 +378,4 @@ def _word(reference: str) -> str:
 
 
 def _article(kind: str) -> str:
-    return f"a {kind}"
+    return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
