@@ -18,6 +18,7 @@ from itertools import accumulate
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.linear_algebra import norm
 from mbd_sim.compiler.rows.row_factors import Factors
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
@@ -170,7 +171,7 @@ class OneSidedDynamics:
             max(one_sided.units.length, size),
         )
         mechanism = traced.numeric
-        self._weight = max(one_sided.units.force, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
+        self._weight = max(one_sided.units.force, mechanism.mass * norm(mechanism.gravity))
         self._constraints, self._forces, self.one_sided = constraints, forces, one_sided
         self._rows = one_sided.combined
         rows = one_sided.layout.rows

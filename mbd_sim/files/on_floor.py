@@ -14,6 +14,7 @@ import numpy as np
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, ContactBody, EllipsoidBody, Face, Rim
@@ -136,7 +137,7 @@ def _lifted(mechanism: Mechanism, lowers: bool) -> Mechanism:
     for contact in filter(_is_floor, mechanism.contacts):
         face = contact.second
         assert isinstance(face, Face)
-        if (rise := float(face.normal @ UP)) > 0.0:
+        if (rise := float(product(face.normal, UP))) > 0.0:
             for body in contact.first.bodies if isinstance(contact.first, Cluster) else (contact.first,):
                 base, lift = carried.get(body.at.part, ""), -_gap(body, face, poses[body.at.part]) / rise
                 heights[base] = max(lift, heights.get(base, -np.inf))
@@ -165,7 +166,7 @@ def _bases(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Array]:
         if joint.inboard not in sliding or joint.reversed or joint.drive:
             continue
         held = any(joint.stiffness) or any(joint.limits) or not moved.isdisjoint(joint.motion_names)
-        axes = sliding[joint.inboard] @ joint.parent_pose.rotation
+        axes = product(sliding[joint.inboard], joint.parent_pose.rotation)
         if joint.type == "free":
             along = np.eye(3)
         elif joint.type == "planar" and not held:
@@ -175,8 +176,8 @@ def _bases(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Array]:
             sliding[joint.outboard_part] = poses[joint.outboard_part].rotation
         else:
             continue
-        rises: Array = along @ axes.T @ UP
-        if abs(float(rises @ rises) - 1.0) <= UPRIGHT:
+        rises: Array = product(product(along, axes.T), UP)
+        if abs(float(product(rises, rises)) - 1.0) <= UPRIGHT:
             found[joint.name] = rises
     return found
 
@@ -192,13 +193,13 @@ def _carriers(mechanism: Mechanism, bases: Mapping[str, Array]) -> dict[str, str
 def _gap(body: ContactBody, face: Face, pose: Pose) -> float:
     """How far in m a body is above a plane of ground."""
     normal = face.normal
-    center: Array = pose.position + pose.rotation @ body.at.point
-    height = float(normal @ (center - face.at.point))
+    center: Array = pose.position + product(pose.rotation, body.at.point)
+    height = float(product(normal, center - face.at.point))
     match body:
         case Ball(radius=radius):
             return height - radius
         case Rim(radius=radius, axis=axis):
-            return height - radius * float(np.linalg.norm(np.cross(normal, pose.rotation @ axis)))
+            return height - radius * norm(np.cross(normal, product(pose.rotation, axis)))
         case EllipsoidBody(radii=radii, axes=axes):
-            return height - float(np.linalg.norm(np.array(radii) * ((pose.rotation @ axes).T @ normal)))
+            return height - norm(np.array(radii) * (product((product(pose.rotation, axes)).T, normal)))
     return height

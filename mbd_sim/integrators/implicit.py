@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.integrators.coefficients import rodas5p, ros34pw2
 from mbd_sim.integrators.method import Coefficients, ErrorEstimate, Method
@@ -133,7 +134,7 @@ def _rosenbrock_w(
             inverse[row][column] = total / gamma
 
     def transformed(row: Coefficients) -> Coefficients:
-        return tuple(sum(value * inverse[i][column] for i, value in enumerate(row)) for column in range(stages))
+        return tuple(added(value * inverse[i][column] for i, value in enumerate(row)) for column in range(stages))
 
     m, low = transformed(weights), transformed(embedded)
     return RosenbrockW(
@@ -142,7 +143,7 @@ def _rosenbrock_w(
         gamma,
         a=tuple(transformed(row)[: len(row)] for row in alpha),
         g=tuple(tuple(-value for value in row[:index]) for index, row in enumerate(inverse)),
-        c=tuple(sum(row) for row in alpha),
+        c=tuple(added(row) for row in alpha),
         d=(0.0,) * stages,
         m=m,
         estimate=ErrorEstimate(tuple(one - other for one, other in zip(m, low, strict=True))),

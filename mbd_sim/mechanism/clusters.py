@@ -10,6 +10,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.mechanism.elements.contacts import Ball, Cluster, Contact, Rim
 from mbd_sim.mechanism.elements.parts import Attachment, Joint
 from mbd_sim.mechanism.touching import welded
@@ -69,8 +70,10 @@ def _placed(contact: Contact, groups: dict[str, tuple[str, Pose]]) -> Ball | Rim
     body, (part, pose) = contact.first, _place(contact, groups)
     if not isinstance(body, Ball | Rim):
         return None
-    at = Attachment(part, pose.position + pose.rotation @ body.at.point)
-    return replace(body, at=at) if isinstance(body, Ball) else replace(body, at=at, axis=pose.rotation @ body.axis)
+    at = Attachment(part, pose.position + product(pose.rotation, body.at.point))
+    return (
+        replace(body, at=at) if isinstance(body, Ball) else replace(body, at=at, axis=product(pose.rotation, body.axis))
+    )
 
 
 def _outermost(contacts: Sequence[Contact], bodies: Sequence[Ball | Rim | None]) -> list[Contact]:
@@ -85,8 +88,7 @@ def _outermost(contacts: Sequence[Contact], bodies: Sequence[Ball | Rim | None])
         if not body.radius and tuple(body.at.point.tolist()) not in corners:
             return True
         return any(
-            other.radius > body.radius
-            and float(np.linalg.norm(other.at.point - body.at.point)) + body.radius <= other.radius
+            other.radius > body.radius and norm(other.at.point - body.at.point) + body.radius <= other.radius
             for other in balls
         )
 

@@ -17,6 +17,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import fsum
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.joint_types import STATES, CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -37,13 +38,14 @@ class MassProperties:
 
     def placed(self, pose: Pose) -> MassProperties:
         """These properties in the outer frame of `pose`."""
-        center = pose.position + pose.rotation @ self.center
-        return MassProperties(self.mass, center, pose.rotation @ self.inertia @ pose.rotation.T)
+        center = pose.position + product(pose.rotation, self.center)
+        return MassProperties(self.mass, center, product(product(pose.rotation, self.inertia), pose.rotation.T))
 
     def about(self, point: Array) -> Array:
         """The inertia (3, 3) about another point: the parallel axis theorem (Huston & Liu, sec. 7.6)."""
         k = rot.skew(self.center - point)
-        return self.inertia - self.mass * (k @ k)
+        inertia: Array = self.inertia - self.mass * product(k, k)
+        return inertia
 
 
 def composite(bodies: Sequence[MassProperties]) -> MassProperties:

@@ -13,6 +13,7 @@ from mbd_sim.base.errors import counted, listed, quoted, shortened
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import aligning_z
+from mbd_sim.base.linear_algebra import added, product
 from mbd_sim.base.short_repr import LONGEST
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointCoordinate
 from mbd_sim.mechanism.elements.parts import Joint, Part
@@ -143,7 +144,7 @@ class Mechanism:
     @property
     def mass(self) -> float:
         """The mass of all parts, kg."""
-        return float(sum(part.mass for part in self.parts.values()))
+        return float(added(part.mass for part in self.parts.values()))
 
     def tree_joints(self) -> Iterator[Joint]:
         """The joints of the tree from ground outwards."""
@@ -164,7 +165,7 @@ def _weld(joint: Joint) -> Joint:
     """The weld of the part that a joint splits, at the joint's frame there, with z along its axis."""
     pose = joint.parent_pose if joint.reversed else joint.child_pose
     if joint.axis.any():
-        pose = Pose(pose.position, pose.rotation @ aligning_z(joint.axis))
+        pose = Pose(pose.position, product(pose.rotation, aligning_z(joint.axis)))
     no_axis, none = np.zeros(3), np.zeros(0)
     ends = joint.outboard_part, joint.outboard
     return Joint(joint.name, "fixed", *ends, pose, pose, no_axis, no_axis, none, none, none, none, none)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.base.linear_algebra import added, norm
 from mbd_sim.mechanism.mechanism import Mechanism
 
 STEPS = 1000.0  # in the unit of time
@@ -44,7 +45,7 @@ def natural_units(mechanism: Mechanism, step: float) -> NaturalUnits:
     :param step: in s.
     """
     length, rate = rounded(_length(mechanism, step) / LENGTH), 1.0 / rounded(STEPS * step / TIME)
-    mass = sum(part.mass + float(np.trace(part.inertia)) / length**2 for part in mechanism.parts.values())
+    mass = added(part.mass + float(np.trace(part.inertia)) / length**2 for part in mechanism.parts.values())
     return NaturalUnits(length, rate, rounded(mass))
 
 
@@ -63,8 +64,8 @@ def energy_size(mechanism: Mechanism, step: float) -> float:
 
     :param step: in s.
     """
-    mass = sum(part.mass for part in mechanism.parts.values())
-    return mass * float(np.linalg.norm(mechanism.gravity)) * _length(mechanism, step)
+    mass = added(part.mass for part in mechanism.parts.values())
+    return mass * norm(mechanism.gravity) * _length(mechanism, step)
 
 
 def rounded(value: float) -> float:
@@ -77,9 +78,9 @@ def _length(mechanism: Mechanism, step: float) -> float:
     poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
     points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
     points += [pose.position for part in mechanism.parts.values() for pose in part.points.values()]
-    sizes = [float(np.linalg.norm(point)) for point in points]
-    if mass := sum(part.mass for part in mechanism.parts.values()):  # the radius of gyration of all parts
-        sizes.append(math.sqrt(sum(float(np.trace(part.inertia)) for part in mechanism.parts.values()) / mass))
+    sizes = [norm(point) for point in points]
+    if mass := added(part.mass for part in mechanism.parts.values()):  # the radius of gyration of all parts
+        sizes.append(math.sqrt(added(float(np.trace(part.inertia)) for part in mechanism.parts.values()) / mass))
     if found := max(sizes, default=0.0):
         return found
     positions, speeds = list[float](), list[float]()
@@ -89,5 +90,5 @@ def _length(mechanism: Mechanism, step: float) -> float:
                 positions.append(abs(float(joint.position[index])))
                 speeds.append(abs(float(joint.velocity[index])))
     time = STEPS * step
-    gravity = float(np.linalg.norm(mechanism.gravity))
+    gravity = norm(mechanism.gravity)
     return max(positions, default=0.0) or max(speeds, default=0.0) * time or FALL * gravity * time**2

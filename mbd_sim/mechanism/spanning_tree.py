@@ -15,6 +15,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, may_suggest, nearest, quoted
 from mbd_sim.base.geometry.batch import per_variant
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.linear_algebra import norm
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part
 from mbd_sim.mechanism.values.names import in_quotes, readings
 
@@ -193,7 +194,7 @@ def _least_inertia(
     """
     turning, moving, largest = [], [], []
     arm = center - position
-    reach = np.linalg.norm(center) + np.linalg.norm(position) + abs(travel)
+    reach = norm(center) + norm(position) + abs(travel)
     for direction, rotates in zip(directions, rotations, strict=True):
         axis = rotation @ direction
         turning.append(axis if rotates else np.zeros(3))

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
+from mbd_sim.base.linear_algebra import products
+
 Array = NDArray[np.float64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -119,10 +121,10 @@ class Batch(NDArrayOperatorsMixin):
         return _for_each(functools.partial(function, **options), args, self)
 
     def _product(self, one: Any, other: Any) -> Batch:
-        """The product of matrices and vectors, by the routine that NumPy uses for those of one variant."""
+        """The product of matrices and vectors, with the bits of one variant alone."""
         left, right = (value.values if isinstance(value, Batch) else np.asarray(value) for value in (one, other))
         is_row, is_column = len(_shape(one)) == 1, len(_shape(other)) == 1
-        result = (left[..., None, :] if is_row else left) @ (right[..., None] if is_column else right)
+        result = products(left[..., None, :] if is_row else left, right[..., None] if is_column else right)
         result = result[..., 0] if is_column else result
         if is_row:
             result = result[..., 0] if is_column else result[..., 0, :]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.base.short_repr import short_repr
 
 Array = NDArray[np.float64]
@@ -26,11 +27,11 @@ class Pose:
         own["position"], own["rotation"] = position, rotation
 
     def __matmul__(self, inner: Pose) -> Pose:
-        return Pose(self.position + self.rotation @ inner.position, self.rotation @ inner.rotation)
+        return Pose(self.position + product(self.rotation, inner.position), product(self.rotation, inner.rotation))
 
     def inverse(self) -> Pose:
         """The pose of the outer frame in the inner frame."""
-        return Pose(-self.rotation.T @ self.position, self.rotation.T)
+        return Pose(product(-self.rotation.T, self.position), self.rotation.T)
 
 
 def identity_pose() -> Pose:

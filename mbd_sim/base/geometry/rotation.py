@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from mbd_sim.base.geometry.batch import array, per_variant, uniform
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import norm, norms
+from mbd_sim.base.linear_algebra import product as matrix_product
+from mbd_sim.base.rounded import sine_cosine
 
 
 def skew(v: Array) -> Array:
@@ -21,21 +23,21 @@ def unit(v: Sequence[float] | Array) -> Array:
     """The vector scaled to length 1; very long and very short vectors do not overflow."""
     scaled = array(v)
     scaled = scaled / np.max(np.abs(scaled))
-    found: Array = uniform(scaled / np.sqrt(scaled @ scaled))
+    found: Array = uniform(scaled / np.sqrt(matrix_product(scaled, scaled)))
     return found
 
 
 def unit_or_zero(v: Array) -> Array:
     """The vector scaled to length 1, or zero if its length is below 1e-12."""
-    length = float(np.linalg.norm(v))
+    length = norm(v)
     return v / length if length > 1e-12 else np.zeros_like(v)
 
 
 @per_variant
 def about(axis: Array, angle: float) -> Array:
     """The rotation matrix (3, 3) about a unit `axis` by `angle` in rad (Rodrigues' formula)."""
-    k = skew(axis)
-    rotation: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    k, (sine, cosine) = skew(axis), sine_cosine(angle)
+    rotation: Array = np.eye(3) + sine * k + (1.0 - cosine) * matrix_product(k, k)
     return rotation
 
 
@@ -44,7 +46,7 @@ def from_quaternion(quaternion: Array) -> Array:
     """The rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
     w, v = quaternion[0], quaternion[1:]
     k = skew(v)
-    rotation: Array = np.eye(3) + 2.0 * (w * k + k @ k)
+    rotation: Array = np.eye(3) + 2.0 * (w * k + matrix_product(k, k))
     return rotation
 
 
@@ -61,28 +63,28 @@ def to_quaternion(rotation: Array) -> Array:
         q = np.empty(4)
         q[0] = r[k, j] - r[j, k]
         q[1 + i], q[1 + j], q[1 + k] = squares[largest], r[j, i] + r[i, j], r[k, i] + r[i, k]
-    q /= np.linalg.norm(q)
+    q /= norm(q)
     return q if q[0] >= 0.0 else -q
 
 
 def product(first: Array, second: Array) -> Array:
     """The quaternion (w, x, y, z) of the rotation `second` followed by `first`."""
     v, w = first[1:], second[1:]
-    scalar = first[0] * second[0] - v @ w
+    scalar = first[0] * second[0] - matrix_product(v, w)
     return np.array([scalar, *(first[0] * w + second[0] * v + np.cross(v, w))])
 
 
 def of_vector(vector: Array) -> Array:
     """The unit quaternion (w, x, y, z) of a rotation vector (3,): axis times angle in rad."""
-    angle = float(np.linalg.norm(vector))
-    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle, defined at zero too
-    return np.array([math.cos(0.5 * angle), *(half * vector)])
+    angle = norm(vector)
+    sine, cosine = sine_cosine(0.5 * angle)
+    return np.array([cosine, *((sine / angle if angle else 0.5) * vector)])
 
 
 def rotation_vector(quaternion: Array) -> Array:
     """Axis times angle (3,) in rad, at most π long, of a unit quaternion (w, x, y, z)."""
     w, v = (quaternion[0], quaternion[1:]) if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1:])
-    sine = float(np.linalg.norm(v))
+    sine = norm(v)
     return v * (2.0 * np.arctan2(sine, w) / sine if sine > 1e-9 else 2.0)
 
 
@@ -106,7 +108,7 @@ def quaternions(matrices: Array) -> Array:
     )
     best = np.argmax(np.diagonal(ways, axis1=1, axis2=2), axis=1)
     chosen: Array = ways[np.arange(len(m)), best]
-    chosen /= np.linalg.norm(chosen, axis=1, keepdims=True)
+    chosen /= norms(chosen)[:, None]
     return chosen
 
 
@@ -121,7 +123,7 @@ def aligning_z(axis: Array) -> Array:
         columns[(index + 2) % 3, 1] = sign
         return columns
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
-    x /= np.linalg.norm(x)
+    x /= norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
@@ -129,7 +131,8 @@ def aligning_z(axis: Array) -> Array:
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """The matrix (3, 3) of rotations about fixed x by roll, fixed y by pitch, fixed z by yaw, in rad, as in URDF."""
     x, y, z = np.eye(3)
-    return about(z, yaw) @ about(y, pitch) @ about(x, roll)
+    turned: Array = matrix_product(matrix_product(about(z, yaw), about(y, pitch)), about(x, roll))
+    return turned
 
 
 def to_rpy(rotation: Array) -> tuple[float, float, float]:

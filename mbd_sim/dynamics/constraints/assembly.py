@@ -14,9 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base import linear_algebra as la
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import norm as norm_of
+from mbd_sim.base.linear_algebra import norms, product
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions, ManyConstraints, scaled
-from mbd_sim.dynamics.math.rank import RANK, least_solution, row_is_zero
+from mbd_sim.dynamics.math.rank import RANK, least_solution, least_solutions, row_is_zero
 
 CLOSED = 1e-10  # tolerated gap, relative to the natural size of its row
 CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
@@ -69,7 +72,7 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
             break
         scatter = constraints.scales * random.normal(size=len(free)) * free * min(2.0, 0.1 * 1.3**attempt)
         other = _newton(constraints, t, constraints.displaced(q, scatter), free)
-        if other.closed or not np.linalg.norm(best.gaps) <= np.linalg.norm(other.gaps):
+        if other.closed or not norm_of(best.gaps) <= norm_of(other.gaps):
             best = replace(other, path=(ClosingStep(q, scatter, 1.0), *other.path))
     if best.closed or not free.any():
         return best
@@ -114,7 +117,7 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, f
     """
     gaps, path, longest = constraints.position(t, q), list[ClosingStep](), LONGEST_STEP
     for _ in range(FAR_ITERATIONS if far else ITERATIONS):
-        norm = float(np.linalg.norm(gaps))
+        norm = norm_of(gaps)
         if norm == 0.0:
             break
         step = _least_step(constraints, t, q, gaps, free)
@@ -126,7 +129,7 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, f
         for _ in range(12):
             next_q = constraints.displaced(q, step)
             next_gaps = constraints.position(t, next_q)
-            if np.linalg.norm(next_gaps) < norm:
+            if norm_of(next_gaps) < norm:
                 break
             step *= 0.5
             factor *= 0.5
@@ -136,7 +139,7 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, f
         q, gaps = next_q, next_gaps
         if growing:
             longest *= 2.0
-        elif np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
+        elif norm_of(gaps) > (1.0 - STALLED) * norm:
             break
     closed = bool(np.all(np.abs(gaps) <= CLOSED * constraints.row_sizes(t, q)))
     right_branch = bool(np.all(constraints.branch_checks(t, q) > 0.0))
@@ -167,10 +170,10 @@ def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, f
     speeds = np.zeros(len(u))
     if constraints.rank(t, q):
         resting = resting_speeds(constraints.mass_matrix(t, q), constraints.momentum(t, q), constraints.scales)
-        right = np.concatenate([-drift - gradient @ resting, (u - resting)[fixed]])
+        right = np.concatenate([-drift - product(gradient, resting), (u - resting)[fixed]])
         speeds = resting + _least_energy_speeds(constraints, t, q, fixed, right)
     speeds[fixed] = u[fixed]
-    errors = gradient @ speeds + drift
+    errors = product(gradient, speeds) + drift
     tolerated = tolerated_errors(constraints, t, q, speeds)  # undefined at rest for a row of infinite size
     return FittedSpeeds(speeds, errors, bool(np.all((errors == 0.0) | (np.abs(errors) <= tolerated))))
 
@@ -186,7 +189,7 @@ def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Arra
 
     With `fixed` (nv,), these entries stay; if they contradict the constraints, a violation remains.
     """
-    violation = constraints.gradient(t, q) @ u + constraints.drift(t, q)
+    violation = product(constraints.gradient(t, q), u) + constraints.drift(t, q)
     if fixed is None:
         fixed = np.zeros(len(u), dtype=bool)
     change = _least_energy_speeds(constraints, t, q, fixed, np.concatenate([violation, np.zeros(fixed.sum())]))
@@ -200,9 +203,10 @@ def resting_speeds(mass_matrix: Array, momentum: Array, scales: Array) -> Array:
     """
     if not momentum.any():
         return np.zeros(len(momentum))
-    weights, axes = np.linalg.eigh(mass_matrix * scales * scales[:, None])
+    weights, axes = la.eigh(mass_matrix * scales * scales[:, None])
     heavy = weights > WEIGHTLESS * weights.max()
-    return np.asarray(-scales * (axes[:, heavy] @ ((axes[:, heavy].T @ (scales * momentum)) / weights[heavy])))
+    along = product(axes[:, heavy].T, scales * momentum) / weights[heavy]
+    return np.asarray(-scales * product(axes[:, heavy], along))
 
 
 def _least_energy_speeds(constraints: ConstraintFunctions, t: float, q: Array, fixed: Array, right: Array) -> Array:
@@ -214,7 +218,7 @@ def _least_energy_speeds(constraints: ConstraintFunctions, t: float, q: Array, f
     to_unit, unit, lengths = energy_rows(constraints.mass_matrix(t, q), rows, zero, scales)
     u: Array = np.zeros(len(scales))
     for _ in range(2):
-        u += to_unit @ least_solution(unit, (right - rows @ u) / lengths)
+        u += product(to_unit, least_solution(unit, (right - product(rows, u)) / lengths))
     return u
 
 
@@ -224,11 +228,11 @@ def energy_rows(mass_matrix: Array, rows: Array, zero: NDArray[np.bool_], scales
     Rows that are `zero` (m,) have an infinite length. Speeds without inertia get a small one; if nothing has inertia,
     each speed in its natural unit gets the same.
     """
-    weights, axes = np.linalg.eigh(mass_matrix * scales * scales[:, None])
+    weights, axes = la.eigh(mass_matrix * scales * scales[:, None])
     least = WEIGHTLESS * weights.max(initial=0.0)
     to_unit: Array = scales[:, None] * axes / np.sqrt(np.maximum(weights, least if least > 0.0 else 1.0))
-    found = rows @ to_unit
-    lengths = np.linalg.norm(found, axis=1)
+    found = product(rows, to_unit)
+    lengths = norms(found)
     lengths[zero] = np.inf
     return to_unit, found / lengths[:, None], lengths
 
@@ -246,8 +250,8 @@ def nearby_configurations(
             directions = constraints.free_directions(0.0, at)
             if not directions.shape[1]:
                 break
-            weights = random.normal(size=directions.shape[1]) if direction is None else directions.T @ direction
-            direction = directions @ weights
+            weights = random.normal(size=directions.shape[1]) if direction is None else product(directions.T, direction)
+            direction = product(directions, weights)
             direction *= sign if len(configurations) == 1 else 1.0
             direction /= max(float(np.max(np.abs(direction) / constraints.scales)), 1e-300)
             closure = _newton(constraints, 0.0, constraints.displaced(at, 0.15 * direction), all_free)
@@ -318,7 +322,7 @@ def start_many(
         speeds[going], consistent = _fitted(constraints, q[going], u[going], fixed_u, going)
         gradient = constraints.gradient(q[going], going)
         matrices = scaled(gradient, constraints.row_sizes(q[going], going), constraints.scales)
-        ranks = np.linalg.matrix_rank(matrices, tol=RANK)
+        ranks = la.ranks(matrices, RANK)
         assembled[going] = consistent & ((ranks >= rank) | ~speeds[going].any(axis=1))
     return ManyStarts(q, speeds, assembled)
 
@@ -336,7 +340,7 @@ def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_])
     q, going = start.copy(), np.arange(len(start))
     gaps = constraints.position(q, going)
     for _ in range(ITERATIONS):
-        norm = _norms(gaps[going])
+        norm = norms(gaps[going])
         sizes = constraints.row_sizes(q, going)
         slopes = scaled(constraints.gradient(q, going), sizes, constraints.scales)[:, constraints.holonomic][:, :, free]
         finite = (norm != 0.0) & np.isfinite(norm) & np.all(np.isfinite(slopes), axis=(1, 2))
@@ -346,7 +350,7 @@ def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_])
         step = np.zeros((len(going), len(free)))
         if slopes[0].size:
             held = (array[:, constraints.holonomic] for array in (gaps[going], sizes))
-            step[:, free] = [_step_of_one(*of_one) for of_one in zip(slopes, *held, strict=True)]
+            step[:, free] = _steps(slopes, *held)
         step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.max(np.abs(step), axis=1), 1e-300))[:, None]
         going = _searched(constraints, q, gaps, going, norm, constraints.scales * step)
     everyone = np.arange(len(q))
@@ -354,10 +358,15 @@ def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_])
     return q, closed & np.all(constraints.branch_checks(q, everyone) > 0.0, axis=1)
 
 
-def _step_of_one(slope: Array, gaps: Array, sizes: Array) -> Array:
-    """The displacement of the free coordinates, for one variant."""
-    rows = sizes > 0.0
-    return -least_solution(slope[rows], gaps[rows] / sizes[rows])
+def _steps(slopes: Array, gaps: Array, sizes: Array) -> Array:
+    """The displacements (k, n) of the free coordinates; rows of size zero are left out."""
+    counts = sizes > 0.0
+    steps = np.zeros((len(slopes), slopes.shape[2]))
+    for rows in np.unique(counts, axis=0):
+        which = np.all(counts == rows, axis=1)
+        right = gaps[which][:, rows] / sizes[which][:, rows]
+        steps[which] = -least_solutions(slopes[which][:, rows], right)
+    return steps
 
 
 def _searched(
@@ -368,7 +377,7 @@ def _searched(
     for _ in range(HALVINGS):
         moved = constraints.displaced(q[going], step, going)
         moved_gaps = constraints.position(moved, going)
-        moved_norm = _norms(moved_gaps)
+        moved_norm = norms(moved_gaps)
         falls = moved_norm < norm
         taken = going[falls]
         q[taken], gaps[taken] = moved[falls], moved_gaps[falls]
@@ -394,29 +403,16 @@ def _fitted(
     zero = np.concatenate([zero_rows, given], axis=1)
     masses, momenta = constraints.mass_matrix(q, which), constraints.momentum(q, which)
     resting = np.array([resting_speeds(*one, scales) for one in zip(masses, momenta, strict=True)])
-    right = right - _times(rows, resting)
+    right = right - product(rows, resting[:, :, None])[:, :, 0]
     in_energy = [energy_rows(*of_one, scales) for of_one in zip(masses, rows, zero, strict=True)]
     to_unit, unit, lengths = (np.array(each) for each in zip(*in_energy, strict=True))
     speeds = np.zeros_like(u)
     for _ in range(2):
-        rest = (right - _times(rows, speeds)) / lengths
-        found = [least_solution(matrix, side) for matrix, side in zip(unit, rest, strict=True)]
-        speeds += _times(to_unit, np.array(found))
+        rest = (right - product(rows, speeds[:, :, None])[:, :, 0]) / lengths
+        speeds += product(to_unit, least_solutions(unit, rest)[:, :, None])[:, :, 0]
     speeds = np.where(np.all(zero_rows, axis=1)[:, None], 0.0, speeds + resting)
     speeds[:, fixed] = u[:, fixed]
-    errors = _times(gradient, speeds) + drift
+    errors = product(gradient, speeds[:, :, None])[:, :, 0] + drift
     rates = np.maximum(np.max(np.abs(speeds) / scales, axis=1, initial=0.0), constraints.rate_of_drives(q, which)[:, 0])
     tolerance = CONSISTENT * (row_sizes * rates[:, None] + np.abs(drift))
     return speeds, np.all(np.abs(errors) <= tolerance, axis=1)
-
-
-def _times(matrices: Array, vectors: Array) -> Array:
-    """The product of each matrix with its vector, by the routine for one."""
-    product: Array = (matrices @ vectors[:, :, None])[:, :, 0]
-    return product
-
-
-def _norms(vectors: Array) -> Array:
-    """The Euclidean norm of each row, by the routine for one."""
-    norms: Array = np.sqrt((vectors[:, None, :] @ vectors[:, :, None])[:, 0, 0])
-    return norms

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import norm
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
@@ -316,7 +317,7 @@ def _size(mechanism: Mechanism) -> float:
     poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
     poses += [pose for part in mechanism.parts.values() for pose in part.points.values()]
     points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
-    largest = max((float(np.linalg.norm(point)) for point in points), default=0.0)
+    largest = max((norm(point) for point in points), default=0.0)
     gyration = [np.sqrt(np.trace(part.inertia) / part.mass) for part in mechanism.parts.values() if part.mass > 0.0]
     starts = [
         value
@@ -324,4 +325,4 @@ def _size(mechanism: Mechanism) -> float:
         for value, coordinate in zip(joint.position, joint.kind.coordinates, strict=False)
         if not coordinate.rotation
     ]
-    return largest or float(max(gyration, default=0.0)) or float(np.linalg.norm(starts)) or 1.0
+    return largest or float(max(gyration, default=0.0)) or norm(np.array(starts)) or 1.0

@@ -17,6 +17,7 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant
@@ -137,7 +138,7 @@ def _equations_of(condition: LoopCondition, closing: _ClosingJoint) -> Iterator[
         case "constant angle between axes":
             axis, second = closing.joint.axis, closing.joint.second
             cosine = ca.dot(closing.in_first(axis), closing.in_second(second))
-            yield LoopEquation("angle of the axes", cosine - float(axis @ second), "")
+            yield LoopEquation("angle of the axes", cosine - float(product(axis, second)), "")
         case "advance by the lead":
             yield LoopEquation("advance", _screw_advance(closing.joint, closing.first, closing.second)[0])
         case _:

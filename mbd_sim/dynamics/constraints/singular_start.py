@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base import linear_algebra as la
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.math.rank import RANK, null_space, rank_of, unit_rows
 
@@ -40,8 +42,8 @@ def is_isolated(constraints: ConstraintFunctions, nearby: Sequence[tuple[float, 
     bias = constraints.bias(t, q, constraints.scales * free[:, 0])
     sizes = constraints.row_sizes(t, q)
     bias = np.divide(bias, sizes, out=np.zeros_like(bias), where=sizes > 0.0)
-    curvature = null_space(gradient.T).T @ bias
-    return bool(np.linalg.norm(curvature) > max(SATISFIED * float(np.linalg.norm(bias)), RANK))
+    curvature = product(null_space(gradient.T).T, bias)
+    return norm(curvature) > max(SATISFIED * norm(bias), RANK)
 
 
 def speeds_of_a_branch(
@@ -56,7 +58,7 @@ def speeds_of_a_branch(
     :param u: speeds that satisfy G u + b = 0 with the least kinetic energy.
     """
     gradient, scales = constraints.scaled_gradient(t, q), constraints.scales
-    lengths, sizes = np.linalg.norm(gradient, axis=1), constraints.row_sizes(t, q)
+    lengths, sizes = la.norms(gradient), constraints.row_sizes(t, q)
     sizes = np.where(sizes > 0.0, sizes, np.inf) * np.where(lengths > RANK, lengths, 1.0)
     unit = unit_rows(gradient)
     stresses = null_space(unit.T, rank_of(gradient))
@@ -64,39 +66,38 @@ def speeds_of_a_branch(
     if not stresses.shape[1] or not free.shape[1]:
         return u
     mass = constraints.mass_matrix(t, q)
-    weights, axes = np.linalg.eigh(free.T @ mass @ free)
+    weights, axes = la.eigh(product(product(free.T, mass), free))
     if not weights[0] > 0.0:
         return u
-    free = free @ axes / np.sqrt(weights)  # directions of unit energy
+    free = product(free, axes) / np.sqrt(weights)  # directions of unit energy
 
     def curvature(speeds: Array) -> Array:
-        return np.asarray(stresses.T @ (constraints.bias(t, q, speeds) / sizes))
+        return np.asarray(product(stresses.T, constraints.bias(t, q, speeds) / sizes))
 
     # Not γ of the speeds that are judged: on a branch on which the linkage moves without it, all of it is round-off.
     # Nor γ of rows in no stress, such as those of other loops, which may be far faster.
     stressed = np.any(np.abs(stresses) > RANK, axis=1)
-    bias = float(np.linalg.norm((constraints.bias(t, q, u) / sizes)[stressed]))
+    bias = norm((constraints.bias(t, q, u) / sizes)[stressed])
 
     def satisfied(speeds: Array) -> bool:
-        tolerance = max(SATISFIED * bias, CURVATURE_ROUND_OFF * float(np.sum((speeds / scales) ** 2)))
-        return float(np.linalg.norm(curvature(speeds))) <= tolerance
+        tolerance = max(SATISFIED * bias, CURVATURE_ROUND_OFF * norm(speeds / scales) ** 2)
+        return norm(curvature(speeds)) <= tolerance
 
     if satisfied(u):
         return u
-    size, random = float(np.sqrt(u @ mass @ u)) or 1.0, np.random.default_rng(3)
+    size, random = float(np.sqrt(product(u, product(mass, u)))) or 1.0, np.random.default_rng(3)
     best: Array | None = None
     for _ in range(STARTS):
         change = size * random.normal(size=free.shape[1])
         for _ in range(ITERATIONS):
-            at = u + free @ change
+            at = u + product(free, change)
             # Differences of a quadratic function are exact.
             slopes = [(curvature(at + move) - curvature(at - move)) / (2.0 * size) for move in size * free.T]
-            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at), rcond=SLOPES)[0]
+            slope = np.array(slopes).T
+            step = la.least_solution(slope, -curvature(at), SLOPES * norm(slope))
             change = change + step
-            if np.linalg.norm(step) <= 1e-15 * size:
+            if norm(step) <= 1e-15 * size:
                 break
-        if satisfied(u + free @ change) and (
-            best is None or np.linalg.norm(change) < (1.0 - 1e-9) * np.linalg.norm(best)
-        ):
+        if satisfied(u + product(free, change)) and (best is None or norm(change) < (1.0 - 1e-9) * norm(best)):
             best = change
-    return u if best is None else u + free @ best
+    return u if best is None else u + product(free, best)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.batch import of_all
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.constraints.assembly import (
     close_loops,
     configurations_of_drives,
@@ -269,7 +270,7 @@ def _require_compatible_drives(
         drift = np.divide(constraints.drift(t, q), sizes, out=np.zeros(len(rows)), where=sizes > 0.0)
         combinations = least_solution(gradient[kept].T, gradient[dropped].T)
         errors = np.zeros(len(rows))
-        errors[dropped] = drift[dropped] - combinations.T @ drift[kept]
+        errors[dropped] = drift[dropped] - product(combinations.T, drift[kept])
         rate = max(constraints.rate_of_drives(t, q), float(np.max(np.abs(drift), initial=0.0)))
         if np.max(np.abs(errors), initial=0.0) > COMPATIBLE * rate:
             errors *= sizes

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.mechanism.elements.contacts import CAM_ANGLE, Ball, Barrel, Cam, Contact
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -250,7 +251,7 @@ def _not_found(samples: _Samples, angles: Array, chosen: Mask, wrong: Mask) -> t
     worst = int(np.argmax(errors))
     if errors[worst] <= FOUND * samples.size:
         return None
-    inward = float(samples.points[:, worst] @ samples.normals[:, worst]) / math.hypot(*samples.points[:, worst])
+    inward = float(product(samples.points[:, worst], samples.normals[:, worst])) / math.hypot(*samples.points[:, worst])
     steep = math.degrees(math.acos(max(-1.0, min(1.0, inward))))
     return (
         f"cannot be followed near {_degrees(samples.angles[worst])}: the point that touches is not found, because the "

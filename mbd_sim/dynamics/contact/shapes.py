@@ -22,6 +22,8 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
+from mbd_sim.base.rounded import sine_cosine
 from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
@@ -78,7 +80,8 @@ def _directions(rim: Rim, face: Face, still: int | None) -> Array:
 def rim_directions(axis: Array) -> Array:
     """The directions (n, 3) of the points of a rim around an axis (3,) in space."""
     angles = [2.0 * math.pi * number / POINTS for number in range(POINTS)]
-    return np.array([[math.cos(angle), math.sin(angle)] for angle in angles]) @ perpendiculars(axis)
+    around: Array = product(np.array([sine_cosine(angle)[::-1] for angle in angles]), perpendiculars(axis))
+    return around
 
 
 def protrusion(radius: Any, square: Any) -> Any:

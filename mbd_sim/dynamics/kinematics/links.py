@@ -14,6 +14,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import aligning_z
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.kinematics.joint_motions import JointAxes
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.spatial import inertia_matrix, is_absent
@@ -71,8 +72,8 @@ def build_links(mechanism: Mechanism) -> list[Link]:
         alignment, axes = _aligned(joint)
         part = bodies[joint.outboard]
         X_LB[part.name] = own = (outboard_pose @ alignment).inverse()
-        center = _cleaned(own.position + own.rotation @ part.center)
-        inertia = _cleaned(own.rotation @ part.inertia @ own.rotation.T)
+        center = _cleaned(own.position + product(own.rotation, part.center))
+        inertia = _cleaned(product(product(own.rotation, part.inertia), own.rotation.T))
         X_PF = X_LB[joint.inboard] @ inboard_pose @ alignment
         result.append(
             Link(
@@ -101,7 +102,7 @@ def _inertia_of_springs(mechanism: Mechanism, part: str, X_LB: Pose) -> Array:
     for spring in mechanism.springs:
         for end in (spring.first, spring.second):
             if spring.mass and end.part == part:
-                point = _cleaned(X_LB.position + X_LB.rotation @ end.point)
+                point = _cleaned(X_LB.position + product(X_LB.rotation, end.point))
                 total = total + inertia_matrix(spring.mass / 3.0, point, np.zeros((3, 3)))
     return total
 
@@ -112,9 +113,9 @@ def _aligned(joint: Joint) -> tuple[Pose, JointAxes]:
     third = np.cross(axis, joint.second)
     if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
         return identity_pose(), JointAxes(axis, joint.second, third, joint.lead)
-    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < COMPONENT_ROUND_OFF * 10
+    perpendicular = np.any(joint.second) and abs(float(product(axis, joint.second))) < COMPONENT_ROUND_OFF * 10
     rotation = np.column_stack([joint.second, third, axis]) if perpendicular else aligning_z(axis)
-    second, third = (_cleaned(rotation.T @ vector) for vector in (joint.second, third))
+    second, third = (_cleaned(product(rotation.T, vector)) for vector in (joint.second, third))
     return Pose(np.zeros(3), rotation), JointAxes(np.array([0.0, 0.0, 1.0]), second, third, joint.lead)
 
 

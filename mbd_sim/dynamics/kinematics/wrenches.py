@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import LinkMotion, SymbolicPose, rotation_of_link
 from mbd_sim.dynamics.layouts.vectors import InputLayout
@@ -84,7 +85,7 @@ class AppliedWrenches:
         X_LB = self._links[index].X_LB
         if is_symbolic(at.point, X_LB.position, X_LB.rotation):
             return ca.sparsify(constant(X_LB.position) + constant(X_LB.rotation) @ constant(at.point))
-        return constant(X_LB.position + X_LB.rotation @ at.point)
+        return constant(X_LB.position + product(X_LB.rotation, at.point))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,8 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
+from mbd_sim.base.rounded import gauss_legendre
 from mbd_sim.mechanism.values.tables import BicubicSurface, Curve, Table, hermite
 
 POINTS = 16
@@ -45,7 +47,7 @@ class Panels:
 @cache
 def gauss_formula() -> tuple[Array, Array]:
     """The nodes (16,) between 0 and 1 and the weights (16,) of Gauss–Legendre quadrature over this interval."""
-    nodes, weights = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
+    nodes, weights = (0.5 * np.array(values) for values in gauss_legendre(POINTS))
     return nodes + 0.5, weights
 
 
@@ -177,7 +179,7 @@ def _quadratures(at: Callable[[Array], Array], *ranges: tuple[float, float]) -> 
     nodes, weights = gauss_formula()
     values = at(np.array([a + (b - a) * nodes for a, b in ranges]).reshape(-1, POINTS))
     return [
-        (float((b - a) * (weights @ row)), float(abs(b - a) * (weights @ np.abs(row))))
+        (float((b - a) * (product(weights, row))), float(abs(b - a) * (product(weights, np.abs(row)))))
         for (a, b), row in zip(ranges, values, strict=True)
     ]
 

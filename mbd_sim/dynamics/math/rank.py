@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base import linear_algebra as la
 from mbd_sim.base.geometry.pose import Array
 
 RANK = 1e-9  # rows and singular values in natural units up to this size count as zero
@@ -23,19 +24,17 @@ def null_space(matrix: Array, rank: int | None = None) -> Array:
     """
     if not matrix.size:
         return np.eye(matrix.shape[1])
-    if matrix.shape[0] > matrix.shape[1]:
-        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))  # the same null space with fewer rows
-    _, values, axes = np.linalg.svd(matrix)
-    found = int(np.sum(values > RANK)) if rank is None else rank
-    return np.ascontiguousarray(axes[found:].T)
+    return la.null_space(matrix, RANK, rank)
 
 
 def least_solution(matrix: Array, right: Array) -> Array:
     """The x (n,) or (n, k) of least norm among those for which matrix @ x is nearest to `right` (m,) or (m, k)."""
-    largest = float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
-    if largest <= RANK:
-        return np.zeros((matrix.shape[1], *right.shape[1:]))
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK / largest)[0], dtype=float)
+    return la.least_solution(matrix, right, RANK)
+
+
+def least_solutions(matrices: Array, rights: Array) -> Array:
+    """The solutions (k, n) of many matrices (k, m, n) and right sides (k, m), each with the bits that it has alone."""
+    return la.least_solutions(matrices, rights[:, :, None], np.full(len(matrices), RANK))[:, :, 0]
 
 
 def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
@@ -66,17 +65,17 @@ def dependent_rows(gradients: Sequence[Array]) -> NDArray[np.bool_]:
 
 def rank_of(matrix: Array) -> int:
     """The rank of a matrix."""
-    return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
+    return int(la.ranks(matrix[None], RANK)[0])
 
 
 def row_is_zero(matrix: Array) -> NDArray[np.bool_]:
     """Which rows (…, m) of a matrix (…, m, nv) are zero."""
-    return np.asarray(np.linalg.norm(matrix, axis=-1) <= RANK)
+    return np.asarray(la.norms(matrix) <= RANK)
 
 
 def unit_rows(matrix: Array) -> Array:
     """The rows (…, m, nv) with a length of 1, or 0."""
-    sizes = np.linalg.norm(matrix, axis=-1, keepdims=True)
+    sizes = la.norms(matrix)[..., None]
     unit: Array = np.divide(matrix, sizes, out=np.zeros_like(matrix), where=sizes > RANK)
     return unit
 
@@ -86,13 +85,13 @@ def _greedy_rows(gradients: Sequence[Array], rank: int) -> list[int]:
     remainders = [gradient.copy() for gradient in gradients]
     chosen: list[int] = []
     for _ in range(rank):
-        gain = np.min([np.linalg.norm(matrix, axis=1) for matrix in remainders], axis=0)
+        gain = np.min([la.norms(matrix) for matrix in remainders], axis=0)
         gain[chosen] = 0.0
         best = int(np.argmax(gain > 0.99 * gain.max()))
         chosen.append(best)
         for matrix in remainders:
-            size = np.linalg.norm(matrix[best])
+            size = la.norm(matrix[best])
             if size > 0.0:
                 direction = matrix[best] / size
-                matrix -= np.outer(matrix @ direction, direction)
+                matrix -= np.outer(la.product(matrix, direction), direction)
     return sorted(chosen)

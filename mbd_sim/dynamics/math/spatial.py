@@ -24,6 +24,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import skew as numeric_skew
+from mbd_sim.base.linear_algebra import inverse, product
 
 
 def sparse(matrix: ca.SX) -> ca.SX:
@@ -95,7 +96,7 @@ def inertia_matrix(mass: float, center: Array, inertia: Array) -> Array:
     :param inertia: (3, 3) about the center of mass in kg·m².
     """
     c = numeric_skew(center)
-    return np.block([[inertia - mass * c @ c, mass * c], [-mass * c, mass * np.eye(3)]])
+    return np.block([[inertia - mass * product(c, c), mass * c], [-mass * c, mass * np.eye(3)]])
 
 
 def symmetric(matrix: ca.SX) -> ca.SX:
@@ -165,8 +166,9 @@ def inverse_spd(matrix: Array) -> tuple[Array, Array]:
         pivots[k] = rest[k, k]
         lower[k + 1 :, k] = rest[k + 1 :, k] / pivots[k]
         rest[k + 1 :, k + 1 :] -= np.outer(lower[k + 1 :, k], rest[k, k + 1 :])
-    unit = np.linalg.inv(lower)
-    return unit.T @ (np.divide(1.0, pivots, where=pivots > 0.0, out=np.zeros(size))[:, None] * unit), pivots
+    unit = inverse(lower)
+    weighted = np.divide(1.0, pivots, where=pivots > 0.0, out=np.zeros(size))[:, None] * unit
+    return product(unit.T, weighted), pivots
 
 
 def inlined(function: Callable[..., ca.SX]) -> Callable[..., ca.SX]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import skew
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.kinematics.links import COMPONENT_ROUND_OFF, Link
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
 
@@ -86,8 +87,8 @@ def _thin_rod(axis: Array, inertia: Array) -> Array:
 def _at_inboard_link(link: Link, inertia: Array) -> Array:
     """An inertia about the joint's inboard frame as one about the inboard link's origin, in its axes."""
     R, p = link.X_PF.rotation, skew(link.X_PF.position)
-    transform = np.block([[R.T, np.zeros((3, 3))], [-R.T @ p, R.T]])
-    carried = transform.T @ inertia @ transform
+    transform = np.block([[R.T, np.zeros((3, 3))], [product(-R.T, p), R.T]])
+    carried = product(product(transform.T, inertia), transform)
     return _without_round_off(0.5 * (carried + carried.T), carried)
 
 

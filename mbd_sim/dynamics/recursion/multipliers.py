@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import inverse, inverse_of_symmetric, product
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.constraints.start import AssembledStart
@@ -47,7 +48,7 @@ class TypicalMatrices:
         found = []
         for matrix in self.configurations:
             try:
-                last = 1.0 / np.diag(np.linalg.inv(matrix + np.diag(added)))
+                last = 1.0 / np.diag(inverse(matrix + np.diag(added)))
             except np.linalg.LinAlgError:  # a singular configuration
                 continue
             if np.all(last[~dependent] > VANISHED * self.scales[~dependent]):
@@ -254,7 +255,8 @@ def typical_matrices(functions: ConstraintFunctions, start: AssembledStart) -> T
     matrices, diagonals, scales = list[Array](), [np.zeros(len(rows))], functions.scales
     for t, q in start.nearby:
         gradient = functions.gradient(t, q)[rows]
-        inverse = np.linalg.pinv(functions.mass_matrix(t, q) * scales * scales[:, None]) * scales * scales[:, None]
-        diagonals.append(np.einsum("ij,jk,ik->i", gradient, inverse, gradient))
-        matrices.append(gradient @ inverse @ gradient.T)
+        in_units = functions.mass_matrix(t, q) * scales * scales[:, None]
+        mobility = inverse_of_symmetric(in_units) * scales * scales[:, None]
+        matrices.append(product(product(gradient, mobility), gradient.T))
+        diagonals.append(np.diag(matrices[-1]))
     return TypicalMatrices(np.asarray(np.max(diagonals, axis=0), dtype=float), matrices)

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.schema import actuators as schema
 from mbd_sim.files.schema.actuators import HydraulicCylinderSpec, PneumaticCylinderSpec
@@ -120,7 +121,7 @@ def _wrench_port(where: Location, at: str, wrench: Array, context: BuildContext)
         context.report(where, "is a point of ground, which a wrench does not move", "Name a point of a part.")
         return None
     axes = frame[1].rotation
-    return WrenchPort(attachment(frame), axes @ wrench[:3], axes @ wrench[3:])
+    return WrenchPort(attachment(frame), product(axes, wrench[:3]), product(axes, wrench[3:]))
 
 
 def _sum_port(

@@ -9,6 +9,7 @@ from typing import assert_never
 from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.builders.context import BuildContext
 from mbd_sim.files.schema import constraints as schema
 from mbd_sim.files.schema.fields import UNKNOWN
@@ -56,13 +57,13 @@ class _GuidedPoint:
 
     def plane(self, name: str, spec: schema.OnPlaneSpec) -> c.Flat:
         """The point stays on a plane through the base."""
-        normal = self.base_axes @ rot.unit(spec.normal)
+        normal = product(self.base_axes, rot.unit(spec.normal))
         return c.Flat(name, self.point, self.base, normal[None, :], spec.type, spec.bound, contact_law(spec))
 
     def line(self, name: str, spec: schema.OnLineSpec) -> c.Flat:
         """The point stays on a line through the base."""
         across = rot.aligning_z(rot.unit(spec.direction))[:, :2]
-        return c.Flat(name, self.point, self.base, (self.base_axes @ across).T, spec.type)
+        return c.Flat(name, self.point, self.base, (product(self.base_axes, across)).T, spec.type)
 
     def surface(self, name: str, spec: schema.OnSurfaceSpec) -> c.Surface:
         """The point stays where expressions of its coordinates are zero."""
@@ -72,15 +73,15 @@ class _GuidedPoint:
 
     def rolling(self, name: str, spec: schema.RollingSpec) -> c.Rolling:
         """The point is the center of a wheel or a ball that rolls on a plane through the base."""
-        axis = None if spec.axis is None else self.point_axes @ rot.unit(spec.axis)
+        axis = None if spec.axis is None else product(self.point_axes, rot.unit(spec.axis))
         law = rolling_law(spec)
-        normal = self.base_axes @ rot.unit(spec.normal)
+        normal = product(self.base_axes, rot.unit(spec.normal))
         return c.Rolling(name, self.point, axis, spec.radius, self.base, normal, law=law)
 
     def knife_edge(self, name: str, spec: schema.KnifeEdgeSpec) -> c.KnifeEdge:
         """The point is on an edge that does not move sideways in a plane through the base."""
-        direction = self.point_axes @ rot.unit(spec.direction)
-        return c.KnifeEdge(name, self.point, direction, self.base, self.base_axes @ rot.unit(spec.normal))
+        direction = product(self.point_axes, rot.unit(spec.direction))
+        return c.KnifeEdge(name, self.point, direction, self.base, product(self.base_axes, rot.unit(spec.normal)))
 
 
 class _ConstraintBuilder:

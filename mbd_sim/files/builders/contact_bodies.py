@@ -10,6 +10,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import product as matrix_product
 from mbd_sim.files.builders.outlines import planar_body
 from mbd_sim.files.builders.parts import hull_of, pose_of
 from mbd_sim.files.schema import shapes as schema
@@ -50,7 +51,7 @@ def edges(part: str, shape: schema.AnyShapeSpec | Pose) -> list[tuple[str, Ball 
     pose = pose_of(shape)
 
     def at(*offset: float) -> Attachment:
-        return Attachment(part, pose.position + pose.rotation @ array(offset))
+        return Attachment(part, pose.position + matrix_product(pose.rotation, array(offset)))
 
     def corners(*size: float) -> list[tuple[str, Ball | Rim | EllipsoidBody | PlanarBody]]:
         signs = [(-1, 1) if side else (1,) for side in size]
@@ -137,7 +138,7 @@ def solid(part: str, shape: schema.AnyShapeSpec | Pose) -> Solid | Curved:
     pose = pose_of(shape)
 
     def placed(*points: tuple[float, float, float]) -> list[Array]:
-        return [pose.position + pose.rotation @ np.array(point) for point in points]
+        return [pose.position + matrix_product(pose.rotation, np.array(point)) for point in points]
 
     match shape:
         case schema.ParticleSpec():

@@ -10,6 +10,7 @@ from itertools import combinations, product
 from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.base.linear_algebra import product as matrix_product
 from mbd_sim.files.builders.contact_bodies import edges, is_thin, round_body, slots_of, solid
 from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.builders.outlines import is_usable, planar_body
@@ -241,7 +242,7 @@ class _ContactBuilder:
         frame = self._context.frame((*where, "plane"), spec.plane or "ground")
         if frame is None:
             return None
-        return Face(attachment(frame), frame[1].rotation @ rot.unit(spec.normal))
+        return Face(attachment(frame), matrix_product(frame[1].rotation, rot.unit(spec.normal)))
 
     def _cam(self, where: Location, spec: ContactSpec) -> Cam | None:
         frame = self._context.frame((*where, "cam"), spec.cam or "")

@@ -14,6 +14,7 @@ import numpy as np
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.files.builders.context import BuildContext, attachment, rotation_matrix
 from mbd_sim.files.schema import joints as schema
 from mbd_sim.files.schema import laws
@@ -168,7 +169,7 @@ def _limits(given: Any) -> tuple[Limits | None, ...]:
 
 
 def _are_parallel(first: tuple[float, ...], second: tuple[float, ...]) -> bool:
-    return float(np.linalg.norm(np.cross(rot.unit(first), rot.unit(second)))) < PARALLEL
+    return norm(np.cross(rot.unit(first), rot.unit(second))) < PARALLEL
 
 
 def _axes(spec: schema.AnyJointSpec) -> tuple[Array, Array]:
@@ -181,7 +182,7 @@ def _axes(spec: schema.AnyJointSpec) -> tuple[Array, Array]:
             if x_axis is None:
                 return axis, rot.aligning_z(axis)[:, 0]
             along = rot.unit(x_axis)
-            return axis, rot.unit(along - axis * (axis @ along))
+            return axis, rot.unit(along - axis * (product(axis, along)))
         case (
             schema.RevoluteJointSpec(axis=direction)
             | schema.PrismaticJointSpec(axis=direction)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, Problem
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.rounded import sine_cosine
 from mbd_sim.files.schema.shapes import AnyShapeSpec, OutlineSpec, StrokeSpec
 from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import Attachment
@@ -143,7 +144,7 @@ def _strokes(spec: OutlineSpec) -> list[_Stroke]:
     found = []
     for turn in range(int(spec.repeat)):
         angle = 2.0 * math.pi * turn / spec.repeat
-        cosine, sine = (math.cos(angle), math.sin(angle)) if turn else (1.0, 0.0)
+        sine, cosine = sine_cosine(angle) if turn else (0.0, 1.0)
 
         def turned(point: Point, cosine: float = cosine, sine: float = sine) -> Point:
             x, y = float(point[0]), float(point[1])
@@ -165,7 +166,8 @@ def _target(entry: StrokeSpec) -> Point:
         return entry.to
     assert entry.polar is not None
     radius, angle = float(entry.polar[0]), float(entry.polar[1])
-    return radius * math.cos(angle), radius * math.sin(angle)
+    sine, cosine = sine_cosine(angle)
+    return radius * cosine, radius * sine
 
 
 def _piece(start: Point, stroke: _Stroke) -> Piece:

@@ -17,6 +17,7 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array, distance, fsum, per_variant
 from mbd_sim.base.geometry.convex_hull import fans
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.builders.context import rotation_matrix
 from mbd_sim.files.builders.outlines import check_outlines, outline_axes, outline_of
 from mbd_sim.files.schema import file
@@ -311,13 +312,13 @@ def pose_of(shape: schema.AnyShapeSpec) -> Pose:
         return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
     rotation = rotation_matrix(shape.rotate)
     if isinstance(shape, schema.AxialShapeSpec):
-        rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
+        rotation = product(rotation, rot.aligning_z(rot.unit(shape.axis)))
     if isinstance(shape, schema.OutlineSpec):
-        rotation = rotation @ outline_axes(shape)
+        rotation = product(rotation, outline_axes(shape))
     if isinstance(shape, schema.ConeSpec):
         return Pose(array(shape.at) + rotation[:, 2] * (0.5 * shape.length), rotation)
     if isinstance(shape, schema.HullSpec):
-        return Pose(array(shape.at) + rotation @ _middle(shape.polyhedron[0]), rotation)
+        return Pose(array(shape.at) + product(rotation, _middle(shape.polyhedron[0])), rotation)
     return Pose(array(shape.at), rotation)
 
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from mbd_sim.base.errors import listed, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.builders.context import BuildContext
 from mbd_sim.files.schema import sensors as schema
 from mbd_sim.mechanism.elements import sensors as records
@@ -148,7 +149,7 @@ class _SensorBuilder:
         if at.part == target.part:
             self._context.report((*where, key), f"is on '{at.part}' like the sensor", "Name another part.")
             return None
-        normal = None if spec.plane is None else target.pose.rotation @ rot.unit(spec.normal)
+        normal = None if spec.plane is None else product(target.pose.rotation, rot.unit(spec.normal))
         limits = spec.least, spec.most, spec.field_of_view
         return records.RangeFinder(name, sampling, _errors(spec), at, target, normal, *limits, spec.radiation)
 

@@ -17,6 +17,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.convex_hull import convex_hull
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import about, to_quaternion
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.mjcf.collisions import PLANE, touching_geoms
 from mbd_sim.files.mjcf.compiled_model import CompiledModel, pose
 from mbd_sim.files.text.xml import capsule, hull, rows
@@ -83,7 +84,7 @@ def _hull_points(model: CompiledModel, geom: int, mesh: Any, center: Pose) -> li
     """The corners of the hull of a mesh whose vertices the MJCF has, or that MuJoCo makes; None if there is no hull."""
     number = int(model.m.geom_dataid[geom])
     first, count = int(model.m.mesh_vertadr[number]), int(model.m.mesh_vertnum[number])
-    made = model.m.mesh_vert[first : first + count].astype(float) @ center.rotation.T + center.position
+    made = product(model.m.mesh_vert[first : first + count].astype(float), center.rotation.T) + center.position
     vertices = np.reshape(mesh.uservert, (-1, 3)) * mesh.scale if len(mesh.uservert) else made
     try:
         hull = convex_hull(vertices, MOST_CORNERS)
@@ -185,7 +186,7 @@ class ModelParts:
     def _add_part(self, index: int) -> None:
         m, name = self.model.m, self.parts[index]
         inner = pose(m.body_ipos[index], m.body_iquat[index])
-        moments = inner.rotation @ np.diag(m.body_inertia[index]) @ inner.rotation.T
+        moments = product(product(inner.rotation, np.diag(m.body_inertia[index])), inner.rotation.T)
         part: dict[str, Any] = {"mass": float(m.body_mass[index])}
         if part["mass"] or np.any(moments):
             part |= {"center": rows(inner.position)} if np.any(inner.position) else {}

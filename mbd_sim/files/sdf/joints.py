@@ -14,6 +14,7 @@ import numpy as np
 
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.files.sdf.links import Values, direction
 from mbd_sim.files.sdf.scopes import MODEL, Scope, ScopedFrame, key_of, link_of, world_pose
 from mbd_sim.files.text.xml import Element, rows
@@ -92,7 +93,7 @@ def axis_of(values: Values, node: ScopedFrame, axis: Element) -> Array:
     if not named:
         return vector
     frame = world_pose(node.scope.require(named, xyz or axis, f"{key}.xyz.expressed_in"))
-    return np.asarray(world_pose(node).rotation.T @ frame.rotation @ vector)
+    return np.asarray(product(product(world_pose(node).rotation.T, frame.rotation), vector))
 
 
 def version_of(values: Values, node: ScopedFrame) -> str:
@@ -216,7 +217,7 @@ def gearbox_of(
         if axis is None:
             values.reading.report(element, key, f"<{tag}> is missing", "Add it.")
             return None
-        direction = world_pose(joint).rotation @ axis_of(values, joint, axis)
+        direction = product(world_pose(joint).rotation, axis_of(values, joint, axis))
         found = _rotation(values, joints, end, body, link, direction)
         if found is None:
             message = f"no revolute joint about <{tag}> connects its {side} with the reference body"
@@ -245,9 +246,9 @@ def _rotation(
         axis = joint.element.first("axis")
         if axis is None or ends not in ((body, link), (link, body)):
             continue
-        own = world_pose(joint).rotation @ axis_of(values, joint, axis)
-        cosine = float(own @ direction)
+        own = product(world_pose(joint).rotation, axis_of(values, joint, axis))
+        cosine = float(product(own, direction))
         sign = (1.0 if cosine > 0.0 else -1.0) * (1.0 if ends == (body, link) else -1.0)
-        found.append((float(np.linalg.norm(own - cosine * direction)), joint, sign))
+        found.append((norm(own - cosine * direction), joint, sign))
     sine, nearest, sign = min(found, key=lambda one: one[0], default=(np.inf, None, 0.0))
     return (nearest, sign) if nearest is not None and sine <= PARALLEL else None

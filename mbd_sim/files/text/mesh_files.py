@@ -20,6 +20,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, MechanismError, listed
 from mbd_sim.base.geometry.convex_hull import convex_hull, face_normals, fans
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product, products, total
 from mbd_sim.base.packages import require_packages
 from mbd_sim.files.text.library import digest_of_file
 from mbd_sim.mechanism.elements.parts import MOST_CORNERS
@@ -316,7 +317,7 @@ def _corners_of(path: Path, name: str) -> tuple[list[list[float]], str]:
     corners = points[list(hull.corners)]
     size, said, depths = float(np.max(np.ptp(points, axis=0))), [], np.full(len(points), np.inf)
     for face, normal in zip(hull.faces, face_normals(corners, hull.faces), strict=True):
-        depths = np.minimum(depths, (corners[face[0]] - points) @ normal)
+        depths = np.minimum(depths, product(corners[face[0]] - points, normal))
     full = solid(corners[fans(hull.faces)])["volume"]
     fills = not _is_closed(triangles) or solid(triangles)["volume"] > (1.0 - HOLLOW) * full
     if depths.max() > HOLLOW * size or not fills:
@@ -389,14 +390,14 @@ def solid(triangles: Array) -> dict[str, Any]:
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     size = float(np.max(high - low))
     edges = (triangles - (low + high) / 2.0) / size  # without units, and near 1
-    volumes = np.einsum("ij,ij->i", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6.0
+    volumes = total(edges[:, 0] * np.cross(edges[:, 1], edges[:, 2]), 1) / 6.0
     sums = edges.sum(axis=1)
     volume = math.fsum(volumes)
     if abs(volume) <= FLAT:
         raise MeshError("it encloses no volume")
-    center = np.einsum("i,ij->j", volumes, sums) / (4.0 * volume)
-    squares = np.einsum("iaj,iak->ijk", edges, edges) + np.einsum("ij,ik->ijk", sums, sums)
-    moments = np.einsum("i,ijk->jk", volumes, squares) / (20.0 * volume) - np.outer(center, center)
+    center = total(volumes[:, None] * sums, 0) / (4.0 * volume)
+    squares = products(edges.swapaxes(1, 2), edges) + sums[:, :, None] * sums[:, None, :]
+    moments = total(volumes[:, None, None] * squares, 0) / (20.0 * volume) - np.outer(center, center)
     volume, moments = abs(volume) * size**3, abs(volume) * size**5 * moments
     return {
         "volume": float(volume),

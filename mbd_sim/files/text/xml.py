@@ -23,6 +23,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, MechanismError, Problem, listed, quoted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import from_rpy
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.text.library import MAX_BYTES, MAX_VALUES, file_error
 from mbd_sim.mechanism.values.source import Origin
 
@@ -364,7 +365,7 @@ Entry = TypeVar("Entry")
 
 def capsule(pose: Pose, radius: float, length: float) -> dict[str, Any]:
     """A cylinder of a `length` in m along z with half a ball at each end: a rod with round ends."""
-    arm = pose.rotation @ np.array([0.0, 0.0, 0.5 * length])
+    arm = product(pose.rotation, np.array([0.0, 0.0, 0.5 * length]))
     return {"type": "rod", "from": rows(pose.position - arm), "to": rows(pose.position + arm), "radius": radius}
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import nearest, quoted
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added, product
 from mbd_sim.files.text.xml import Element, Reading, capsule, hull, placed, pose_of, rows, with_collisions
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.constraints import Coupling
@@ -54,7 +55,7 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
         return {}
     if any(rpy):
         turn = pose_of(xyz, rpy).rotation
-        tensor = turn @ tensor @ turn.T
+        tensor = product(product(turn, tensor), turn.T)
         tensor = 0.5 * (tensor + tensor.T)
     origins |= {
         ("mass",): reading.origin(mass, f"{key}.mass"),
@@ -411,7 +412,7 @@ def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:
 def _mimic(coupling: Coupling, ends: Mapping[str, Mimic], leader: str, follower: str) -> Mimic:
     """The mimic of the coordinate in which `ends` gives the follower, of the one in which it gives the leader."""
     slopes = {name: factor * ends[name].multiplier for name, factor in coupling.factors.items()}
-    value = coupling.value.at(0.0) - sum(factor * ends[name].offset for name, factor in coupling.factors.items())
+    value = coupling.value.at(0.0) - added(factor * ends[name].offset for name, factor in coupling.factors.items())
     return Mimic(ends[leader].joint, -slopes[leader] / slopes[follower], value / slopes[follower], coupling.name)
 
 

@@ -18,6 +18,7 @@ from typing import ClassVar, Literal, NamedTuple, Self, assert_never
 
 from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.mechanism.elements.parts import Attachment
@@ -377,7 +378,7 @@ class Base:
             raise CommandError(
                 f"a car cannot turn on the spot, but angular.z is {wanted.yaw:g}", "Set linear.x as well."
             )
-        speeds = [sum(rate * part for rate, part in zip(wheel.rates, moved, strict=True)) for wheel in self.wheels]
+        speeds = [added(rate * part for rate, part in zip(wheel.rates, moved, strict=True)) for wheel in self.wheels]
         scale = min([1.0, *(wheel.limit / abs(v) for wheel, v in zip(self.wheels, speeds, strict=True) if v)])
         for wheel, speed in zip(self.wheels, speeds, strict=True):
             takers[wheel.taker] = {"velocity": speed * scale}

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
+from mbd_sim.base.rounded import gauss_legendre
 from mbd_sim.mechanism.outlines.pieces import Outline, Piece, Point
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+POINTS = 16  # of Gauss–Legendre quadrature
 QUARTER = 0.5 * math.pi  # rad, turn up to which the nodes integrate an arc to round-off
 
 
@@ -28,7 +30,7 @@ class Area:
 def runs_clockwise(outline: Outline) -> bool:
     """Whether a closed outline has its material on its right."""
     origin = np.array(outline.pieces[0].start)
-    return sum(float(_integrals(piece, origin)[0]) for piece in outline.pieces) < 0.0
+    return added(float(_integrals(piece, origin)[0]) for piece in outline.pieces) < 0.0
 
 
 def area_of(outline: Outline) -> Area:
@@ -43,10 +45,11 @@ def area_of(outline: Outline) -> Area:
 def _integrals(piece: Piece, origin: Array) -> Array:
     """The integrals (6,) along a piece that are those of 1, x, y, x², y² and x y over the area, about the origin."""
     parts, total = math.ceil(abs(piece.last - piece.first) / QUARTER) or 1, np.zeros(6)
+    nodes, weights = (np.array(values) for values in gauss_legendre(POINTS))
     for part in range(parts):
-        shares = (part + 0.5 * (NODES + 1.0)) / parts
+        shares = (part + 0.5 * (nodes + 1.0)) / parts
         x, y = (piece.points(shares) - origin).T
-        dx, dy = piece.slopes(shares).T * 0.5 * WEIGHTS / parts
+        dx, dy = piece.slopes(shares).T * 0.5 * weights / parts
         total += (
             0.5 * np.sum(x * dy - y * dx),
             0.5 * np.sum(x * x * dy),

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.rounded import sine_cosine, sines_cosines
 
 Point = tuple[float, float]
 
@@ -106,7 +107,7 @@ class Round:
 
     def at(self, angle: float) -> Point:
         """The point with the normal at this angle in rad."""
-        cosine, sine, reach = math.cos(angle), math.sin(angle), self.reach(angle)
+        (sine, cosine), reach = sine_cosine(angle), self.reach(angle)
         return (
             self.center[0] + reach * cosine - self.growth * sine,
             self.center[1] + reach * sine + self.growth * cosine,
@@ -115,7 +116,7 @@ class Round:
     def points(self, shares: Array) -> Array:
         """Points (n, 2) at shares (n,) of the turn."""
         angles = self.first + (self.last - self.first) * shares
-        cosines, sines, reach = np.cos(angles), np.sin(angles), self.radius + self.growth * (angles - self.first)
+        (sines, cosines), reach = sines_cosines(angles), self.radius + self.growth * (angles - self.first)
         x, y = reach * cosines - self.growth * sines, reach * sines + self.growth * cosines
         return np.column_stack([x, y]) + self.center
 
@@ -124,7 +125,8 @@ class Round:
         turn = self.last - self.first
         angles = self.first + turn * shares
         reach = self.radius + self.growth * (angles - self.first)
-        return np.column_stack([-np.sin(angles), np.cos(angles)]) * (turn * reach)[:, None]
+        sines, cosines = sines_cosines(angles)
+        return np.column_stack([-sines, cosines]) * (turn * reach)[:, None]
 
 
 Piece = Straight | Round

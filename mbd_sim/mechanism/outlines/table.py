@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.rounded import sine_cosine
 from mbd_sim.mechanism.outlines.pieces import Outline, Piece, Round, Straight
 
 DENT = 1e-6  # rad, turn to the right up to which a joint is smooth
@@ -123,7 +124,7 @@ def table_of(outline: Outline) -> PieceTable:
 
 
 def _unit(angle: float) -> tuple[float, float]:
-    return math.cos(angle), math.sin(angle)
+    return sine_cosine(angle)[::-1]
 
 
 def _center(piece: Piece) -> tuple[float, float]:

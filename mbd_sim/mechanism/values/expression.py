@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from mbd_sim.base.errors import InputError, nearest, quoted
 from mbd_sim.base.geometry.batch import Batch, is_finite, per_variant
+from mbd_sim.base.rounded import cosine, sine
 from mbd_sim.mechanism.values.names import QUOTED
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
 HIDEABLE = "e"  # may be the name of a parameter as well, by tradition a coefficient of restitution
 FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
     "sqrt": (1, math.sqrt), "exp": (1, math.exp), "log": (1, math.log), "abs": (1, abs),
-    "sin": (1, math.sin), "cos": (1, math.cos), "tan": (1, math.tan),
+    "sin": (1, sine), "cos": (1, cosine), "tan": (1, math.tan),
     "asin": (1, math.asin), "acos": (1, math.acos), "atan": (1, math.atan), "atan2": (2, math.atan2),
     "min": (2, min), "max": (2, max), "hypot": (2, math.hypot),
     "tanh": (1, math.tanh), "sign": (1, lambda x: float(x > 0.0) - float(x < 0.0)), "floor": (1, math.floor),

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base.linear_algebra import product
+
 Floats = NDArray[np.float64]
 
 
@@ -79,7 +81,9 @@ class BicubicSurface:
         """The value at (x, y)."""
         i, along_x = _weights(self.x, x)
         j, along_y = _weights(self.y, y)
-        return float(np.array(along_x) @ self.nodes[2 * i : 2 * i + 4, 2 * j : 2 * j + 4] @ np.array(along_y))
+        return float(
+            product(product(np.array(along_x), self.nodes[2 * i : 2 * i + 4, 2 * j : 2 * j + 4]), np.array(along_y))
+        )
 
 
 Table = Curve | BicubicSurface

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.dynamics.contact.one_sided_equations import HELD, RELEASED
 from mbd_sim.simulation.contact.centering import centered
 from mbd_sim.simulation.contact.compiled.slip import STOPPED
@@ -324,7 +325,7 @@ class Candidates:
 
 def euclidean_norm(vector: Sequence[float] | Array) -> float:
     """The length of a vector, summed in the order of its components."""
-    return math.sqrt(sum(float(value) * float(value) for value in vector))
+    return math.sqrt(added(float(value) * float(value) for value in vector))
 
 
 class ModeFinder:

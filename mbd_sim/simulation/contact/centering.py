@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.complementarity import null_space, product, solve, unit_diagonal
 
 INVOLVED = 1e-9  # part of a self-stress, relative to its largest, from which on an element has one
@@ -58,7 +59,7 @@ def _centered_uses(start: Array, stress: Array, own: Sequence[slice]) -> Array:
             return _center(uses, stress, own, 1.0)
         pulls = [2.0 * size / ((width - size) * (width + size)) for size in _sizes(uses, own)]
         # virtual work: no distribution needs less than this common factor
-        least = sum(p * size for p, size in zip(pulls, _sizes(uses, own), strict=True)) / sum(pulls)
+        least = added(p * size for p, size in zip(pulls, _sizes(uses, own), strict=True)) / added(pulls)
         if least >= 1.0 - EXHAUSTED and width - least < NARROW:
             break
         width = largest + CLOSER * (width - largest)
@@ -85,7 +86,7 @@ def _center(uses: Array, stress: Array, own: Sequence[slice], width: float) -> A
             slope += pull * along
             curvature += pull * product(by_z.T, by_z) + pull**2 * np.multiply.outer(along, along)
         step = solve(curvature, -slope)
-        decrement = math.sqrt(max(sum((-slope * step).tolist()), 0.0))
+        decrement = math.sqrt(max(added((-slope * step).tolist()), 0.0))
         uses = uses + product(stress, step) / (1.0 if decrement < 0.25 else 1.0 + decrement)
         if decrement < CENTERED:
             break

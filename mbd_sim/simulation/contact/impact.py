@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.compiled.impact import JAMMED
 from mbd_sim.simulation.contact.complementarity import least_solution
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
@@ -85,13 +86,13 @@ def impact(
         after = before.copy()
         for column, impulse in enumerate(impulses.tolist()):
             after += matrix[:, column] * impulse
-        return impulses, -0.5 * sum((impulses * (before + after)).tolist())
+        return impulses, -0.5 * added((impulses * (before + after)).tolist())
 
     try:
         found, loss, factor = *with_factor(1.0), 1.0
     except NoSolutionError:
         found, loss, factor = *with_factor(0.0), 0.0
-    exchanged = 0.5 * sum(abs(found * before).tolist())
+    exchanged = 0.5 * added(abs(found * before).tolist())
     if factor and loss < -GAIN * exchanged:
         factor = largest_factor(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
         found, loss = with_factor(factor)
@@ -124,10 +125,10 @@ def tangential_impact(model: OneSidedModel, time: float, y: Array, inputs: Array
     impulses = np.zeros(model.layout.rows)
     impulses[rows] = least_solution(terms.matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
     loads = {gap: impulses[gap] for _, gap, _ in frictions}
-    within = all(sum((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
+    within = all(added((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
     if min(impulses[gaps].tolist(), default=0.0) < 0.0 or not within or not impulses.any():
         return None
-    loss = -0.5 * sum((impulses * readings.rates).tolist())
+    loss = -0.5 * added((impulses * readings.rates).tolist())
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
 
 
@@ -170,5 +171,5 @@ def _rest(
     solution = least_solution(matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
     impulses = np.zeros(model.layout.rows)
     impulses[rows] = solution
-    loss = 0.5 * sum((solution * -readings.rates[rows]).tolist())
+    loss = 0.5 * added((solution * -readings.rates[rows]).tolist())
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.compiler.rows.slot_values import CompiledSlot, SlotSystem
@@ -67,7 +68,7 @@ class OneSidedTerms:
         total = unloaded.copy()
         for row, force in enumerate(forces.tolist()):
             total += by_force[:, row] * force
-        return math.sqrt(sum((total * total).tolist()))
+        return math.sqrt(added((total * total).tolist()))
 
 
 class OneSidedModel:
@@ -142,7 +143,7 @@ class OneSidedModel:
         found, layout = [], self.layout
         first = layout.direction.start - layout.gaps
         for index, (rows, _) in enumerate(self.frictions):
-            size = sum(float(modes[first + row]) ** 2 for row in rows)
+            size = added(float(modes[first + row]) ** 2 for row in rows)
             if size > SLIDING:
                 found.append(index)
         return found
@@ -236,8 +237,8 @@ class OneSidedModel:
             if not len(unloaded):
                 continue  # nothing loads this joint
             parts = [float(unloaded[0]), *(by_force[0] * forces).tolist()]
-            value, position = sum(parts), self.layout.signs.start + number
-            if abs(value) > LOAD_ROUND_OFF * (self.units.force + sum(map(abs, parts))):
+            value, position = added(parts), self.layout.signs.start + number
+            if abs(value) > LOAD_ROUND_OFF * (self.units.force + added(map(abs, parts))):
                 modes[position] = -1.0 if value < 0.0 else 1.0
             elif modes[position] == 0.0:
                 modes[position] = 1.0

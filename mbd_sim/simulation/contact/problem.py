@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.simulation.contact.compiled.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
 from mbd_sim.simulation.contact.compiled.library import called
@@ -320,7 +321,7 @@ def _projected(problem: ContactProblem, trial: Array) -> Array:
 
 
 def _length(vector: Sequence[float]) -> float:
-    return math.sqrt(sum([value * value for value in vector]))
+    return math.sqrt(added([value * value for value in vector]))
 
 
 def _natural(problem: ContactProblem, forces: Array) -> float:
@@ -347,6 +348,6 @@ def _sweep(problem: ContactProblem, forces: Array) -> Array:
                 continue
             trial = forces.copy()
             for row in group:
-                trial[row] -= (problem.free[row] + sum((problem.matrix[row] * forces).tolist())) / step
+                trial[row] -= (problem.free[row] + added((problem.matrix[row] * forces).tolist())) / step
             forces[group] = _projected(problem, trial)[group]
     return forces

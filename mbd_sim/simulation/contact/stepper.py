@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact.compiled.step import CHANGED, SAME
 from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts, Marks
@@ -271,7 +272,7 @@ class OneSidedStepper:
             if load is not None and not new[load]:
                 continue
             slid, slides = (index in elements for elements in sliding)
-            reverses = slid and slides and sum(old[first + row] * new[first + row] for row in rows) < 0.0
+            reverses = slid and slides and added(old[first + row] * new[first + row] for row in rows) < 0.0
             stuck = not slid and (load is None or old[load] != 0.0)
             name = model.friction_name(index)
             if (slides and not slid) or reverses:

@@ -16,6 +16,8 @@ import numpy as np
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import of_vector, product
+from mbd_sim.base.linear_algebra import added
+from mbd_sim.base.linear_algebra import product as matrix_product
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.elements.sensors import (
     ORIENTATION,
@@ -269,7 +271,7 @@ class SensorModel:
         if self._model.load_sharing.can_share:
             reaction = self._model.reactions(time, sample.y, sample.inputs)[sensor.joint]
             wrench = np.concatenate([reaction.force, reaction.moment])
-        return np.concatenate([to_frame @ wrench[:3], to_frame @ wrench[3:]])
+        return np.concatenate([matrix_product(to_frame, wrench[:3]), matrix_product(to_frame, wrench[3:])])
 
     def _with_errors(self, number: int, exact: Array, sample: int) -> dict[str, Array]:
         sensor, errors, layout = self.sensors[number], self.errors[number], self._layouts[number]
@@ -317,7 +319,7 @@ def _turned(columns: list[float], error: Array | None) -> Array:
         (yx - xy, xz + zx, yz + zy, 1.0 - xx - yy + zz),
     )
     way = max(range(4), key=lambda number: ways[number][number])
-    length = math.sqrt(sum(value * value for value in ways[way]))
+    length = math.sqrt(added(value * value for value in ways[way]))
     quaternion = np.array(ways[way]) / length
     return quaternion if error is None else product(quaternion, of_vector(error))
 

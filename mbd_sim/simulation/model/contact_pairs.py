@@ -12,6 +12,7 @@ import numpy as np
 
 from mbd_sim.base.errors import MechanismError, Problem
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, Contact, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.model.model import Model
@@ -65,7 +66,7 @@ def _trial_states(model: Model) -> Iterator[tuple[float, Array]]:
         for joint in model.mechanism.joints.values():
             if joint.kind.quaternion is not None and not joint.drive:
                 first = layout.q[joint.name].start + joint.kind.quaternion
-                y[first : first + 4] /= np.linalg.norm(y[first : first + 4])
+                y[first : first + 4] /= norm(y[first : first + 4])
         yield float(chance.uniform()), y
 
 
@@ -76,12 +77,12 @@ def _planar_problems(model: Model, contact: Contact, trials: list[dict[str, Pose
     frames = [[(poses | ground)[body.at.part].rotation for body in bodies] for poses in trials]
     outlines = [(frame, body) for frame, body in zip(zip(*frames, strict=True), bodies, strict=True)
                 if isinstance(body, PlanarBody)]  # fmt: skip
-    start = outlines[0][0][0] @ outlines[0][1].axes[:, 2]
-    axes = [[frame @ (body.axes[:, 2] if isinstance(body, PlanarBody) else first.T @ start)
+    start = product(outlines[0][0][0], outlines[0][1].axes[:, 2])
+    axes = [[product(frame, body.axes[:, 2] if isinstance(body, PlanarBody) else product(first.T, start))
              for frame, first, body in zip(both, frames[0], bodies, strict=True)] for both in frames]  # fmt: skip
     names, where = f"'{contact.names[0]}' and '{contact.names[1]}'", ("contacts", contact.name)
     problem = model.mechanism.source.problem
-    tilt = max(float(np.linalg.norm(np.cross(both[0], both[1]))) for both in axes)
+    tilt = max(norm(np.cross(both[0], both[1])) for both in axes)
     is_ball = any(isinstance(body, Solid) and len(body.vertices) == 1 for body in bodies)
     if tilt > PARALLEL and not is_ball:
         yield problem(
@@ -89,7 +90,7 @@ def _planar_problems(model: Model, contact: Contact, trials: list[dict[str, Pose
             f"the planes of {names} are or become tilted against each other, so that they are not one planar pair",
             "Let joints hold them parallel, and check 'plane', 'rotate' and the axis of a roller.",
         )
-    elif len(outlines) == 2 and axes[0][0] @ axes[0][1] < 0.0:
+    elif len(outlines) == 2 and product(axes[0][0], axes[0][1]) < 0.0:
         yield problem(
             where,
             f"one of {names} is seen from behind: the axes of their planes are opposite",
@@ -103,7 +104,7 @@ def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> 
         yield from _planar_problems(model, contact, trials)
         return
     placed = [_placed(contact, poses) for poses in trials]
-    tilts = [float(np.linalg.norm(np.cross(one, other))) for one, other, _ in placed]
+    tilts = [norm(np.cross(one, other)) for one, other, _ in placed]
     along = np.array([offset for _, _, offset in placed])
     radius = getattr(second, "radius", 0.0)
     names = f"'{contact.names[0]}' and '{contact.names[1]}'"
@@ -144,8 +145,12 @@ def _placed(contact: Contact, poses: dict[str, Pose]) -> tuple[Array, Array, flo
     ground = {GROUND: Pose(np.zeros(3), np.eye(3))}
     frames = [(poses | ground)[body.at.part] for body in (first, second)]
     places = [
-        frame.position + frame.rotation @ body.at.point for frame, body in zip(frames, (first, second), strict=True)
+        frame.position + product(frame.rotation, body.at.point)
+        for frame, body in zip(frames, (first, second), strict=True)
     ]
     other = second.axes[:, 2] if isinstance(second, Cam) else second.axis if isinstance(second, Barrel) else np.zeros(3)
-    axes = [frames[0].rotation @ (first.axis if isinstance(first, Barrel) else other), frames[1].rotation @ other]
-    return axes[0], axes[1], float(axes[1] @ (places[0] - places[1]))
+    axes = [
+        product(frames[0].rotation, first.axis if isinstance(first, Barrel) else other),
+        product(frames[1].rotation, other),
+    ]
+    return axes[0], axes[1], float(product(axes[1], places[0] - places[1]))

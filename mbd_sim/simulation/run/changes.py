@@ -18,6 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
@@ -101,7 +102,7 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     moved[model.q_range] = closure.q
     fixed = np.array([name in given.speeds for name in names])
     u = nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
-    errors = constraints.gradient(time, closure.q) @ u + constraints.drift(time, closure.q)
+    errors = product(constraints.gradient(time, closure.q), u) + constraints.drift(time, closure.q)
     if np.any(np.abs(errors) > tolerated_errors(constraints, time, closure.q, u)):
         u = nearest_speeds(constraints, time, closure.q, moved[model.u_range])
         found = dict(zip(names, u, strict=True))
@@ -130,7 +131,7 @@ def require_allowed_speeds(model: Model, y: Array, given: Array, values: Array |
     constraints = constraints if values is None else constraints.with_values(values)
     mass, u = constraints.mass_matrix(0.0, y[model.q_range]), y[model.u_range]
     change = u - given
-    if change @ mass @ change <= DIGITS**2 * (given @ mass @ given):
+    if product(product(change, mass), change) <= DIGITS**2 * (product(product(given, mass), given)):
         return
     largest = int(np.argmax(np.abs(change)))
     nearby = ", ".join(f"{name} = {value:.6g}" for name, value in zip(model.coordinate_names, u, strict=True))

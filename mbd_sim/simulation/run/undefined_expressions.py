@@ -13,6 +13,7 @@ import numpy as np
 
 from mbd_sim.base.errors import Problem
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import norm
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.mechanism.contents import ForceExpression, expressions_of_forces
 from mbd_sim.mechanism.elements.constraints import Surface, expressions_of
@@ -130,7 +131,7 @@ def _elongation(model: Model, force: ForceExpression, time: float, y: Array, inp
 
 def _length(model: Model, spring: Spring, time: float, y: Array, inputs: Array) -> float:
     poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(time, y, inputs)}
-    return float(np.linalg.norm(_position(poses, spring.second) - _position(poses, spring.first)))
+    return norm(_position(poses, spring.second) - _position(poses, spring.first))
 
 
 def _key(mechanism: Mechanism, constraint: str, index: int) -> Location:

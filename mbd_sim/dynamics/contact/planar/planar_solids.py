@@ -16,6 +16,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import aligning_z
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Contact, ContactBody, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.outlines.pieces import Outline, Piece, Point, Round, Straight
@@ -94,9 +95,9 @@ def between_outlines(contact: Contact, rotations: Mapping[str, Array]) -> Contac
     planar = [body for body in (contact.first, contact.second) if isinstance(body, PlanarBody)]
     if not planar:
         return contact
-    axis = rotations[planar[0].at.part] @ planar[0].axes[:, 2]
+    axis = product(rotations[planar[0].at.part], planar[0].axes[:, 2])
     first, second = (
-        body if isinstance(body, PlanarBody) else _shadow(body, rotations[body.at.part].T @ axis, name)
+        body if isinstance(body, PlanarBody) else _shadow(body, product(rotations[body.at.part].T, axis), name)
         for body, name in zip((contact.first, contact.second), contact.names, strict=True)
     )
     return replace(contact, first=first, second=second, slots=_slots(first, second))
@@ -107,12 +108,12 @@ def _shadow(body: ContactBody, axis: Array, name: str) -> PlanarBody:
     axes = aligning_z(axis)
     match body:
         case Solid(vertices=vertices, radius=radius):
-            outline = rounded_polygon(convex_polygon(vertices @ axes[:, :2]), radius)
+            outline = rounded_polygon(convex_polygon(product(vertices, axes[:, :2])), radius)
         case Barrel() | ConeBody():
-            center, along = body.at.point @ axes[:, :2], body.axis @ axes[:, :2]
+            center, along = product(body.at.point, axes[:, :2]), product(body.axis, axes[:, :2])
             if math.hypot(*along) <= ACROSS:
                 outline = rounded_polygon([_point(center)], body.radius)
-            elif abs(float(body.axis @ axis)) <= ACROSS:
+            elif abs(float(product(body.axis, axis))) <= ACROSS:
                 half, across = 0.5 * body.length * along, body.radius * np.array([-along[1], along[0]])
                 tip = across * (0.0 if isinstance(body, ConeBody) else 1.0)
                 corners = [center - half - across, center - half + across, center + half + tip, center + half - tip]
@@ -121,7 +122,7 @@ def _shadow(body: ContactBody, axis: Array, name: str) -> PlanarBody:
                 message = f"the axis of {name!r} is neither across the plane of the outline nor in it"
                 raise InputError(message, "Turn it into the plane, or give it an outline of its own.")
         case Face(at=at, normal=normal):
-            if abs(float(normal @ axis)) > ACROSS:
+            if abs(float(product(normal, axis))) > ACROSS:
                 message = f"the plane of {name!r} is not across that of the outline"
                 raise InputError(message, "Choose another 'normal', or the 'plane' of the outline.")
             axes = np.column_stack([np.cross(normal, axis), normal, axis])

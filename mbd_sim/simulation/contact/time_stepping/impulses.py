@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import LOAD_ITERATIONS, RESTING, euclidean_norm
 from mbd_sim.simulation.contact.complementarity import best_conditioned, least_solution, product
 from mbd_sim.simulation.contact.impact import ELASTIC_REST, GAIN, largest_factor
@@ -75,9 +76,9 @@ class ImpulseLaws:
         factor, (impulses, rates, residual) = 1.0, self._with_factor(1.0)
         losses = self._losses(impulses, rates)
         exchanged = 0.5 * float(np.sum(np.abs(impulses * self._before)))
-        if np.any(self._rebound) and sum(losses) < -GAIN * exchanged:
+        if np.any(self._rebound) and added(losses) < -GAIN * exchanged:
             factor = largest_factor(
-                lambda trial: sum(self._losses(*self._with_factor(trial)[:2])), sum(losses), GAIN * exchanged
+                lambda trial: added(self._losses(*self._with_factor(trial)[:2])), added(losses), GAIN * exchanged
             )
             impulses, rates, residual = self._with_factor(factor)
             losses = self._losses(impulses, rates)
@@ -86,7 +87,7 @@ class ImpulseLaws:
     def _losses(self, impulses: Array, rates: Array) -> tuple[float, float]:
         """What normal impulses and friction dissipate: impulses at the mean of the speeds before and after."""
         lost, gaps = -0.5 * impulses * (self._before + rates), self._model.layout.gaps
-        return sum(lost[:gaps].tolist()), sum(lost[gaps:].tolist())
+        return added(lost[:gaps].tolist()), added(lost[gaps:].tolist())
 
     def _with_factor(self, factor: float) -> tuple[Array, Array, float]:
         """Impulses, rates and the residual, with restitution reduced by a factor."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import added
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.simulation.contact.candidates import RESTING
@@ -178,17 +179,17 @@ class TimeStepper(OneSidedStepper):
         """Add the losses of a step to the audit, and record what struck and what has no solution."""
         losses = [max(loss, 0.0) for loss in found.losses]
         y[self._losses] += losses
-        y[-1] += sum(losses)
+        y[-1] += added(losses)
         if self._driven or (self.observer is not None and found.hits):
             before, after = self._energy(free.end, free.y, inputs), self._energy(free.end, y, inputs)
             if self._driven:
-                y[-2] += after - before + sum(losses)
+                y[-2] += after - before + added(losses)
             if self.observer is not None and found.hits:
                 self.observer.impact(free.end, before, after)
         for gap in found.hits:
             if impulse := float(found.impulses[gap]):
                 name, change = self._model.names[gap], ContactChange.IMPACT
-                self._record(ContactEvent(free.end, name, change, impulse, sum(losses), found.factor))
+                self._record(ContactEvent(free.end, name, change, impulse, added(losses), found.factor))
         if found.residual > ACCURATE:
             self.unsolved += 1
             self._record(ContactEvent(free.end, "contacts", ContactChange.UNSOLVED, loss=found.residual))
