@@ -8,6 +8,7 @@ from mbd_sim.base.errors import InputError
 
 ROS = "Source a ROS 2 environment, or install the wheels, in the source folder of mbd_sim: pip install '.[ros]'"
 DISTRIBUTIONS = {  # by the name of the module, where it is another one
+    "OCP": "cadquery-ocp-novtk",
     "PIL": "pillow",
     "collada": "pycollada",
     "dask": "'dask[distributed]'",
