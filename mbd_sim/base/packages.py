@@ -16,6 +16,8 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "distributed": "'dask[distributed]'",
     "rerun": "rerun-sdk",
     "rerun_notebook": "'rerun-sdk[notebook]'",
+    "lxml": "lxml networkx",  # which trimesh needs for 3MF
+    "networkx": "networkx lxml",
     "trimesh": "trimesh pycollada",  # which it needs for COLLADA
     "yaml": "pyyaml",
 }

@@ -1,11 +1,13 @@
-"""An assembly as plain data: its parts where they are assembled, of what they consist, and the faces at which they touch.
+"""An assembly as plain data: its parts as they are placed, their bodies, and the faces at which they touch.
 
 Lengths are in m, in right-handed frames. A body is described once in its own frame, however often it is placed.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -44,13 +46,31 @@ class Face:
         )
 
 
+WHOLE = 0.5  # rad, between neighboring triangles, up to which a face is not open there
+
+
+def covered_angle(triangles: Array, point: Array, axis: Array) -> float:
+    """The angle in rad that triangles (n, 3, 3) cover around an axis."""
+    helper = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    across = helper / np.linalg.norm(helper)
+    away = triangles.reshape(-1, 3) - point
+    angles = np.sort(np.arctan2(away @ np.cross(axis, across), away @ across))
+    widest = float(np.diff(np.concatenate([angles, angles[:1] + 2.0 * math.pi])).max())
+    return 2.0 * math.pi if widest <= WHOLE else 2.0 * math.pi - widest
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A solid in its own frame: its `volume` as mass properties with 1 kg/m³, its surface `triangles` (n, 3, 3)."""
+    """A solid in its own frame: its `volume` as mass properties with 1 kg/m³, its surface `triangles` (n, 3, 3).
+
+    One that was read from the `file` of a mesh, in which lengths are in `scale` m, is not written again.
+    """
 
     volume: MassProperties
     triangles: Array
     faces: tuple[Face, ...] = ()
+    file: Path | None = None
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

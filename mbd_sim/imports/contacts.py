@@ -13,6 +13,7 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.imports.assembly import Face, ImportedPart
@@ -72,11 +73,14 @@ class Surface:
         """The radius (n,) of each face."""
         return np.array([face.radius for face in self.faces])
 
-    def among(self, kind: str, convex: bool | None = None) -> Array:
+    def among(self, kind: str, convex: bool | None = None) -> NDArray[np.bool_]:
         """Whether each face (n,) is of a kind, and is convex or not."""
         return np.array(
             [face.kind == kind and convex in (None, face.convex) for face in self.faces], dtype=bool
         ).reshape(-1)
+
+
+Mask = NDArray[np.bool_]
 
 
 def contacts_of(parts: Sequence[ImportedPart], gap: float) -> dict[tuple[int, int], list[Contact]]:
@@ -109,11 +113,11 @@ def _near(surfaces: Sequence[Surface], gap: float) -> Iterator[tuple[int, int]]:
             yield one, other
 
 
-def _meeting(one: Surface, other: Surface, gap: float) -> Array:
+def _meeting(one: Surface, other: Surface, gap: float) -> Mask:
     """Whether the boxes of each two faces (n, m) meet."""
     below = np.all(one.low[:, None] - gap <= other.high[None], axis=2)
     above = np.all(other.low[None] - gap <= one.high[:, None], axis=2)
-    meeting: Array = below & above
+    meeting: Mask = below & above
     return meeting
 
 
@@ -134,7 +138,7 @@ def _shafts(one: Surface, other: Surface, gap: float) -> list[Contact]:
     return [contact for group in by_axis(found, gap) if _is_embraced(group, one, other) for contact in group]
 
 
-def _coaxial(one: Surface, other: Surface, gap: float) -> Array:
+def _coaxial(one: Surface, other: Surface, gap: float) -> Mask:
     """Whether the axes of each two faces (n, m) coincide where they are."""
     parallel = np.linalg.norm(np.cross(one.directions[:, None], other.directions[None]), axis=2) <= ANGLE
     middle = 0.5 * (one.low + one.high)
@@ -143,7 +147,7 @@ def _coaxial(one: Surface, other: Surface, gap: float) -> Array:
     own = own - np.sum(own * one.directions, axis=1)[:, None] * one.directions  # a half cylinder is not around its axis
     away = away - own[:, None]
     away = away - np.sum(away * other.directions[None], axis=2)[:, :, None] * other.directions[None]
-    coaxial: Array = parallel & (np.linalg.norm(away, axis=2) <= gap)
+    coaxial: Mask = parallel & (np.linalg.norm(away, axis=2) <= gap)
     return coaxial
 
 

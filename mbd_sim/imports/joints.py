@@ -54,7 +54,7 @@ def candidates_of(assembly: Assembly, gap: float) -> list[Candidate]:
 
     :param gap: the largest distance in m of surfaces that touch.
     """
-    names, used, found = [part.name for part in assembly.parts], set[str](), []
+    names, used, found = [part.name for part in assembly.parts], set[str](), list[Candidate]()
     for (one, other), contacts in contacts_of(assembly.parts, gap).items():
         parts = (names[one], names[other])
         name = unique_name(f"{parts[0]}_{parts[1]}", used)

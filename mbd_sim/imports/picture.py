@@ -104,7 +104,7 @@ def _add_parts(axes: Any, page: ScaledView, assembly: Assembly, glass: Collectio
     triangles, shades = np.concatenate(every), np.concatenate(colors)
     order = np.argsort(triangles.mean(axis=1) @ page.view.toward, kind="stable")
     edges = shades[order] * [1.0, 1.0, 1.0, 0.0] + np.outer(shades[order, 3] == 1.0, [0.0, 0.0, 0.0, 1.0])  # no seams
-    projected = page.project(triangles[order])
+    projected: Any = page.project(triangles[order])
     axes.add_collection(PolyCollection(projected, facecolors=shades[order], edgecolors=edges, linewidths=0.35))
 
 
@@ -137,4 +137,4 @@ def _add_legend(axes: Any, candidates: Sequence[Candidate], top: Array) -> None:
         names = " – ".join(name if len(name) <= 18 else name[:17] + "…" for name in candidate.parts)
         place = top - np.array([0.0, LINE * row])
         axes.text(*place, f"{candidate.number}", fontsize=9.0, color=ACCENT, ha="right", va="center", weight="bold")
-        axes.text(*(place + [8.0, 0.0]), f"{names}: {kind}", fontsize=9.0, color=INK, va="center", parse_math=False)
+        axes.text(place[0] + 8.0, place[1], f"{names}: {kind}", fontsize=9.0, color=INK, va="center", parse_math=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Body, Face
+from mbd_sim.imports.assembly import Body, Face, covered_angle
 from mbd_sim.mechanism.mass_properties import MassProperties
 
 MILLIMETER = 1e-3  # m
@@ -118,7 +118,8 @@ def _triangles(face: Any) -> Array:
     indices = np.array([found.Triangle(index).Get() for index in range(1, found.NbTriangles() + 1)]) - 1
     if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED:
         indices = indices[:, ::-1]
-    return points[indices]
+    corners: Array = points[indices]
+    return corners
 
 
 def _face(face: Any, triangles: Array) -> Face | None:
@@ -139,19 +140,7 @@ def _face(face: Any, triangles: Array) -> Face | None:
         return Face("sphere", point, np.zeros(3), radius, bool(np.sum(away * normals) > 0.0), 0.0, triangles)
     radial = away - np.outer(away @ direction, direction)
     convex = bool(np.sum(radial * normals) > 0.0)
-    return Face(kind, point, direction, radius, convex, _turn(triangles, point, direction), triangles)
-
-
-def _turn(triangles: Array, point: Array, axis: Array) -> float:
-    """The angle that triangles (n, 3, 3) cover around an axis."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    across = np.cross(axis, helper)
-    across /= np.linalg.norm(across)
-    away = triangles.reshape(-1, 3) - point
-    angles = np.sort(np.arctan2(away @ np.cross(axis, across), away @ across))
-    gaps = np.diff(np.concatenate([angles, angles[:1] + 2.0 * math.pi]))
-    widest = float(gaps.max())
-    return 2.0 * math.pi if widest <= 2.5 * TURN else 2.0 * math.pi - widest
+    return Face(kind, point, direction, radius, convex, covered_angle(triangles, point, direction), triangles)
 
 
 def _surface(face: Any) -> tuple[Any, Any, float] | None:

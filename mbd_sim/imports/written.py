@@ -12,6 +12,7 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.files.text.mesh_files import seen_from
 from mbd_sim.files.text.yaml_text import yaml_text
 from mbd_sim.imports.assembly import Assembly, Body, ImportedPart
 from mbd_sim.imports.choice import Choice
@@ -44,12 +45,12 @@ def written(
     table: MassTable,
     candidates: Sequence[Candidate],
     choice: Choice,
-    folder: str,
+    out: Path,
     up: str = "z",
 ) -> Written:
     """The mechanism file of an assembly.
 
-    :param folder: of the meshes, seen from the mechanism file.
+    :param out: the mechanism file, beside which the meshes are in the folder `mesh_folder`.
     :param up: the axis of the assembly that points upward, such as z or -y.
     :raises InputError: the mass of a part is not known.
     """
@@ -63,7 +64,7 @@ def written(
         "description": f"Imported from {assembly.name}.",
         "gravity": gravity,
         "ground": {"points": {name: _point_data(assembly, name) for name in choice.held}},
-        "parts": {part.name: _part_data(part, table, points[part.name], names, folder) for part in assembly.parts},
+        "parts": {part.name: _part_data(part, table, points[part.name], names, out) for part in assembly.parts},
     }
     if choice.is_free:
         del data["ground"]["points"][choice.held[0]]
@@ -73,19 +74,24 @@ def written(
     return Written(text, meshes)
 
 
+def mesh_folder(out: Path) -> Path:
+    """The folder for the meshes of a mechanism file."""
+    return out.with_name(f"{out.stem}_meshes")
+
+
 def mesh_names(assembly: Assembly) -> dict[Body, str]:
-    """A name of a file, without its suffix, for each body, however often it is placed."""
+    """A name of a file, without its suffix, for each body that is not read from one, however often it is placed."""
     found: dict[Body, str] = {}
+    used: set[str] = set()
     for part in assembly.parts:
         for placed in part.bodies:
-            if placed.body not in found:
-                plain = re.sub(r"[^\w.-]+", "_", placed.names[0]).strip("._") or "part"
-                used = {name.casefold() for name in found.values()}
-                name = unique_name(plain[:100], [])
-                number = 1
+            if placed.body not in found and placed.body.file is None:
+                plain = re.sub(r"[^\w.-]+", "_", placed.names[0]).strip("._")[:60] or "part"
+                number, name = 1, plain
                 while name.casefold() in used:
                     number += 1
-                    name = f"{plain[:100]}_{number}"
+                    name = f"{plain}_{number}"
+                used.add(name.casefold())
                 found[placed.body] = name
     return found
 
@@ -142,9 +148,11 @@ def _clean(number: float) -> float:
 
 
 def _part_data(
-    part: ImportedPart, table: MassTable, points: dict[str, Any], names: Mapping[Body, str], folder: str
+    part: ImportedPart, table: MassTable, points: dict[str, Any], names: Mapping[Body, str], out: Path
 ) -> dict[str, Any]:
-    found = table.properties(part)
+    found, folder = table.properties(part), mesh_folder(out).name
+    if part.bodies[0].body.file is not None:
+        return {**_mesh_data(part, table, out), "points": points or None}
     meshes = [
         {"file": f"{folder}/{names[placed.body]}.stl", **_placed(placed.pose, "keys"), "color": placed.color}
         for placed in part.bodies
@@ -156,6 +164,21 @@ def _part_data(
         "meshes": meshes,
         "points": points or None,
     }
+
+
+def _mesh_data(part: ImportedPart, table: MassTable, out: Path) -> dict[str, Any]:
+    """A part whose mass, center and inertia follow from the file of its mesh."""
+    (placed,) = part.bodies
+    assert placed.body.file is not None
+    file = seen_from(str(placed.body.file.absolute()), str(out), out.parent)
+    mesh: dict[str, Any] = {"file": file, "scale": None if placed.body.scale == 1.0 else placed.body.scale}
+    mass, material = table.mass_of(part), table.material_of(part, placed)
+    if mass is not None:
+        return {"mesh": {**mesh, "mass": mass}}
+    assert material is not None
+    if material.name:
+        return {"material": material.name, "mesh": mesh}
+    return {"mesh": {**mesh, "density": material.density}}
 
 
 def _inertia(found: MassProperties) -> Any:

@@ -136,7 +136,7 @@ def engine(cylinders=3):
     angles = [2.0 * math.pi * k / 3.0 for k in range(cylinders)]
     pins = [(CRANK * math.sin(a), PITCH * (k + 0.5), CRANK * math.cos(a)) for k, a in enumerate(angles)]
     shaft = [cylinder((0, -60, 0), (0, 1, 0), SHAFT, 60), cylinder((0, length, 0), (0, 1, 0), SHAFT, 60)]
-    for k, (x, y, z) in enumerate(pins):
+    for x, y, z in pins:
         for side in (-1, 1):
             web = cylinder((0, y + (15 if side > 0 else -50), 0), (0, 1, 0), 65.0, 35.0)
             shaft.append(web)

@@ -16,16 +16,24 @@ from mbd_sim.imports.assembly import Assembly
 from mbd_sim.imports.choice import NONE, Choice, choose
 from mbd_sim.imports.joints import OFFERED, WORDS, Candidate, candidates_of
 from mbd_sim.imports.masses import MassTable, mass_table
+from mbd_sim.imports.meshes import mesh_files, read_meshes
 from mbd_sim.imports.picture import write_picture
 from mbd_sim.imports.step import SUFFIXES, read_step
-from mbd_sim.imports.written import UP, write_stl, written
+from mbd_sim.imports.written import UP, mesh_folder, write_stl, written
 
 GAP = 1e-4  # m
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}  # in m
 TYPES = ", ".join([*WORDS, *(kind for kind in OFFERED if kind not in WORDS.values())])
 
 
 def _add_import(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", metavar="FILE", type=Path, nargs="+", help=f"a STEP file ({', '.join(SUFFIXES)})")
+    parser.add_argument(
+        "files",
+        metavar="FILE",
+        type=Path,
+        nargs="+",
+        help=f"a STEP file ({', '.join(SUFFIXES)}), or meshes, or a folder of them",
+    )
     masses = parser.add_argument_group("masses")
     add_repeatable(
         masses,
@@ -55,6 +63,7 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
         "--ground", metavar="PART", help=f"the part that does not move (default: the largest one), or {NONE}"
     )
     add_repeatable(joints, "--rigid", "NAME", "a sub-assembly that is one part; * stands for any letters; repeatable")
+    parser.add_argument("--unit", choices=UNITS, help="the unit of meshes in formats that state none: STL, OBJ and PLY")
     parser.add_argument("--up", choices=UP, default="z", help="the axis that points upward (default: z)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="mechanism file to write (default: NAME.yaml)")
     parser.add_argument("--force", action="store_true", help="replace files that exist")
@@ -62,18 +71,18 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
 
 def _import(options: argparse.Namespace) -> int:
     """Read the parts, find joints, and write the mechanism file, its meshes and the picture."""
-    out: Path = options.out or Path(f"{options.files[0].stem}.yaml")
-    folder, picture = out.with_name(f"{out.stem}_meshes"), out.with_name(f"{out.stem}_joints.png")
+    out: Path = options.out or Path(f"{options.files[0].resolve().stem}.yaml")
+    folder, picture = mesh_folder(out), out.with_name(f"{out.stem}_joints.png")
     _require_new(out, options.force)
     table = mass_table(options.density, options.mass, options.materials)
     Waiting.stage("read the parts")
-    assembly = _read(options.files, options.rigid)
+    assembly = _read(options, out.stem)
     table.require_used(assembly)
     Waiting.stage("find the joints")
     candidates = candidates_of(assembly, options.gap)
     choice = choose(assembly, candidates, options.joints == "all", options.joint, options.ground)
-    found = written(assembly, table, candidates, choice, folder.name, options.up)
-    folder.mkdir(parents=True, exist_ok=True)
+    found = written(assembly, table, candidates, choice, out, options.up)
+    (folder if found.meshes else out.parent).mkdir(parents=True, exist_ok=True)
     for name, triangles in found.meshes.items():
         write_stl(folder / f"{name}.stl", triangles)
     out.write_text(found.text, encoding="utf-8")
@@ -84,7 +93,8 @@ def _import(options: argparse.Namespace) -> int:
     Waiting.stage("load the mechanism")
     _report(assembly, table, candidates, choice)
     load_mechanism(out)
-    print(f"wrote {out}, {folder} with {len(found.meshes)} meshes, and {picture}")
+    meshes = f", {folder} with {counted(len(found.meshes), 'STL file')}," if found.meshes else ""
+    print(f"wrote {out}{meshes} and {picture}")
     return 0
 
 
@@ -95,14 +105,22 @@ def _require_new(out: Path, force: bool) -> None:
         raise CommandError(f"{out} exists, and may contain changes", "Add --force to replace it, or --out.")
 
 
-def _read(files: Sequence[Path], rigid: Sequence[str]) -> Assembly:
+def _read(options: argparse.Namespace, name: str) -> Assembly:
     """The assembly in the files.
 
-    :raises CommandError: there are several STEP files, or other ones.
+    :raises CommandError: there are several STEP files, or an option that does not fit them.
     """
+    files: list[Path] = options.files
+    steps = [file for file in files if file.suffix.lower() in SUFFIXES]
+    if not steps:
+        if options.rigid:
+            raise CommandError("--rigid names sub-assemblies of STEP, and meshes have none", "Leave it out.")
+        return read_meshes(mesh_files(files), UNITS.get(options.unit), name)
     if len(files) > 1:
         raise CommandError("one STEP file is imported at a time", "Export the assembly as one file.")
-    return read_step(files[0], rigid)
+    if options.unit:
+        raise CommandError("a STEP file states its unit", "Leave out --unit.")
+    return read_step(files[0], options.rigid)
 
 
 def _report(assembly: Assembly, table: MassTable, candidates: Sequence[Candidate], choice: Choice) -> None:
@@ -150,10 +168,10 @@ def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 COMMANDS = {
     "import": Command(
-        "Write a mechanism file from a STEP assembly of a CAD program: a part for each solid, with its mass and inertia "
-        "by the materials that are given, its mesh and its color. Faces that parts share are offered as joints, with "
-        "numbers that a picture shows. Take them with --joints all or --joint, or later in the file, which has the "
-        "others as comments.",
+        "Write a mechanism file from a STEP assembly of a CAD program, or from closed meshes: a part for each solid, "
+        "with its mass and inertia by the materials that are given, its mesh and its color. Faces that parts share are "
+        "offered as joints, with numbers that a picture shows. Take them with --joints all or --joint, or later in the "
+        "file, which has the others as comments.",
         _add_import,
         _import,
     ),

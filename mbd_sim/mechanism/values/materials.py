@@ -6,6 +6,8 @@ sheets. The density of a given alloy, wood, foam or printed part differs: give i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from mbd_sim.base.errors import InputError, nearest, quoted
 
 MATERIALS: dict[str, float] = {
@@ -47,13 +49,15 @@ MATERIALS: dict[str, float] = {
 ALSO = {"aluminium": "aluminum", "delrin": "pom", "acrylic": "pmma", "teflon": "ptfe", "polyamide": "nylon"}
 
 
-def density_of(material: str) -> float:
+def density_of(material: str, further: Mapping[str, float] | None = None) -> float:
     """The density in kg/m³ of a material.
 
-    :raises InputError: it is not in the table.
+    :param further: materials that count before those of the table.
+    :raises InputError: it is in neither.
     """
-    found = MATERIALS.get(ALSO.get(material, material))
+    own = further or {}
+    found = own.get(material, MATERIALS.get(ALSO.get(material, material)))
     if found is None:
-        remedy = nearest(material, [*MATERIALS, *ALSO])
+        remedy = nearest(material, [*own, *MATERIALS, *ALSO])
         raise InputError(f"unknown material {quoted(material)}", f"{remedy} Or give a density in kg/m³.".strip())
     return found
