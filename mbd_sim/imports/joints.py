@@ -73,7 +73,11 @@ def _joint_of(contacts: Sequence[Contact], gap: float) -> tuple[JointType | None
     size = max([float(np.linalg.norm(contact.point - middle)) for contact in contacts] + [gap])
     rows = [row for contact in round_ones for row in _round_rows(contact, middle, size)]
     left = _left(rows)
-    counted_planes = [row for plane in planes for row in _plane_rows(plane, middle, size, _keeps(plane, planes, left))]
+    pinned = bool(round_ones) and all(contact.kind == "holes" for contact in round_ones)
+    kept = [pinned or _keeps(plane, planes, left) for plane in planes]  # links whose pin is missing stay together
+    counted_planes = [
+        row for plane, keeps in zip(planes, kept, strict=True) for row in _plane_rows(plane, middle, size, keeps)
+    ]
     kind, axis = _classified(_left([*rows, *counted_planes]))
     if kind is None or axis is None:
         axis = main.direction if main is not None and main.kind != "ball" else axis

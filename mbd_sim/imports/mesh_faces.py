@@ -37,10 +37,8 @@ def faces_of_mesh(triangles: Array) -> tuple[Face, ...]:
             if face is not None:
                 found.append(face)
                 in_round[members] = True
-    for members in _members(flat):
-        if not in_round[members].any():
-            found.append(_plane(triangles[members], normals[members]))
-    return tuple(found)
+    planes = [members for members in _members(flat) if not in_round[members].any()]
+    return (*found, *(_plane(triangles[members], normals[members]) for members in planes))
 
 
 def _neighbors(triangles: Array, normals: Array) -> tuple[Array, Array]:
