@@ -26,6 +26,7 @@ ROS_PROGRAMS = {
 
 # What few users need. A function that lacks its package says so, with the line that installs it.
 EXTRAS = {
+    "cad": ["cadquery-ocp-novtk>=8.0,<9", "lxml>=5.0", "networkx>=3.2", "trimesh>=4.6"],  # reads STEP and 3MF
     "completion": ["argcomplete>=3.1"],  # of commands in a shell
     "control": ["control>=0.10"],  # linear systems as objects of python-control
     "gym": ["gymnasium>=1.1"],

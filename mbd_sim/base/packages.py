@@ -8,6 +8,7 @@ from mbd_sim.base.errors import InputError
 
 ROS = "Source a ROS 2 environment, or install the wheels, in the source folder of mbd_sim: pip install '.[ros]'"
 DISTRIBUTIONS = {  # by the name of the module, where it is another one
+    "OCP": "cadquery-ocp-novtk",
     "PIL": "pillow",
     "collada": "pycollada",
     "dask": "'dask[distributed]'",
@@ -15,6 +16,8 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "distributed": "'dask[distributed]'",
     "rerun": "rerun-sdk",
     "rerun_notebook": "'rerun-sdk[notebook]'",
+    "lxml": "lxml networkx",  # which trimesh needs for 3MF
+    "networkx": "networkx lxml",
     "trimesh": "trimesh pycollada",  # which it needs for COLLADA
     "yaml": "pyyaml",
 }

@@ -165,6 +165,7 @@ COMMANDS = {  # in the order of --help: the module, and what the command does
         "mechanisms.convert",
         "print a mechanism in another format: as a self-contained mechanism file, URDF, MJCF or SDF",
     ),
+    "import": ("mechanisms.import_cad", "write a mechanism file from a STEP assembly of a CAD program"),
     "c-code": ("mechanisms.code", "write the equations of motion of a mechanism and steps of them as C code"),
     "fmu": ("mechanisms.code", "write a mechanism as an FMU, for use in other simulation tools"),
     "list": ("mechanisms.convert", "list the shipped mechanisms"),

@@ -97,9 +97,9 @@ def _source(text: str, file: str, base: Base | None, hulls: bool) -> Source:
         from mbd_sim.files.urdf.overlay import with_urdf
 
         source = with_urdf(source, base)
-    if not any(word in text for word in ("meshes", "hull")) and source.text is not None:
+    if not any(word in text for word in ("mesh", "hull")) and source.text is not None:
         return source
-    from mbd_sim.files.text.mesh_files import with_mesh_solids
+    from mbd_sim.files.text.mesh_solids import with_mesh_solids
 
     return with_mesh_solids(_with_hulls(source, hulls))
 

@@ -230,7 +230,7 @@ def build_elements(file: MechanismFile, source: Source, refused: Refused | None 
     problems: list[Problem] = []
     if GROUND in file.parts:
         problems.append(source.problem(("parts", GROUND), "'ground' always exists", "Choose another name."))
-    parts = {name: build_part(name, spec, source, problems) for name, spec in file.parts.items()}
+    parts = {name: build_part(name, spec, source, problems, file.materials) for name, spec in file.parts.items()}
     ground_points = point_poses(file.ground.points)
     points: PointsByPart = {
         **{name: part.points for name, part in parts.items()},

@@ -19,6 +19,7 @@ from mbd_sim.base.geometry.convex_hull import fans
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.builders.context import rotation_matrix
+from mbd_sim.files.builders.mesh_bodies import build_mesh, has_solids, heavy_meshes, mesh_bodies, mesh_properties
 from mbd_sim.files.builders.outlines import check_outlines, outline_axes, outline_of
 from mbd_sim.files.schema import file
 from mbd_sim.files.schema import shapes as schema
@@ -26,29 +27,35 @@ from mbd_sim.files.schema.fields import PointSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.files.text.mesh_files import solid as solid_within
-from mbd_sim.mechanism.elements.parts import Mesh, Part, Polyhedron, Shape
+from mbd_sim.mechanism.elements.parts import Part, Polyhedron, Shape
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from mbd_sim.mechanism.outlines.area import area_of
+from mbd_sim.mechanism.values.materials import density_of
 from mbd_sim.mechanism.values.source import Location, Source
 
 
-def build_part(name: str, spec: file.PartSpec, source: Source, problems: list[Problem]) -> Part:
-    """A part; its problems are added to `problems`."""
+def build_part(
+    name: str, spec: file.PartSpec, source: Source, problems: list[Problem], materials: Mapping[str, float]
+) -> Part:
+    """A part; its problems are added to `problems`.
+
+    :param materials: densities in kg/m³ of the materials of the file.
+    """
     location: Location = ("parts", name)
     shapes = shapes_of(spec)
     if not check_outlines(shapes, location, spec.shape is not None, source, problems):
         return Part(name, spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)), point_poses(spec.points))
-    meshes = tuple(
-        Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
-        for mesh in spec.meshes
-    )
+    density = _density(spec, materials, location, source, problems)
+    meshes = tuple(map(build_mesh, spec.all_meshes))
     only_drawn = all(_is_drawn_only(shape) for shape in shapes)
-    if only_drawn and spec.inertia is None and spec.mass and spec.center is None and _has_solids(spec):
-        body = _mesh_properties(meshes, spec, location, source, problems)
+    if heavy_meshes(spec):
+        body = _with_meshes(spec, density, location, source, problems)
+    elif only_drawn and spec.inertia is None and spec.mass and spec.center is None and has_solids(spec):
+        body = mesh_properties(spec, location, source, problems)
     elif spec.inertia is not None or not shapes or (only_drawn and spec.mass):
         body = _given_properties(spec, location, source, problems)
     else:
-        body = _computed_properties(spec, location, source, problems)
+        body = _computed_properties(spec, density, location, source, problems)
     _check_inertia(body, spec, location, source, problems)
     return Part(
         name=name,
@@ -92,40 +99,6 @@ def _is_drawn_only(shape: AnyShapeSpec) -> bool:
     return shape.mass == 0.0
 
 
-def _has_solids(spec: file.PartSpec) -> bool:
-    return bool(spec.meshes) and all(mesh.solid is not None for mesh in spec.meshes)
-
-
-def _mesh_properties(
-    meshes: tuple[Mesh, ...],
-    spec: file.PartSpec,
-    location: Location,
-    source: Source,
-    problems: list[Problem],
-) -> MassProperties:
-    """Mass center and inertia from closed meshes, which are uniform solids of equal density."""
-    assert spec.mass
-    bodies = [_unit_density(mesh, one.solid) for mesh, one in zip(meshes, spec.meshes, strict=True) if one.solid]
-    whole = composite(bodies)
-    if whole.mass:
-        return MassProperties(spec.mass, whole.center, spec.mass * (whole.inertia / whole.mass))
-    remedy = "Give scale factors that are not 0, or 'inertia'."
-    problems.append(source.problem(location, "has meshes without volume", remedy))
-    return MassProperties(spec.mass, np.zeros(3), np.zeros((3, 3)))
-
-
-def _unit_density(mesh: Mesh, spec: file.SolidSpec) -> MassProperties:
-    """The solid of a mesh in the part's frame, with 1 kg/m³."""
-    scale = np.array(mesh.scale)
-    second = np.zeros((3, 3))
-    for (row, column), value in zip(PRODUCTS, spec.moments, strict=True):
-        second[row, column] = second[column, row] = value
-    factor = abs(float(np.prod(scale)))
-    second = factor * np.outer(scale, scale) * second
-    inertia = np.trace(second) * np.eye(3) - second
-    return MassProperties(factor * spec.volume, scale * np.array(spec.center), inertia).placed(mesh.pose)
-
-
 def _given_properties(
     spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
 ) -> MassProperties:
@@ -140,15 +113,42 @@ def _given_properties(
     return MassProperties(spec.mass or 0.0, array(spec.center or (0.0, 0.0, 0.0)), _inertia_matrix(spec.inertia))
 
 
+def _density(
+    spec: file.PartSpec, materials: Mapping[str, float], location: Location, source: Source, problems: list[Problem]
+) -> float | None:
+    """The density of the part's material in kg/m³; None without one."""
+    if spec.material is None:
+        return None
+    try:
+        return density_of(spec.material, materials)
+    except InputError as error:
+        problems.append(source.problem((*location, "material"), error.message, error.remedy))
+        return 1.0
+
+
+def _with_meshes(
+    spec: file.PartSpec, density: float | None, location: Location, source: Source, problems: list[Problem]
+) -> MassProperties:
+    """Mass, mass center and inertia from meshes with masses, and from the shapes beside them."""
+    for key in ("mass", "center", "inertia"):
+        if getattr(spec, key) is not None:
+            remedy = f"Remove '{key}', or the mass or density of each mesh."
+            problems.append(source.problem((*location, key), "follows from the meshes, which have masses", remedy))
+    bodies = mesh_bodies(spec, density, location, source, problems)
+    if any(not _is_drawn_only(shape) for shape in shapes_of(spec)):
+        bodies.append(_computed_properties(spec.model_copy(update={"mass": None}), density, location, source, problems))
+    return composite(bodies)
+
+
 def _computed_properties(
-    spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
+    spec: file.PartSpec, density: float | None, location: Location, source: Source, problems: list[Problem]
 ) -> MassProperties:
     """Mass, mass center and inertia from the shapes."""
     if spec.center is not None:
         remedy = "Remove 'center', or give 'inertia' as well."
         problems.append(source.problem((*location, "center"), "is computed from the shapes", remedy))
     try:
-        return of_shapes(shapes_of(spec), spec.mass)
+        return of_shapes(shapes_of(spec), spec.mass, density)
     except InputError as error:
         problems.append(source.problem_of(location, error))
         return MassProperties(spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)))
@@ -361,14 +361,20 @@ def _numbers(point: Any) -> Any:
     return point.tolist() if isinstance(point, np.ndarray) else point
 
 
-def of_shapes(shapes: Sequence[schema.AnyShapeSpec], mass: float | None) -> MassProperties:
+def of_shapes(
+    shapes: Sequence[schema.AnyShapeSpec], mass: float | None, density: float | None = None
+) -> MassProperties:
     """Mass properties of a part made of shapes.
 
     :param mass: of the whole part in kg; the shapes without mass and density share it in proportion to their size.
+    :param density: in kg/m³, of solid shapes without mass and density.
     :raises InputError: masses are missing, given twice, or cannot be shared.
     """
     solids = [_inertia_of(shape) for shape in shapes]
-    given = [_given_mass(shape, solid) for shape, solid in zip(shapes, solids, strict=True)]
+    given = [_given_mass(shape, solid, density) for shape, solid in zip(shapes, solids, strict=True)]
+    if density is not None and None in given:
+        message = f"has a {shapes[given.index(None)].type}, which has no volume for the density of a material"
+        raise InputError(message, "Give this shape its mass.")
     per_measure = _mass_per_measure(shapes, solids, given, mass)
     bodies = []
     for shape, solid, value in zip(shapes, solids, given, strict=True):
@@ -406,6 +412,8 @@ def _mass_per_measure(
     return per_measure
 
 
-def _given_mass(shape: schema.AnyShapeSpec, solid: _ShapeInertia) -> float | None:
+def _given_mass(shape: schema.AnyShapeSpec, solid: _ShapeInertia, of_material: float | None) -> float | None:
     density = getattr(shape, "density", None)
+    if density is None and shape.mass is None and solid.dimension == 3:
+        density = of_material
     return density * solid.measure if density is not None else shape.mass

@@ -128,7 +128,8 @@ def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
         if location[0] in ("parameters", "functions"):
             data = _replaced(data, location, value)
     from mbd_sim.files.checks.repetition import expanded
-    from mbd_sim.files.text.mesh_files import with_mesh_hulls, with_mesh_solids
+    from mbd_sim.files.text.mesh_files import with_mesh_hulls
+    from mbd_sim.files.text.mesh_solids import with_mesh_solids
 
     again = expanded(Source(data, source.template_lines, source.file, source.text))
     again = with_mesh_solids(with_mesh_hulls(again, True))

@@ -21,8 +21,10 @@ from mbd_sim.files.schema.fields import (
     MomentOfInertia,
     Name,
     Number,
+    OneOrThree,
     PlainName,
     PointOrVector,
+    PositiveDensity,
     PositiveTime,
     QuantityField,
     RotationSpec,
@@ -58,16 +60,27 @@ class SolidSpec(Spec):
 
 
 class MeshSpec(Spec):
-    """A file with a surface that is drawn instead of the shapes; its URI is passed on to exported URDF."""
+    """A file with a surface that is drawn instead of the shapes; its URI is passed on to exported URDF.
+
+    With a `mass` or a `density` it is a uniform solid as well.
+    """
 
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
-    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    scale: OneOrThree[Number] = 1.0
     at: Vector = (0.0, 0.0, 0.0)
     rotate: RotationSpec | None = None
     color: Color | None = None
+    mass: Mass | None = Field(None, description="of the uniform solid that the mesh encloses")
+    density: PositiveDensity | None = Field(None, description="of the uniform solid that the mesh encloses")
     solid: SolidSpec | None = Field(
         None, description="what the mesh encloses; computed where center and inertia of the part follow from it"
     )
+
+    @model_validator(mode="after")
+    def _one_mass(self) -> MeshSpec:
+        if self.mass is not None and self.density is not None:
+            raise InputError("has both mass and density", "Give one of them.")
+        return self
 
 
 class InertiaSpec(Spec):
@@ -95,11 +108,17 @@ class PartSpec(Spec):
     center: Vector | None = Field(None, description="mass center; computed if the part has shapes with mass")
     inertia: InertiaOrMoments | None = None
     inertia_check: bool = Field(True, description="false: accept an inertia that no rigid body can have")
+    material: Annotated[str, StringConstraints(min_length=1, max_length=60)] | None = Field(
+        None,
+        description="such as steel, or one of 'materials': the density of the solid shapes and the meshes that have "
+        "neither mass nor density",
+    )
     shape: AnyShapeSpec | None = None
     shapes: list[AnyShapeSpec] | None = None
     collisions: list[AnyShapeSpec] | None = Field(
         None, description="what touches in contacts, in place of the shapes; without mass, and not drawn"
     )
+    mesh: MeshSpec | None = Field(None, description="in place of 'meshes' with one entry")
     meshes: list[MeshSpec] = Field(
         [],
         description="drawn instead of the shapes, and passed on to exported URDF; center and inertia of a part with a "
@@ -111,7 +130,17 @@ class PartSpec(Spec):
     def _one_of(self) -> PartSpec:
         if self.shape is not None and self.shapes is not None:
             raise InputError("has both shape and shapes", "Move 'shape' into 'shapes'.")
+        if self.mesh is not None and self.meshes:
+            raise InputError("has both mesh and meshes", "Move 'mesh' into 'meshes'.")
+        if self.material is not None and (self.mass is not None or self.inertia is not None):
+            given = "mass" if self.mass is not None else "inertia"
+            raise InputError(f"has both material and {given}", "Give one of them: a material is a density.")
         return self
+
+    @property
+    def all_meshes(self) -> list[MeshSpec]:
+        """Its meshes, in whichever way they are written."""
+        return [self.mesh] if self.mesh is not None else self.meshes
 
     @model_validator(mode="after")
     def _only_touching(self) -> PartSpec:
@@ -159,6 +188,9 @@ class MechanismFile(Spec):
         {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
     )
     tables: dict[PlainName, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
+    materials: dict[PlainName, PositiveDensity] = Field(
+        {}, description="densities of further materials, for 'material' of parts"
+    )
     tolerance: Tolerance = Field(
         1e-3,
         description="loops whose axes are parallel, or meet, within this angle in rad, and this part of their size, "

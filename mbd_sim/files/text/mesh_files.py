@@ -98,12 +98,31 @@ def with_meshes_seen_from(mechanism: Mechanism, folder: Path | None) -> Mechanis
     }
     if source.text is None or source.changed:
         given = {
-            name: part | {"meshes": [mesh | {"file": uris[mesh["file"]]} for mesh in part["meshes"]]}
+            name: _with_uris(part, uris)
             for name, part in source.data["parts"].items()
-            if part.get("meshes")
+            if part.get("meshes") or part.get("mesh")
         }
         source = replace(source, data={**source.data, "parts": {**source.data["parts"], **given}})
     return replace(mechanism, parts=parts, source=source)
+
+
+def _with_uris(part: Mapping[str, Any], uris: Mapping[str, str]) -> dict[str, Any]:
+    """The data of a part with other URIs of its meshes."""
+    changed = dict(part)
+    for steps, mesh in mesh_entries(part):
+        changed = with_value(changed, steps, mesh | {"file": uris[mesh["file"]]})
+    return changed
+
+
+def mesh_entries(part: Any) -> list[tuple[Location, Any]]:
+    """The meshes in the data of a part, each with its place there: in `mesh` or in `meshes`."""
+    if not isinstance(part, dict):
+        return []
+    single, several = part.get("mesh"), part.get("meshes")
+    entries: list[tuple[Location, Any]] = [] if single is None else [(("mesh",), single)]
+    return entries + [
+        (("meshes", number), mesh) for number, mesh in enumerate(several if isinstance(several, list) else [])
+    ]
 
 
 def _candidates(uri: str, folder: Path) -> Iterator[Path]:
@@ -141,7 +160,11 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-FORMATS = (".dae", ".glb", ".gltf", ".obj", ".stl")  # of the files that are read
+FORMATS = (".3mf", ".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")  # of the files that are read
+
+
+_NEEDED = {".dae": ("collada",), ".3mf": ("networkx", "lxml")}  # by trimesh
+_WITH_UNIT = (".dae", ".3mf")  # formats that state their unit; glTF is in m
 
 
 class MeshError(InputError):
@@ -169,13 +192,13 @@ def read_scene(path: Path) -> Any:
     :raises MissingPackageError: trimesh is not installed, or what it needs for this file.
     """
     require_packages("trimesh", purpose="Reading this mesh")
-    if path.suffix.lower() == ".dae":
-        require_packages("collada", purpose="Reading this mesh")
+    if further := _NEEDED.get(path.suffix.lower()):
+        require_packages(*further, purpose="Reading this mesh")
     import trimesh
 
     try:
         scene = trimesh.load_scene(path, process=False)
-        stated = path.suffix.lower() == ".dae" and scene.units not in (None, "meters")
+        stated = path.suffix.lower() in _WITH_UNIT and scene.units not in (None, "meters")
         return scene.convert_units("meters") if stated else scene
     except Exception as error:  # trimesh raises what its readers raise
         first = (str(error).splitlines() or [""])[0]
@@ -184,39 +207,7 @@ def read_scene(path: Path) -> Any:
 
 
 PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx, yy, zz, xy, xz, yz
-UNITLESS = (".stl", ".obj")  # files that do not state their unit
-LARGE = 5.0  # m, radius of gyration beyond which such a file is rather in mm
 FLAT = 1e-12  # volume, relative to the cube of the size, below which a surface encloses nothing
-
-
-def with_mesh_solids(source: Source) -> Source:
-    """The source with the solids of the meshes from which parts get center and inertia.
-
-    A part is a point mass, with a remark, where a mesh encloses no solid.
-    """
-    parts = source.data.get("parts") if isinstance(source.data, dict) else None
-    if not isinstance(parts, dict):
-        return source
-    remarks, changed = [], dict(parts)
-    for name, part in parts.items():
-        if not _needs_solids(part):
-            continue
-        if part.get("center") is not None:
-            remarks.append(f"{name} is a point mass at its 'center', as its mesh counts only without it. {_REMEDY}")
-            continue
-        changed[name], remark = _with_solids(str(name), part, source.file)
-        remarks.append(remark)
-    if changed == parts:
-        return replace(source, remarks=(*source.remarks, *remarks))
-    comments = source.comments if source.text is None else (f"From {Path(source.file).name} and its meshes.",)
-    return replace(
-        source,
-        data={**source.data, "parts": changed},
-        text=None,
-        comments=comments,
-        other_files=None,
-        remarks=(*source.remarks, *(remark for remark in remarks if remark)),
-    )
 
 
 HOLLOW = 1e-6  # of a hull's size or volume, by which a mesh must be inside or smaller to show that it has hollows
@@ -241,22 +232,22 @@ def with_mesh_hulls(source: Source, touching: bool) -> Source:
         for steps, shape in _hulls_of_files(part):
             imported = bool(source.format) and steps[0] == "collisions"
             if imported and not touching:
-                changed[name] = _with_value(changed[name], steps, None)
+                changed[name] = with_value(changed[name], steps, None)
                 dropped.setdefault(NOT_READ, []).append(name)
                 continue
             try:
-                path = _found(shape["file"], source.file)
+                path = found_mesh(shape["file"], source.file)
                 points, remark = _corners_of(path, f"the mesh {shape['file']} of {name}")
             except InputError as error:
                 if imported:
-                    changed[name] = _with_value(changed[name], steps, None)
+                    changed[name] = with_value(changed[name], steps, None)
                     dropped.setdefault(f"meshes that touch nothing: {error.message}", []).append(name)
                     continue
                 message = f"there is no hull of {shape['file']}: {error.message}"
                 problems.append(source.problem(("parts", name, *steps, "file"), message, error.remedy))
                 continue
             hull = {key: value for key, value in shape.items() if key != "file"} | {"points": points}
-            changed[name] = _with_value(changed[name], steps, hull)
+            changed[name] = with_value(changed[name], steps, hull)
             remarks.append(remark)
             read[str(path)] = digest_of_file(path)
     if problems:
@@ -297,10 +288,10 @@ def _hulls_of_files(part: Any) -> Iterator[tuple[Location, Mapping[str, Any]]]:
             yield steps, shape
 
 
-def _with_value(part: Mapping[str, Any], steps: Location, value: Any) -> dict[str, Any]:
-    """The part with another value of its shape, or of one of its shapes."""
+def with_value(part: Mapping[str, Any], steps: Location, value: Any) -> dict[str, Any]:
+    """The data of a part with another value of its shape or mesh, or of one of its shapes or meshes."""
     if len(steps) == 1:
-        return {**part, "shape": value}
+        return {**part, str(steps[0]): value}
     key = str(steps[0])
     return {**part, key: [value if number == steps[1] else one for number, one in enumerate(part[key])]}
 
@@ -330,60 +321,26 @@ def _corners_of(path: Path, name: str) -> tuple[list[list[float]], str]:
     return corners.tolist(), f"{name} {' and '.join(said)}." if said else ""
 
 
-_REMEDY = "Give its 'inertia'."
-_SCALE = "give 'scale: [0.001, 0.001, 0.001]'"
+def found_mesh(uri: str, file: str) -> Path:
+    """The file of a mesh, see `mesh_path`.
 
-
-def _needs_solids(part: Any) -> bool:
-    """Whether meshes are all that says how the mass of a part is distributed."""
-    if not isinstance(part, dict) or part.get("inertia") is not None or part.get("mass") in (None, 0):
-        return False
-    meshes, shapes = part.get("meshes"), [part.get("shape"), *(part.get("shapes") or ())]
-    massive = any(isinstance(shape, dict) and shape.get("mass") != 0 for shape in shapes)
-    return isinstance(meshes, list) and any(map(_has_file, meshes)) and all(map(_has_file, meshes)) and not massive
-
-
-def _has_file(mesh: Any) -> bool:
-    return isinstance(mesh, dict) and isinstance(mesh.get("file"), str)
-
-
-def _with_solids(name: str, part: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]:
-    """A part whose meshes have solids, or else zero inertia; and a remark."""
-    found, defects, large = [], [], []
-    for mesh in part["meshes"]:
-        try:
-            found.append(mesh if mesh.get("solid") is not None else {**mesh, "solid": _solid_of(mesh["file"], file)})
-        except InputError as error:
-            defects.append(f"{mesh['file']} ({str(error).rstrip('.')})")
-            continue
-        radius = math.sqrt(max(found[-1]["solid"]["moments"][:3]) / found[-1]["solid"]["volume"])
-        if radius > LARGE and mesh.get("scale") is None and mesh["file"].lower().endswith(UNITLESS):
-            large.append(f"{mesh['file']} (radius of gyration {radius:.3g} m)")
-    if not defects:
-        remark = f"{name} has a large mesh, {listed(large)}. Its file states no unit, so it is in m: for mm, {_SCALE}."
-        return {**part, "meshes": found}, remark if large else ""
-    reason = f"no solid is known of {listed(defects)}"
-    return {**part, "inertia": [0.0, 0.0, 0.0]}, f"{name} is a point mass at its origin: {reason}. {_REMEDY}"
-
-
-def _solid_of(uri: str, file: str) -> dict[str, Any]:
-    return solid(read_triangles(_found(uri, file)))
-
-
-def _found(uri: str, file: str) -> Path:
+    :raises MeshError: there is none.
+    """
     path = mesh_path(uri, file)
     if path is None:
         raise MeshError("not found")
     return path
 
 
-def solid(triangles: Array) -> dict[str, Any]:
+def solid(triangles: Array, outward: bool = False) -> dict[str, Any]:
     """Volume, center and second moments ∫ x y dV about it of what closed surfaces (n, 3, 3) enclose.
 
     They are added up over the tetrahedra between each triangle and a point. One with the edges a, b, c from that point
     has the volume V = a·(b × c)/6, and ∫ r rᵀ dV = V/20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ) with s = a + b + c.
 
-    :raises MeshError: the surface has an edge where it ends or changes its sides, or encloses no volume.
+    :param outward: whether the triangles must turn to the left, seen from outside.
+    :raises MeshError: the surface has an edge where it ends or changes its sides, or encloses no volume, or is inside
+        out.
     """
     if not _is_closed(triangles):
         raise MeshError("its surface is not closed, or has triangles that are turned over")
@@ -395,6 +352,8 @@ def solid(triangles: Array) -> dict[str, Any]:
     volume = math.fsum(volumes)
     if abs(volume) <= FLAT:
         raise MeshError("it encloses no volume")
+    if outward and volume < 0.0:
+        raise MeshError("it is inside out: its triangles face inward", "Flip its normals")
     center = total(volumes[:, None] * sums, 0) / (4.0 * volume)
     squares = products(edges.swapaxes(1, 2), edges) + sums[:, :, None] * sums[:, None, :]
     moments = total(volumes[:, None, None] * squares, 0) / (20.0 * volume) - np.outer(center, center)

@@ -1,0 +1,1 @@
+"""Mechanisms from the parts of CAD programs: STEP assemblies, and files of meshes."""
