@@ -147,7 +147,8 @@ class MechanismFile(Spec):
 
     mechanism: Name = Field(description="the mechanism's name")
     description: str = ""
-    urdf: str | None = Field(None, description="a URDF file that this file extends")
+    urdf: str | None = Field(None, description="a URDF or xacro file that this file extends")
+    xacro: dict[str, str | bool | float] = Field({}, description="arguments of the xacro file that 'urdf' names")
     base: Literal["fixed", "free"] | None = Field(
         None, description="whether the root link of the URDF is fixed to ground or free"
     )

@@ -33,7 +33,7 @@ class FileWatch:
         refuse: Callable[[str], None],
     ) -> None:
         self._path, self._changes = Path(mechanism.source.file), dict(mechanism.source.changes)
-        self._base = mechanism.source.base
+        self._base, self._xacro = mechanism.source.base, mechanism.source.xacro
         self._build, self._adopt, self._refuse = build, adopt, refuse
         self._files, self._more = files_of(mechanism), tuple[str, ...]()
         self._seen = self._state()
@@ -55,7 +55,9 @@ class FileWatch:
             return
         self._seen = state
         try:
-            mechanism = load_mechanism(self._path, self._base, hulls="contacts" in self._changes)
+            mechanism = load_mechanism(
+                self._path, self._base, hulls="contacts" in self._changes, xacro=self._xacro
+            )
             mechanism = with_values(mechanism, self._changes) if self._changes else mechanism
             bench = self._build(mechanism)
         except MbdSimError as error:

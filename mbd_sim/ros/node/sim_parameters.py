@@ -23,7 +23,11 @@ from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.changes import StateValues, checked_values
 
 PARAMETERS = (
-    ParameterSpec("mechanism", "double_rod", "a mechanism file, a URDF, MJCF or SDF, or a shipped mechanism"),
+    ParameterSpec(
+        "mechanism", "double_rod",
+        "a mechanism file, a URDF, MJCF, SDF or xacro file (with its arguments: 'FILE NAME:=VALUE …'), or a shipped "
+        "mechanism",
+    ),
     ParameterSpec(
         "mechanisms", "",
         "several mechanisms, each with a node in its own namespace, on the clock of the first: "
