@@ -29,8 +29,8 @@ def add_mechanism(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "mechanism",
         metavar="FILE",
-        help="a mechanism file, a URDF, MJCF, SDF or xacro file, or the name of a shipped mechanism; the arguments of a "
-        "xacro file follow it: FILE NAME:=VALUE …",
+        help="a mechanism file, a URDF, MJCF, SDF or xacro file, or the name of a shipped mechanism; the arguments of "
+        "a xacro file follow it: FILE NAME:=VALUE …",
         nargs="+",
         action=_WithArguments,
     )

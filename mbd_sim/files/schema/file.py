@@ -185,4 +185,8 @@ class MechanismFile(Spec):
     ros2_control: ControlBlocks = Field(
         "", description="<ros2_control> elements, which exported URDF and ~/robot_description repeat"
     )
+    control: Literal["position", "velocity", "effort"] | None = Field(
+        None,
+        description="makes the blocks of ros2_control act; of several command interfaces, a joint serves this one",
+    )
     sensor_seed: Seed = Field(0, description="of the noise of all sensors: a whole number")

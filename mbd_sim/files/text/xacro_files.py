@@ -1,6 +1,6 @@
 """Xacro files, which are programs that write a URDF: what they write, with the place of each element in its file.
 
-ROS's own `xacro` expands them. It finds packages as `ros_packages` says, and each element of the result is preceded by a
+ROS's own `xacro` expands them. It finds packages as `ros_packages` says. Each element of the result is preceded by a
 processing instruction with the file and the line of the element that it comes from, which `parse_xml` reads.
 """
 
@@ -14,7 +14,6 @@ import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 from xml.dom import minidom
 
@@ -68,7 +67,7 @@ def expanded_xacro(text: str, file: str, arguments: Mapping[str, str]) -> str:
 class _Expansion:
     """One run of xacro."""
 
-    def __init__(self, xacro: ModuleType, file: str, arguments: Mapping[str, str]) -> None:
+    def __init__(self, xacro: Any, file: str, arguments: Mapping[str, str]) -> None:
         self.xacro, self.file, self.arguments = xacro, file, arguments
         self.known: set[str] = set()  # names of arguments in the files
 
@@ -81,10 +80,8 @@ class _Expansion:
                 self.xacro.process_doc(document, mappings=dict(self.arguments))
         except MechanismError:
             raise
-        except RecursionError as error:
-            raise self._error(error, "a macro or a file contains itself without end") from None
         except Exception as error:  # xacro raises what the expressions of a file raise
-            raise self._error(error, "") from error
+            raise self._error(error) from None
         if unknown := self._unknown():
             raise MechanismError(unknown)
         return _written(document, [line for line in messages.getvalue().splitlines() if line.startswith("warning: ")])
@@ -94,7 +91,8 @@ class _Expansion:
         root = parse_xml(text, file)
         self.known |= {one.attributes.get("name", "") for one in root.walk() if one.tag == "xacro:arg"}
         self.known |= {name for pair in _USED.findall(text) for name in pair}
-        document = minidom.parseString(mended(text)[0] if root.slips else text)
+        # `parse_xml` has refused what is dangerous in XML.
+        document = minidom.parseString(mended(text)[0] if root.slips else text)  # noqa: S318
         for node, element in zip(document.getElementsByTagName("*"), root.walk(), strict=True):
             node.setUserData(PLACE, element, _KEPT)
         return document
@@ -142,9 +140,9 @@ class _Expansion:
             if name not in self.known
         ]
 
-    def _error(self, error: BaseException, message: str) -> MechanismError:
+    def _error(self, error: BaseException) -> MechanismError:
         places = _places(error)
-        plain, remedy = (message, "Add a condition that ends it.") if message else _explained(error, self.known)
+        plain, remedy = _explained(error, self.known)
         file, line = (places[0].file, places[0].line) if places else (str(self.xacro.filestack[-1]), 0)
         callers = [f"{one.file}:{one.line}" for one in places[1:]][:3]
         if callers:
@@ -184,9 +182,9 @@ def _places(error: BaseException) -> list[Element]:
     for frame in frames:
         node = frame.f_locals.get("node", frame.f_locals.get("elt"))
         called = frame.f_code.co_name == "handle_macro_call"
-        if isinstance(node, minidom.Node) and (called or not found) and (place := _place_of(node)) is not None:
-            if not found or (place.file, place.line) != (found[-1].file, found[-1].line):
-                found.append(place)
+        place = _place_of(node) if isinstance(node, minidom.Node) and (called or not found) else None
+        if place is not None and (not found or (place.file, place.line) != (found[-1].file, found[-1].line)):
+            found.append(place)
     return found
 
 
@@ -201,6 +199,8 @@ def _explained(error: BaseException, known: set[str]) -> tuple[str, str]:
     match inner:
         case _PackageError():
             return f"there is no package {quoted(str(inner))}", NO_PACKAGE
+        case RecursionError():
+            return "a macro or a file contains itself without end", "Add a condition that ends it."
         case InputError():
             return inner.message, inner.remedy
         case _ if type(inner).__name__ == "ArgException":
@@ -216,7 +216,10 @@ def _explained(error: BaseException, known: set[str]) -> tuple[str, str]:
     if text.startswith("unknown macro name: "):
         return f"there is no macro {text.partition(': ')[2]}", "Include the file that defines it, or correct the name."
     if text.startswith("Undefined parameters"):
-        return f"the macro needs these parameters: {text.partition('[')[2].rstrip(']')}", "Give them where it is called."
+        return (
+            f"the macro needs these parameters: {text.partition('[')[2].rstrip(']')}",
+            "Give them where it is called.",
+        )
     return f"xacro says: {text or type(inner).__name__}", "Correct this element, or the arguments."
 
 
@@ -232,7 +235,5 @@ def _written(document: minidom.Document, warnings: list[str]) -> str:
             number = files.setdefault(place.file, len(files))
             node.parentNode.insertBefore(document.createProcessingInstruction(PLACE, f"{number} {place.line}"), node)
     head = json.dumps({"files": list(files), "warnings": [line.removeprefix("warning: ") for line in warnings]})
-    document.insertBefore(
-        document.createProcessingInstruction(FILES, head.replace("?>", "? >")), document.firstChild
-    )
+    document.insertBefore(document.createProcessingInstruction(FILES, head.replace("?>", "? >")), document.firstChild)
     return document.toxml()

@@ -333,7 +333,7 @@ class Reading:
         if wrong := [word for word in words if not NUMBER.fullmatch(word)]:
             remedy = "Write plain numbers."
             if "$" in text:
-                remedy = "This is a xacro expression: expand the file with xacro first."
+                remedy = "This is a xacro expression: name the file .urdf.xacro, so that it is expanded."
             self.report(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
         elif len(words) != count:
             form = "one number" if count == 1 else f"{count} numbers separated by spaces"

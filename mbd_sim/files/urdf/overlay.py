@@ -110,7 +110,9 @@ def _check_path(source: Source, path: Path) -> None:
 
 def overlaid(under: Source, over: Source) -> Source:
     """The merged data of two sources; `over` takes precedence over `under`."""
-    written = {key: value for key, value in over.data.items() if key not in ("urdf", "base", "xacro") and value is not None}
+    written = {
+        key: value for key, value in over.data.items() if key not in ("urdf", "base", "xacro") and value is not None
+    }
     origins = dict(under.origins)
     merged = Source(
         data={**under.data, **written},

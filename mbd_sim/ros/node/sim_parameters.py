@@ -136,6 +136,11 @@ PARAMETERS = (
         "add a block for ros2_control's JointStateTopicSystem to robot_description, and take NaN in joint_commands as "
         "no command",
     ),
+    ParameterSpec(
+        "control", "",
+        "position, velocity or effort: make the <ros2_control> blocks of the robot act; of several command interfaces, "
+        "a joint serves this one; empty: they do not act",
+    ),
     ParameterSpec("frame_prefix", "", "prefix of all frame names, for several nodes: name/"),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the stepping thread, if permitted; 0: none", 0, 90),
 )  # fmt: skip
