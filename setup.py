@@ -41,6 +41,7 @@ EXTRAS = {
     "tables": ["pyarrow>=14"],  # Parquet
     "video": ["av>=12"],  # animations as MP4
     "view": ["rerun-sdk>=0.38"],
+    "xacro": ["xacro>=2.1"],  # expands robot.urdf.xacro; in a ROS 2 installation the package xacro
 }
 ALL = sorted({requirement for requirements in EXTRAS.values() for requirement in requirements})
 # In a ROS 2 installation these come from the system instead.

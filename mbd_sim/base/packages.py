@@ -23,7 +23,7 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
 }
 NEEDED = (  # by this package; any of them may be missing where pip has not installed it
     *("av", "casadi", "control", "gymnasium", "llvmlite", "matplotlib", "mcap", "numpy", "pandas", "plotly"),
-    *("pyarrow", "pydantic", "rich", "rosbags", "scipy", "sympy", "viser", "zstandard"),
+    *("pyarrow", "pydantic", "rich", "rosbags", "scipy", "sympy", "viser", "xacro", "zstandard"),
     *DISTRIBUTIONS,
 )
 _ROS_MODULES = ("rclpy", "ament_index_python", "rosidl_runtime_py")

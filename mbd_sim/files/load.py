@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from mbd_sim.base.disk_cache import cached
 from mbd_sim.base.errors import MechanismError, Problem, few_suggestions, quoted
-from mbd_sim.files.text.library import digest_of_file, find, read_text
+from mbd_sim.files.text.library import XACRO_SUFFIX, digest_of_file, find, read_text, split_arguments
 from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.files.text.xml import Base
+    from mbd_sim.files.urdf.control import Interface
     from mbd_sim.mechanism.values.source import Source
 
 
@@ -28,18 +29,27 @@ def load_mechanism(
     floor: bool = False,
     limits: Literal["stops"] | None = None,
     hulls: bool = False,
+    xacro: Mapping[str, str] | None = None,
+    control: Interface | None = None,
 ) -> Mechanism:
     """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
+
+    A xacro file is expanded; arguments may also stand after its path: `robot.urdf.xacro name:=left`.
 
     :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`; the same for models of an
         SDF that are not attached to the world, and are free by default.
     :param floor: whether it stands on a floor, see `on_floor`.
     :param limits: `stops` makes the limits of joints rigid stops.
     :param hulls: whether meshes of `<collision>` and of geoms touch as their hulls also where the file has no contacts.
+    :param xacro: values of the arguments of a xacro file.
+    :param control: makes the `<ros2_control>` blocks of the robot act: the command interface that a joint serves which
+        has several of them.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
-    path = find(mechanism)
-    found = parse_mechanism(read_text(path), str(path), base, hulls=hulls or floor)
+    named, arguments = split_arguments(str(mechanism))
+    path = find(named)
+    arguments |= xacro or {}
+    found = parse_mechanism(read_text(path), str(path), base, hulls=hulls or floor, xacro=arguments, control=control)
     return set_up(found, {"limits": limits} if limits else {}, floor=floor)
 
 
@@ -59,25 +69,45 @@ def set_up(mechanism: Mechanism, changes: Mapping[str, Any], *, floor: bool) -> 
     return with_values(mechanism, changes)
 
 
-def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None, *, hulls: bool = False) -> Mechanism:
+def parse_mechanism(
+    text: str,
+    file: str = "<text>",
+    base: Base | None = None,
+    *,
+    hulls: bool = False,
+    xacro: Mapping[str, str] | None = None,
+    control: Interface | None = None,
+) -> Mechanism:
     """The mechanism that the text of a mechanism file, a URDF, an MJCF or an SDF describes.
 
     :param file: its name in errors; the file that `urdf` names is searched for in the same folder.
-    :param base: see `load_mechanism`; the same for `hulls`.
+    :param base: see `load_mechanism`; the same for `hulls`, `xacro` and `control`.
     :raises MechanismError: see `load_mechanism`.
     """
-    way = f"{base or ''} with hulls" if hulls else base
-    return cached_mechanism(text, file, way, lambda: _parsed(text, file, base, hulls))
+    way = " ".join(word for word in (base, "with hulls" if hulls else "", control and f"control {control}") if word)
+    plain = text
+    if xacro or "xacro" in text or file.endswith(XACRO_SUFFIX):
+        from mbd_sim.files.text.xacro_files import expanded
+
+        plain = expanded(text, file, xacro or {})
+    mechanism = cached_mechanism(plain, file, way, lambda: _parsed(plain, file, base, hulls, control))
+    if plain is not text:
+        mechanism.source.xacro = dict(xacro or {})  # the text is found in the cache whichever arguments wrote it
+    return mechanism
 
 
-def _parsed(text: str, file: str, base: Base | None, hulls: bool) -> Mechanism:
+def _parsed(text: str, file: str, base: Base | None, hulls: bool, control: Interface | None) -> Mechanism:
     with few_suggestions():
         # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
         from mbd_sim.files.builders.mechanism import build
         from mbd_sim.files.checks.validation import validate
 
         source = _source(text, file, base, hulls)
-        source.base = base
+        if control or "control" in (source.data if isinstance(source.data, dict) else ()):
+            from mbd_sim.files.urdf.control import with_control
+
+            source = with_control(source, control)
+        source.base, source.control = base, control
         records, parameters = validate(source)
         return build(records, parameters, source)
 

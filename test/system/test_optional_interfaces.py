@@ -158,6 +158,115 @@ def test_a_part_that_joints_hold_is_read_but_not_set(tmp_path: Path, variables: 
         assert refused.result == Result.RESULT_OPERATION_FAILED and "~/set_state" in refused.error_message
 
 
+SHELF = """
+mechanism: shelf
+ground: {points: {dock: {at: [1, 2, 3], rotate: {rpy: [0, 0, 90 deg]}}}}
+parts:
+  board: {mass: 1, inertia: [1, 1, 1], shape: {type: block, size: [2, 1, 0.1]}}
+  ball_1: {shape: {type: sphere, radius: 0.2, mass: 3}}
+  mark: {mass: 0.1, inertia: [1, 1, 1]}
+joints:
+  weld: {type: fixed, between: [ground, board]}
+  slide: {type: prismatic, between: [ground, ball_1], axis: [0, 0, 1], position: 1.0}
+  turn: {type: revolute, between: [ball_1, mark], axis: [0, 0, 1], velocity: 1.0}
+"""
+
+
+def test_entities_their_kinds_and_sizes_steps_by_an_action_and_what_is_refused(
+    tmp_path: Path, variables: dict[str, str]
+) -> None:
+    """Each further service and the action of the standard, of one node: wrong names of services or fields, wrong codes."""
+    import simulation_interfaces.srv as services
+    from geometry_msgs.msg import Vector3
+    from rclpy.action import ActionClient
+    from simulation_interfaces.action import SimulateSteps
+    from simulation_interfaces.msg import Bounds, EntityCategory, EntityFilters, Result, SimulatorFeatures, TagsFilter
+
+    (tmp_path / "shelf.yaml").write_text(SHELF, encoding="utf-8")
+    options: dict[str, Any] = {"mechanism": str(tmp_path / "shelf.yaml"), "start_paused": True}
+    with running(tmp_path, variables=variables, **options) as (process, listener):
+
+        def ask(kind: str, name: str, **fields: Any) -> Any:
+            return listener.call(getattr(services, kind), name, **fields)
+
+        def entities(**filters: Any) -> Any:
+            answer = ask("GetEntities", "get_entities", filters=EntityFilters(**filters))
+            return answer.entities if answer.result.result == Result.RESULT_OK else answer.result.result
+
+        features = ask("GetSimulatorFeatures", "get_simulator_features").features.features
+        assert SimulatorFeatures.STEP_SIMULATION_ACTION in features and SimulatorFeatures.ENTITY_BOUNDS in features
+        assert SimulatorFeatures.SPAWNING not in features and SimulatorFeatures.ENTITY_TAGS not in features
+        assert entities() == ["board", "ball_1", "mark"]
+        assert entities(filter="^b.*[[:digit:]]$") == ["ball_1"]
+        static = EntityCategory(category=EntityCategory.CATEGORY_STATIC_OBJECT)
+        assert entities(categories=[static]) == ["board"]
+        assert entities(tags=TagsFilter(tags=["red"])) == []
+        sphere = Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=0.5, z=1.5), Vector3(x=0.52)])
+        assert entities(bounds=sphere) == []  # 0.52 from a corner of the ball's box, (0.2, 0, 1.2), it is not
+        sphere.points[1].x = 0.6
+        assert entities(bounds=sphere) == ["ball_1"]
+        box = Bounds(type=Bounds.TYPE_BOX, points=[Vector3(x=3.0, y=1.0, z=1.0), Vector3(x=0.9, z=0.04)])
+        assert entities(bounds=box) == ["board"]
+        hull = Bounds(type=Bounds.TYPE_CONVEX_HULL, points=[Vector3()] * 3)
+        assert entities(bounds=hull) == Result.RESULT_FEATURE_UNSUPPORTED
+        assert entities(filter="(") == entities(filter="(a+)+") == Result.RESULT_OPERATION_FAILED
+
+        info = ask("GetEntityInfo", "get_entity_info", entity="ball_1").info
+        assert info.category.category == EntityCategory.CATEGORY_DYNAMIC_OBJECT and "3 kg" in info.description
+        bounds = ask("GetEntityBounds", "get_entity_bounds", entity="board").bounds
+        assert bounds.type == Bounds.TYPE_BOX
+        assert [[p.x, p.y, p.z] for p in bounds.points] == [[1.0, 0.5, 0.05], [-1.0, -0.5, -0.05]]
+        assert ask("GetEntityBounds", "get_entity_bounds", entity="mark").bounds.type == Bounds.TYPE_EMPTY
+        for kind, name in (("GetEntityInfo", "get_entity_info"), ("GetEntityBounds", "get_entity_bounds")):
+            assert ask(kind, name, entity="no").result.result == Result.RESULT_NOT_FOUND
+        (dock,) = ask("GetNamedPoses", "get_named_poses").poses
+        assert (dock.name, dock.pose.position.y, dock.pose.orientation.z) == ("dock", 2.0, pytest.approx(0.5**0.5))
+        world = ask("GetCurrentWorld", "get_current_world").world
+        assert world.name == "shelf" and "ball_1:" in world.world_resource.resource_string
+
+        client = ActionClient(listener.node, SimulateSteps, "sim_node/simulate_steps")
+        listener.until(client.server_is_ready, "the action")
+        feedback: list[tuple[int, int]] = []
+
+        def simulate(steps: int) -> Any:
+            def note(message: Any) -> None:
+                feedback.append((message.feedback.completed_steps, message.feedback.remaining_steps))
+
+            sent = client.send_goal_async(SimulateSteps.Goal(steps=steps), feedback_callback=note)
+            listener.until(sent.done, "the answer to the goal")
+            return sent.result()
+
+        result = simulate(2000).get_result_async()
+        listener.until(result.done, "the end of the goal")
+        assert result.result().result.result.result == Result.RESULT_OK
+        listener.until(lambda: feedback and feedback[-1] == (2000, 0), "the last feedback")
+        assert all(sum(pair) == 2000 for pair in feedback)
+        answer = ask("GetEntitiesStates", "get_entities_states", filters=EntityFilters(filter="mark|ball"))
+        assert answer.entities == ["ball_1", "mark"]
+        assert {nanoseconds(one.header.stamp) for one in answer.states} == {2_000_000_000}
+        assert answer.states[0].pose.position.z == pytest.approx(1.0 - 0.5 * 9.81 * 4.0, rel=1e-9)
+        assert answer.states[1].twist.angular.z == pytest.approx(1.0, rel=1e-9)
+        handle = simulate(10**12)
+        handle.cancel_goal_async()
+        result = handle.get_result_async()
+        listener.until(result.done, "the end of the canceled goal")
+        assert "canceled after" in result.result().result.result.error_message
+        listener.pause(False)
+        result = simulate(5).get_result_async()
+        listener.until(result.done, "the refusal")
+        assert result.result().result.result.result == Result.RESULT_OPERATION_FAILED
+
+        for kind, name in (
+            ("SpawnEntity", "spawn_entity"), ("SpawnEntities", "spawn_entities"), ("DeleteEntity", "delete_entity"),
+            ("GetSpawnables", "get_spawnables"), ("SetEntityInfo", "set_entity_info"),
+            ("GetNamedPoseBounds", "get_named_pose_bounds"), ("LoadWorld", "load_world"),
+            ("UnloadWorld", "unload_world"), ("GetAvailableWorlds", "get_available_worlds"),
+        ):  # fmt: skip
+            refused = ask(kind, name).result
+            assert refused.result == Result.RESULT_FEATURE_UNSUPPORTED and refused.error_message, kind
+        assert process.end() == 0
+
+
 def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> None:
     from tf2_msgs.msg import TFMessage
 

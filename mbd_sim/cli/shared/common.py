@@ -29,8 +29,23 @@ def add_mechanism(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "mechanism",
         metavar="FILE",
-        help="a mechanism file, a URDF, MJCF or SDF, or the name of a shipped mechanism",
+        help="a mechanism file, a URDF, MJCF, SDF or xacro file, or the name of a shipped mechanism; the arguments of "
+        "a xacro file follow it: FILE NAME:=VALUE …",
+        nargs="+",
+        action=_WithArguments,
     )
+
+
+class _WithArguments(argparse.Action):
+    """Joins a file and its arguments `name:=value` to the text that `load_mechanism` takes."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        file, *arguments = values
+        if strange := [word for word in arguments if ":=" not in word]:
+            parser.error(f"unrecognized arguments: {' '.join(strange)}")
+        setattr(namespace, self.dest, " ".join([file, *arguments]))
 
 
 def add_recordings(parser: argparse.ArgumentParser, kinds: str) -> None:

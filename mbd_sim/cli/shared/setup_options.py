@@ -26,10 +26,11 @@ def add_set(parser: argparse._ActionsContainer) -> None:
 
 
 BASES = ("fixed", "free")
+INTERFACES = ("position", "velocity", "effort")
 
 
 def add_robot(parser: argparse._ActionsContainer) -> None:
-    """Declare `--base`, `--floor` and `--limits`."""
+    """Declare `--base`, `--floor`, `--limits` and `--control`."""
     parser.add_argument(
         "--base",
         choices=BASES,
@@ -41,6 +42,11 @@ def add_robot(parser: argparse._ActionsContainer) -> None:
         help="put a floor at z = 0, and a free base where its lowest point touches it",
     )
     parser.add_argument("--limits", choices=["stops"], help="make the limits of joints rigid stops")
+    parser.add_argument(
+        "--control",
+        choices=INTERFACES,
+        help="make the <ros2_control> blocks of the robot act; of several command interfaces, a joint serves this one",
+    )
 
 
 def add_start(parser: argparse._ActionsContainer) -> None:
@@ -73,9 +79,9 @@ def set_up_by(options: argparse.Namespace, mechanism: Mechanism, changes: Mappin
 
 
 def read_mechanism(options: argparse.Namespace) -> Mechanism:
-    """The mechanism of the file, with `--base`; meshes touch as their hulls if there is a floor."""
-    base, floor = (getattr(options, name, None) for name in ("base", "floor"))
-    return load_mechanism(options.mechanism, base, hulls=bool(floor))
+    """The mechanism of the file, with `--base` and `--control`; meshes touch as their hulls if there is a floor."""
+    base, floor, control = (getattr(options, name, None) for name in ("base", "floor", "control"))
+    return load_mechanism(options.mechanism, base, hulls=bool(floor), control=control)
 
 
 def changes_of(assignments: Iterable[str]) -> dict[str, Any]:

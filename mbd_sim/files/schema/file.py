@@ -176,7 +176,8 @@ class MechanismFile(Spec):
 
     mechanism: Name = Field(description="the mechanism's name")
     description: str = ""
-    urdf: str | None = Field(None, description="a URDF file that this file extends")
+    urdf: str | None = Field(None, description="a URDF or xacro file that this file extends")
+    xacro: dict[str, str | bool | float] = Field({}, description="arguments of the xacro file that 'urdf' names")
     base: Literal["fixed", "free"] | None = Field(
         None, description="whether the root link of the URDF is fixed to ground or free"
     )
@@ -215,5 +216,9 @@ class MechanismFile(Spec):
     sensors: dict[FrameName, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
     ros2_control: ControlBlocks = Field(
         "", description="<ros2_control> elements, which exported URDF and ~/robot_description repeat"
+    )
+    control: Literal["position", "velocity", "effort"] | None = Field(
+        None,
+        description="makes the blocks of ros2_control act; of several command interfaces, a joint serves this one",
     )
     sensor_seed: Seed = Field(0, description="of the noise of all sensors: a whole number")

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import re
 import sys
 from pathlib import Path
 
 from mbd_sim.base.errors import MechanismError, Problem, nearest, quoted
+from mbd_sim.files.text.ros_packages import package_folders
 
 READ_SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf", ".world")
-SUFFIXES = (*READ_SUFFIXES, ".xacro")
+XACRO_SUFFIX = ".xacro"
+SUFFIXES = (*READ_SUFFIXES, XACRO_SUFFIX)
+_ARGUMENT = re.compile(r"(?:^|\s+)([A-Za-z_][\w.-]*):=")
 
+NO_PACKAGE = "Source the workspace that has it, put its folder beside this one, or its parent into ROS_PACKAGE_PATH."
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
@@ -34,14 +39,29 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.rglob("*.yaml"))} if folder else {}
 
 
+def split_arguments(mechanism: str) -> tuple[str, dict[str, str]]:
+    """The file, and the arguments after it: `robot.urdf.xacro name:=left size:=2`, as the program xacro takes them.
+
+    A value extends to the next argument, so that it may contain blanks.
+    """
+    found = list(_ARGUMENT.finditer(mechanism))
+    if not found or not found[0].start():
+        return mechanism, {}
+    ends = [match.start() for match in found[1:]] + [len(mechanism)]
+    return mechanism[: found[0].start()], {
+        match[1]: mechanism[match.end() : end].strip() for match, end in zip(found, ends, strict=True)
+    }
+
+
 def find(mechanism: str | Path) -> Path:
-    """The file of a mechanism given as a path or as a shipped name.
+    """The file of a mechanism given as a path, as a `package://` URI or as a shipped name.
 
     :raises MechanismError: it is neither; the remedy lists the shipped names, the most similar one first.
     """
     try:
-        path = Path(mechanism).expanduser()
-        return _found(path)
+        if str(mechanism).startswith(PACKAGE_URI):
+            return packaged(str(mechanism), Path())
+        return _found(Path(mechanism).expanduser())
     except (OSError, ValueError, RuntimeError) as error:  # a name too long, a NUL in it, no such home directory
         why = getattr(error, "strerror", None) or str(error)
         raise MechanismError(
@@ -51,6 +71,24 @@ def find(mechanism: str | Path) -> Path:
                 )
             ]
         ) from error
+
+
+PACKAGE_URI = "package://"
+
+
+def packaged(uri: str, folder: Path) -> Path:
+    """The file of a `package://` URI.
+
+    :param folder: the one of the file that has it.
+    :raises MechanismError: there is no such package, or it has no such file.
+    """
+    package, _, inner = uri.removeprefix(PACKAGE_URI).partition("/")
+    folders = [path for path in package_folders(package, folder.absolute()) if path.is_dir()]
+    if found := next((path / inner for path in folders if (path / inner).is_file()), None):
+        return found
+    message = f"{folders[0]} has no file {quoted(inner)}" if folders else f"there is no package {quoted(package)}"
+    remedy = "Check the path." if folders else NO_PACKAGE
+    raise MechanismError([Problem(message, remedy, key="mechanism", value=quoted(uri))])
 
 
 def _found(path: Path) -> Path:

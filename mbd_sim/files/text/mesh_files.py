@@ -23,6 +23,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product, products, total
 from mbd_sim.base.packages import require_packages
 from mbd_sim.files.text.library import digest_of_file
+from mbd_sim.files.text.ros_packages import installed_folders, package_folders
 from mbd_sim.mechanism.elements.parts import MOST_CORNERS
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location, Source
@@ -31,8 +32,7 @@ from mbd_sim.mechanism.values.source import Location, Source
 def mesh_path(uri: str, source: str) -> Path | None:
     """The file of a mesh, or None if there is none on this machine.
 
-    A package is searched for in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, and then among the folders that contain the
-    mechanism's file, beside them and above them.
+    A package is searched for as `ros_packages` says.
 
     :param source: the file of the mechanism, from whose folder relative paths count.
     """
@@ -133,24 +133,14 @@ def _candidates(uri: str, folder: Path) -> Iterator[Path]:
         yield Path(unquote(urlparse(uri).path))
     elif scheme in ("package", "model"):
         package, _, inner = rest.partition("/")
-        yield from _installed(uri)
-        for root in (*_folders("ROS_PACKAGE_PATH"), folder, *folder.parents):
-            yield root / package / inner
-            if root.name == package:
-                yield root / inner
+        yield from (root / inner for root in package_folders(package, folder))
 
 
 def _installed(uri: str) -> Iterator[Path]:
     """Where the packages of a ROS 2 environment would have the file of a `package://` URI."""
     package, _, inner = uri.partition("://")[2].partition("/")
-    if not package:
-        return
-    for prefix in _folders("AMENT_PREFIX_PATH"):
-        yield prefix / "share" / package / inner
-
-
-def _folders(variable: str) -> list[Path]:
-    return [Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
+    if package:
+        yield from (folder / inner for folder in installed_folders(package))
 
 
 def _is_file(path: Path) -> bool:

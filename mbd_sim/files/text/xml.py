@@ -10,6 +10,7 @@ attributes.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -82,6 +83,7 @@ def slips_of(text: str) -> tuple[str, ...]:
     return ()
 
 
+FILES, PLACE = "mbd_sim-files", "mbd_sim-place"  # processing instructions that say where elements come from
 MAX_NESTING = 200  # levels; a chain of bodies in an MJCF has as many as it has bodies
 _BEGINS_AS_XML = re.compile(r"\ufeff?\s*<(?!<)")
 _SURROGATE = re.compile("[\ud800-\udfff]")
@@ -91,7 +93,8 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 class Element:
     """An element: its tag, attributes, line, the elements in it, its text, and the file where it stands.
 
-    `slips` of a root element are those that were mended in the file, see `mended`.
+    `slips` of a root element are those that were mended in the file, see `mended`, and `warnings` those of the program
+    that wrote the text, see `xacro_files`.
     """
 
     tag: str
@@ -101,6 +104,7 @@ class Element:
     text: str = ""
     file: str = ""
     slips: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def all(self, tag: str) -> list[Element]:
         """The elements right inside with this tag."""
@@ -233,6 +237,10 @@ class _ElementReader:
         self.parser.EndElementHandler = self._end
         self.parser.CharacterDataHandler = self._characters
         self.parser.StartDoctypeDeclHandler = self._doctype
+        self.parser.ProcessingInstructionHandler = self._instruction
+        self.files: list[str] = []
+        self.warnings: tuple[str, ...] = ()
+        self.place: tuple[str, int] | None = None  # of the next element, where it comes from another text
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         line = self.parser.CurrentLineNumber
@@ -243,7 +251,8 @@ class _ElementReader:
             )
         if len(self.open) > MAX_NESTING:
             raise file_error(self.file, line, f"nested deeper than {MAX_NESTING} levels", "Flatten the file.")
-        element = Element(tag, attributes, line, file=self.file)
+        file, line = self.place or (self.file, line)
+        element = Element(tag, attributes, line, file=file, warnings=() if self.root.children else self.warnings)
         self.open[-1].children.append(element)
         self.open.append(element)
 
@@ -253,6 +262,15 @@ class _ElementReader:
 
     def _end(self, tag: str) -> None:
         self.open.pop()
+
+    def _instruction(self, target: str, data: str) -> None:
+        with suppress(ValueError, TypeError, LookupError):  # one that somebody else wrote
+            if target == FILES:
+                head = json.loads(data)
+                self.files, self.warnings = list(map(str, head["files"])), tuple(map(str, head["warnings"]))
+            elif target == PLACE:
+                number, line = map(int, data.split())
+                self.place = self.files[number], line
 
     def _doctype(self, name: str, *_: object) -> None:
         message, remedy = "a document type declaration is not allowed", "Remove it, and the entities that it declares."
@@ -297,6 +315,8 @@ class Reading:
         other = "" if root.file in ("", self.file) else f" of {root.file}"
         for slip in root.slips:
             self.leave_out(f"XML{other} that is not well-formed, read as it is meant", slip)
+        for warning in root.warnings:
+            self.leave_out("xacro warns", warning)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -314,7 +334,7 @@ class Reading:
         if wrong := [word for word in words if not NUMBER.fullmatch(word)]:
             remedy = "Write plain numbers."
             if "$" in text:
-                remedy = "This is a xacro expression: expand the file with xacro first."
+                remedy = "This is a xacro expression: name the file .urdf.xacro, so that it is expanded."
             self.report(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
         elif len(words) != count:
             form = "one number" if count == 1 else f"{count} numbers separated by spaces"

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, get_args
 
 from mbd_sim.base.errors import MechanismError, nearest, quoted
-from mbd_sim.files.text.library import digest_of, read_text
+from mbd_sim.files.text.library import PACKAGE_URI, digest_of, packaged, read_text, split_arguments
 from mbd_sim.files.text.mesh_files import seen_from
+from mbd_sim.files.text.xacro_files import expanded
 from mbd_sim.files.text.xml import Base
 from mbd_sim.files.urdf.reader import urdf_source
 from mbd_sim.mechanism.values.source import Location, Source
@@ -35,29 +36,72 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
         if urdf is None and (written or base):
             remedy = "Give 'urdf' too, or a joint of type free or fixed instead."
             source.problems.append(source.problem(("base",), "'base' needs a URDF, but 'urdf' is missing", remedy))
+        if urdf is None and source.data.get("xacro"):
+            message = "'xacro' has arguments for the file of 'urdf', which is missing"
+            source.problems.append(source.problem(("xacro",), message, "Give 'urdf' too."))
         return source
     if written not in (None, *BASES):
         source.problems.append(source.problem(("base",), "unknown word", "Write fixed or free.", written))
         written = None
-    path = Path(source.file).parent / Path(urdf).expanduser()
-    _check_path(source, path)
-    text = read_text(path)
+    urdf, arguments = split_arguments(urdf)
+    arguments |= _arguments(source)
+    path = _path(source, urdf)
+    read = read_text(path)
+    text = expanded(read, str(path), arguments)
     under = urdf_source(text, str(path), base or written)
     for part in under.data["parts"].values():
         hulls = (shape for shape in part.get("collisions", ()) if "file" in shape)
         for mesh in (*part.get("meshes", ()), *hulls):
             mesh["file"] = seen_from(mesh["file"], str(path), Path(source.file).parent)
     merged = overlaid(under, source)
-    merged.other_files = None if urdf.startswith("~") else {str(path): digest_of(text)}
+    searched = text is not read or urdf.startswith(("~", PACKAGE_URI))
+    merged.other_files = None if searched else {str(path): digest_of(text)}
     merged.comments = (f"From {Path(source.file).name} and {path.name}.", *merged.notes)
     return merged
+
+
+def _arguments(source: Source) -> dict[str, str]:
+    """The arguments of a xacro file: words, numbers and truth values, as xacro takes them."""
+    given = source.data.get("xacro")
+    if given is None:
+        return {}
+    if not isinstance(given, dict):
+        remedy = "Write for example xacro: {name: left}."
+        source.problems.append(source.problem(("xacro",), "must be a mapping of arguments", remedy, given))
+        return {}
+    for name, value in given.items():
+        if not isinstance(value, str | int | float):
+            remedy = "Write a word, a number, true or false."
+            source.problems.append(source.problem(("xacro", name), "is no value of an argument", remedy, value))
+    return {
+        str(name): str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in given.items()
+        if isinstance(value, str | int | float)
+    }
+
+
+def _path(source: Source, urdf: str) -> Path:
+    """The file that `urdf` names.
+
+    :raises MechanismError: there is none.
+    """
+    folder = Path(source.file).parent
+    if urdf.startswith(PACKAGE_URI):
+        try:
+            return packaged(urdf, folder)
+        except MechanismError as error:
+            problem = error.problems[0]
+            raise MechanismError([source.problem(("urdf",), problem.message, problem.remedy, urdf)]) from None
+    path = folder / Path(urdf).expanduser()
+    _check_path(source, path)
+    return path
 
 
 def _check_path(source: Source, path: Path) -> None:
     try:
         if path.is_file():
             return
-        names = [near.name for near in path.parent.glob("*.urdf")] if path.parent.is_dir() else []
+        names = [near.name for near in path.parent.glob("*.urdf*")] if path.parent.is_dir() else []
     except (OSError, ValueError):  # a name too long, a NUL in it
         names = []
     remedy = nearest(path.name, names) or "Give its path from the folder of this file."
@@ -66,7 +110,9 @@ def _check_path(source: Source, path: Path) -> None:
 
 def overlaid(under: Source, over: Source) -> Source:
     """The merged data of two sources; `over` takes precedence over `under`."""
-    written = {key: value for key, value in over.data.items() if key not in ("urdf", "base") and value is not None}
+    written = {
+        key: value for key, value in over.data.items() if key not in ("urdf", "base", "xacro") and value is not None
+    }
     origins = dict(under.origins)
     merged = Source(
         data={**under.data, **written},

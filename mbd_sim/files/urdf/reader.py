@@ -16,6 +16,7 @@ from typing import Any
 from mbd_sim.base.errors import listed, nearest, quoted
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, text_of
+from mbd_sim.files.urdf.closing_frames import closing_joints
 from mbd_sim.files.urdf.elements import MOMENTS, Origins, color_of, joint_of, mimic_of, part_of
 from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.values.names import LONGEST_NAME, accepted_names, reference, unique_name
@@ -101,7 +102,7 @@ READ = {
     "mimic": read("joint multiplier offset"),
 }
 WORLDS = (GROUND, "world")  # names of a root link that stands for ground where it has no mass
-XACRO_REMEDY = "Expand it first: xacro robot.urdf.xacro > robot.urdf (the ROS package xacro, or pip install xacro)."
+XACRO_REMEDY = 'Declare xmlns:xacro="http://www.ros.org/wiki/xacro" in <robot>, so that the file is expanded.'
 
 
 def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
@@ -123,7 +124,7 @@ def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
 def _check_robot(robot: Element, file: str) -> None:
     for element in robot.walk():
         if element.tag.startswith("xacro:"):
-            message = "a xacro file is a program that writes a URDF"
+            message = "is an element of xacro, whose namespace the file does not declare"
             raise file_error(file, element.line, message, XACRO_REMEDY, key=element.tag)
     if robot.tag != "robot":
         known = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "COLLADA", "gazebo": "SDF"}.get(robot.tag)
@@ -178,6 +179,7 @@ class _Robot:
                 points = holder.setdefault("points", {})
                 points[self.joint_names[name]] = pose["at"] if pose.keys() == {"at"} else pose
             joints[self.joint_names[name]] = record
+        joints |= closing_joints(self.reading, self.part_names, joints)
         data |= {"ground": ground} if ground else {}
         data |= {"parts": parts, "joints": joints}
         if couplings := self._couplings():
@@ -187,7 +189,8 @@ class _Robot:
         for element in self.robot.children:
             if element.tag not in ("link", "joint", "material"):
                 name = element.attributes.get("name") or element.attributes.get("reference") or "without a name"
-                self.reading.leave_out(f"<{element.tag}>", name)
+                hint = ", which acts with --control" if element.tag == "ros2_control" else ""
+                self.reading.leave_out(f"<{element.tag}>{hint}", name)
             else:
                 key = _key(element.tag, element.attributes.get("name", ""))
                 note_unread(self.reading, element, key, READ)

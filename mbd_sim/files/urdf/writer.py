@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
@@ -35,6 +35,7 @@ from mbd_sim.mechanism.values.names import unique_name
 
 ROS2_CONTROL = "ros2_control"  # a key of mechanism files, and a tag in URDF
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+TOPIC_PLUGINS = (PLUGIN, "topic_based_ros2_control/TopicBasedSystem")
 INTERFACES = ("position", "velocity", "effort")
 ALWAYS = "-1"  # the threshold with which commands are sent in each cycle, so that they do not expire
 
@@ -62,6 +63,30 @@ def ros2_control_block(
     """
     blocks = robot.findall(ROS2_CONTROL)
     name = unique_name(mechanism.name, [block.get("name", "") for block in blocks])
+    named = {joint.get("name", "") for other in blocks for joint in other.iter("joint")}
+    block = _block(name, topics)
+    _add_interfaces(block, mechanism, robot, lambda joint: joint not in named)
+    return None if named and block.find("joint") is None else block
+
+
+def _served(
+    written: xml_elements.Element, mechanism: Mechanism, robot: ElementTree.Element, topics: ControlTopics
+) -> ElementTree.Element | None:
+    """A block of the file with the hardware of this node, and the interfaces that it serves; None without joints.
+
+    One whose hardware already exchanges topics with a node stays as it is.
+    """
+    plugins = [plugin.text for hardware in written.all("hardware") for plugin in hardware.all("plugin")]
+    if any(plugin.strip() in TOPIC_PLUGINS for plugin in plugins):
+        return xml_elements.as_tree(written)
+    joints = {joint.attributes.get("name", "") for joint in written.all("joint")}
+    block = _block(written.attributes.get("name", ""), topics)
+    _add_interfaces(block, mechanism, robot, joints.__contains__)
+    return None if block.find("joint") is None else block
+
+
+def _block(name: str, topics: ControlTopics) -> ElementTree.Element:
+    """A block without joints."""
     block = ElementTree.Element(ROS2_CONTROL, name=name, type="system")
     hardware = ElementTree.SubElement(block, "hardware")
     ElementTree.SubElement(hardware, "plugin").text = PLUGIN
@@ -70,13 +95,19 @@ def ros2_control_block(
         "joint_states_topic": topics.states,
         "trigger_joint_command_threshold": ALWAYS,
     }
-    for name, value in parameters.items():
-        ElementTree.SubElement(hardware, "param", name=name).text = value
+    for key, value in parameters.items():
+        ElementTree.SubElement(hardware, "param", name=key).text = value
+    return block
+
+
+def _add_interfaces(
+    block: ElementTree.Element, mechanism: Mechanism, robot: ElementTree.Element, has: Callable[[str], bool]
+) -> None:
+    """Add the joints that a block `has`, with their interfaces."""
     taken = _commands(mechanism)
     in_urdf = {joint.attrib["name"]: joint for joint in robot.findall("joint") if joint.find("axis") is not None}
-    named = {joint.get("name", "") for other in blocks for joint in other.iter("joint")}
     for name in (*mechanism.coordinate_names, *mechanism.driven_names):
-        if name not in in_urdf or name in named:
+        if name not in in_urdf or not has(name):
             continue
         joint = ElementTree.SubElement(block, "joint", name=name)
         follows = in_urdf[name].find("mimic") is not None or (name in mechanism.driven_names and name not in taken)
@@ -84,7 +115,6 @@ def ros2_control_block(
             ElementTree.SubElement(joint, "command_interface", name=interface)
         for interface in INTERFACES:
             ElementTree.SubElement(joint, "state_interface", name=interface)
-    return None if named and block.find("joint") is None else block
 
 
 def _commands(mechanism: Mechanism) -> Mapping[str, Sequence[str]]:
@@ -108,7 +138,7 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     """The URDF of a mechanism; a comment in it names what URDF cannot represent.
 
     The `<ros2_control>` blocks of a URDF stay as they are. With topics of commands and states, one is added for the
-    joints that they do not have.
+    joints that they do not have, and blocks that act in this mechanism have the hardware that uses these topics.
 
     Gears, racks and couplings of two coordinates become `<mimic>`; a screw becomes a hinge and a slider that mimics it.
     A spherical joint, which URDF does not have, becomes `floating`. If a part has meshes, its shapes are the collision
@@ -117,7 +147,10 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     robot = _robot(mechanism)
     if missing := left_out(mechanism):
         robot.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(missing)} ".replace("--", "- -")))
-    robot.extend(map(xml_elements.as_tree, control_blocks(mechanism)))
+    acting = control if mechanism.source.data.get("control") else None
+    for written in control_blocks(mechanism):
+        own = xml_elements.as_tree(written) if acting is None else _served(written, mechanism, robot, acting)
+        robot.extend([] if own is None else [own])
     if control is not None and (block := ros2_control_block(mechanism, robot, control)) is not None:
         robot.append(block)
     ElementTree.indent(robot)

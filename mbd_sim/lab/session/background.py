@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from mbd_sim.base.errors import MbdSimError, MechanismError
 from mbd_sim.files.checks.override import with_values
@@ -33,7 +34,8 @@ class FileWatch:
         refuse: Callable[[str], None],
     ) -> None:
         self._path, self._changes = Path(mechanism.source.file), dict(mechanism.source.changes)
-        self._base = mechanism.source.base
+        source = mechanism.source
+        self._way: dict[str, Any] = {"base": source.base, "xacro": source.xacro, "control": source.control}
         self._build, self._adopt, self._refuse = build, adopt, refuse
         self._files, self._more = files_of(mechanism), tuple[str, ...]()
         self._seen = self._state()
@@ -55,7 +57,7 @@ class FileWatch:
             return
         self._seen = state
         try:
-            mechanism = load_mechanism(self._path, self._base, hulls="contacts" in self._changes)
+            mechanism = load_mechanism(self._path, hulls="contacts" in self._changes, **self._way)
             mechanism = with_values(mechanism, self._changes) if self._changes else mechanism
             bench = self._build(mechanism)
         except MbdSimError as error:

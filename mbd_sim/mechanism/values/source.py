@@ -40,7 +40,8 @@ class Source:
     which the entries depend, and `changes` the values that were replaced since, by their keys.
 
     `other_files` are the digests of the other files that were read, see `digest_of`, by their paths; None if these
-    were searched for, so that others may be found another time. `base` is how the file was read, see `load_mechanism`.
+    were searched for, so that others may be found another time. `base` and `control` are how the file was read, see
+    `load_mechanism`, and `xacro` are the arguments with which a xacro file was expanded.
     """
 
     data: Any
@@ -61,6 +62,8 @@ class Source:
     changes: dict[str, Any] = field(default_factory=dict)
     other_files: Mapping[str, str] | None = field(default_factory=dict)
     base: Literal["fixed", "free"] | None = None
+    xacro: dict[str, str] = field(default_factory=dict)
+    control: Literal["position", "velocity", "effort"] | None = None
 
     def __repr__(self) -> str:
         return f"<Source {self.file or 'without a file'}{self.format and f', from {self.format}'}>"

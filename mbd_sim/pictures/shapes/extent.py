@@ -11,7 +11,7 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose, unpack_poses
-from mbd_sim.mechanism.elements.parts import GROUND, Part
+from mbd_sim.mechanism.elements.parts import GROUND, Part, Shape
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.meshes import part_triangles
 from mbd_sim.pictures.shapes.solids import half_sizes
@@ -128,10 +128,25 @@ def _corners(part: Part) -> Array:
     """Points (n, 3) in the part's frame that bound it."""
     points = [part.center, *(pose.position for pose in part.points.values())]
     for shape in part.shapes:
-        half = half_sizes(shape)
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
+        points += list(_box_corners(shape))
     return np.array(points)
+
+
+def bounding_points(part: Part, source: str) -> Array:
+    """Points (n, 3) in the part's frame, whose box encloses its shapes, or its meshes where it has none; may be empty.
+
+    :param source: the file of the mechanism, from whose folder the files of meshes are found.
+    """
+    points = [np.zeros((0, 3)), *map(_box_corners, (*part.shapes, *(part.collisions or ())))]
+    if len(points) == 1:
+        points += [triangles.reshape(-1, 3) for _, triangles in part_triangles(part, source)]
+    return np.vstack(points)
+
+
+def _box_corners(shape: Shape) -> Array:
+    """The corners (8, 3) of the box around a shape."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    return np.asarray(shape.pose.position + (signs * half_sizes(shape)) @ shape.pose.rotation.T)
 
 
 def _mesh_corners(part: Part, source: str, corners: Array) -> Array:

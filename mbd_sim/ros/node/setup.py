@@ -24,6 +24,7 @@ from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.xml import Base
 from mbd_sim.files.text.yaml_text import mechanism_text
+from mbd_sim.files.urdf.control import INTERFACES
 from mbd_sim.files.urdf.writer import ControlTopics, control_blocks, floating_joints
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.messages.events import robot_description
@@ -70,8 +71,7 @@ if TYPE_CHECKING:
 LEAST_STEP = 1e-9  # s
 KEPT_BLOCKS = (
     "the URDF has <ros2_control> blocks of its own ({names}), which stay: ros2_control:=true adds one for other joints "
-    "only. To control their joints in this node, remove these blocks, or give them the plugin and topics that "
-    "docs/ros2_control.md describes"
+    "only. To let them act in this node, add control:=position, velocity or effort"
 )
 
 
@@ -102,7 +102,7 @@ def loaded_mechanism(parameters: NodeParameters) -> Mechanism:
 
     :raises ValueError: a parameter has an unknown word.
     """
-    for name, words in (("base", get_args(Base)), ("limits", ("stops",))):
+    for name, words in (("base", get_args(Base)), ("limits", ("stops",)), ("control", INTERFACES)):
         if parameters[name] not in ("", *words):
             raise ValueError(f"{name}: '{parameters[name]}' is not one of {', '.join(words)}. Or leave it empty.")
     return load_mechanism(
@@ -110,6 +110,7 @@ def loaded_mechanism(parameters: NodeParameters) -> Mechanism:
         parameters["base"] or None,
         floor=parameters["floor"],
         limits=parameters["limits"] or None,
+        control=parameters["control"] or None,
     )
 
 
@@ -150,7 +151,8 @@ def requested_topics(parameters: NodeParameters, model: Model, node: Node) -> li
             continue
         if topic is ROBOT_DESCRIPTION and parameters["ros2_control"]:
             topics = ControlTopics(*map(node.resolve_topic_name, (JOINT_COMMANDS, JOINT_STATES.name)))
-            if own := [block.attributes.get("name", "") for block in control_blocks(model.mechanism)]:
+            own = [block.attributes.get("name", "") for block in control_blocks(model.mechanism)]
+            if own and not parameters["control"]:
                 node.get_logger().warning(KEPT_BLOCKS.format(names=listed(own)))
             requested.append(replace(topic, at_start=partial(robot_description, control=topics)))
             continue

@@ -23,7 +23,7 @@ from mbd_sim.ros.commands.wrenches import WrenchBuffer
 from mbd_sim.ros.node.diagnostics import PERIOD, Diagnostics
 from mbd_sim.ros.node.parameters import NodeParameters, program_help
 from mbd_sim.ros.node.program import run_node
-from mbd_sim.ros.node.services import SERVICES, RunServices, serve_simulation_interfaces
+from mbd_sim.ros.node.services import SERVICES, RunServices
 from mbd_sim.ros.node.setup import (
     BuildProgress,
     build_simulation,
@@ -40,6 +40,7 @@ from mbd_sim.ros.node.sim_parameters import PARAMETERS, bare_angles_of, named_st
 from mbd_sim.ros.node.subscriptions import SUBSCRIBED, Subscriptions
 from mbd_sim.ros.node.trajectory_action import serve_trajectory_action
 from mbd_sim.ros.publishing.thread import PublishingThread
+from mbd_sim.ros.standard.simulation import serve_simulation_interfaces
 from mbd_sim.ros.stepping import realtime
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.changes import StateValues

@@ -23,7 +23,11 @@ from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.run.changes import StateValues, checked_values
 
 PARAMETERS = (
-    ParameterSpec("mechanism", "double_rod", "a mechanism file, a URDF, MJCF or SDF, or a shipped mechanism"),
+    ParameterSpec(
+        "mechanism", "double_rod",
+        "a mechanism file, a URDF, MJCF, SDF or xacro file (with its arguments: 'FILE NAME:=VALUE …'), or a shipped "
+        "mechanism",
+    ),
     ParameterSpec(
         "mechanisms", "",
         "several mechanisms, each with a node in its own namespace, on the clock of the first: "
@@ -131,6 +135,11 @@ PARAMETERS = (
         "ros2_control", False,
         "add a block for ros2_control's JointStateTopicSystem to robot_description, and take NaN in joint_commands as "
         "no command",
+    ),
+    ParameterSpec(
+        "control", "",
+        "position, velocity or effort: make the <ros2_control> blocks of the robot act; of several command interfaces, "
+        "a joint serves this one; empty: they do not act",
     ),
     ParameterSpec("frame_prefix", "", "prefix of all frame names, for several nodes: name/"),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the stepping thread, if permitted; 0: none", 0, 90),
