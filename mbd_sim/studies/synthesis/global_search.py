@@ -19,6 +19,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.synthesis.candidates import UNREACHED, Candidates, candidates_of
 from mbd_sim.studies.synthesis.problem import DesignProblem, FunctionGoal, Goal, PathGoal
@@ -35,8 +36,8 @@ from mbd_sim.studies.synthesis.synthesis import (
 
 GENERATIONS = 300  # at most
 POPULATION = 15  # members for each parameter
-CHUNK = 32  # candidates that a process evaluates at once
-POLISHED = 8  # members that are polished, at most
+CHUNK = 64  # candidates that a process evaluates at once
+POLISHED = 12  # members that are polished, at most
 APART = 0.05  # least difference of two of them, of the bounds
 EXACT = 1e-9  # deviation relative to that of the best member, at which no other one needs polishing
 
@@ -74,13 +75,32 @@ def synthesize_globally(
             "Give at least 1, 2 and 1.",
         )
     problem = design_problem(mechanism, drive, goal, variables, norm)
+    settings = SearchSettings(seed, generations, population, workers)
+    return global_design(problem, variables, drive, norm, settings, progress)
+
+
+@record
+class SearchSettings:
+    """How a global search goes, see `synthesize_globally`."""
+
+    seed: int = 0
+    generations: int = GENERATIONS
+    population: int = POPULATION
+    workers: int = 1
+
+
+def global_design(
+    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], drive: str, norm: Norm,
+    settings: SearchSettings, progress: Progress | None = None,
+) -> Design:  # fmt: skip
+    """The same for a problem whose equations are traced."""
     candidates = candidates_of(problem, norm)
     limits = list(variables.values())
-    with _evaluator(candidates, workers) as losses:
-        members, energies, trials = _evolved(losses, limits, seed, generations, population, progress)
+    with _evaluator(candidates, settings.workers) as losses:
+        members, energies, trials = _evolved(losses, limits, settings, progress)
     if energies[0] >= UNREACHED:
         raise MbdSimError(
-            f"{mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the drive. "
+            f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the drive. "
             "Give other bounds, or a shorter range."
         )
     chosen = _different(members[energies < UNREACHED], np.array(limits))
@@ -89,9 +109,11 @@ def synthesize_globally(
 
 
 def _evolved(
-    losses: Callable[[Array], Array], limits: Sequence[tuple[float, float]], seed: int, generations: int,
-    population: int, progress: Progress | None,
-) -> tuple[Array, Array, int]:  # fmt: skip
+    losses: Callable[[Array], Array],
+    limits: Sequence[tuple[float, float]],
+    settings: SearchSettings,
+    progress: Progress | None,
+) -> tuple[Array, Array, int]:
     """The last population (n, np) in the order of its losses (n,), and the number of evaluations."""
     from scipy.optimize import OptimizeResult, differential_evolution
 
@@ -101,18 +123,18 @@ def _evolved(
         nonlocal done
         done += 1
         if progress is not None:
-            progress(done / generations, float(intermediate_result.fun))
+            progress(done / settings.generations, float(intermediate_result.fun))
 
     found: Any = differential_evolution(
         lambda x: losses(np.ascontiguousarray(x.T)),
         limits,
         strategy="rand1bin",
-        maxiter=generations,
-        popsize=population,
+        maxiter=settings.generations,
+        popsize=settings.population,
         tol=1e-3,
         mutation=(0.4, 0.9),
         recombination=0.9,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(settings.seed),
         polish=False,
         init="sobol",
         updating="deferred",

@@ -98,7 +98,14 @@ def synthesize(
     :raises MbdSimError: the optimum cannot move through the positions of the drive.
     """
     problem = design_problem(mechanism, drive, goal, variables, norm)
-    start = problem.start
+    return local_design(problem, variables, drive, norm, most_steps)
+
+
+def local_design(
+    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], drive: str, norm: Norm, most_steps: int
+) -> Design:
+    """The same for a problem whose equations are traced."""
+    start, goal, mechanism = problem.start, problem.goal, problem.mechanism
     bounds = bounds_of_unknowns(problem, variables, start)
     problem.begin(configurations_along(problem.parametric.system, problem.parametric.system.start, goal.drives))
     before = problem.deviations(start)

@@ -17,6 +17,7 @@ from mbd_sim.files.text.yaml_text import yaml_text
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.kinematic_analysis.motion import PointFunctions
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem
+from mbd_sim.studies.synthesis.linkages.dead_centers import DeadCenterSlider
 from mbd_sim.studies.synthesis.linkages.dyads import Dyad, PlanePose
 from mbd_sim.studies.synthesis.linkages.four_bars import DrivenLinkage, PoseLinkage
 from mbd_sim.studies.synthesis.synthesis import configurations_along
@@ -168,3 +169,52 @@ def verified(mechanism: Mechanism, poses: Sequence[PlanePose], linkage: PoseLink
         return str(error), np.inf
     largest = float(np.max(deviations / [max(linkage.size, 1e-300), 1.0]))
     return ("" if largest < 1e-6 else "it moves through another branch"), largest
+
+
+def four_bar_text(
+    name: str, lengths: tuple[float, float, float, float], drives: Array, mode: float, about: str
+) -> str:
+    """The mechanism file of a four-bar (crank, coupler, rocker, base) in m.
+
+    :param drives: angles of the crank in rad, the first of which is the start; it moves from there to the last one and
+        back, or turns steadily if there is only one.
+    :param mode: the sign of the side of the coupler on which the rocker's pin is, 1 or -1.
+    """
+    a, b, c, base = lengths
+    across = base - a * np.exp(1j * drives[0])
+    angle = mode * np.arccos((b * b + abs(across) ** 2 - c * c) / (2.0 * b * abs(across)))
+    coupler = float(np.angle(across) + angle)
+    rocker = float(np.angle(b * np.exp(1j * coupler) - across))
+    joints: dict[str, Any] = {
+        DRIVER: {"type": "revolute", "between": ["ground", "crank"], "axis": AXIS, "drive": _crank_drive(drives)},
+        "crank_pin": revolute("crank.tip", "coupler", coupler - float(drives[0])),
+        "rocker": revolute("ground.right", "rocker", rocker),
+        "rocker_pin": revolute("coupler.tip", "rocker.tip"),
+    }
+    parts = {"crank": link(a), "coupler": link(b), "rocker": link(c)}
+    data = {"mechanism": name, "ground": {"points": {"right": at(complex(base))}}, "parts": parts, "joints": joints}
+    return yaml_text(data, [about, "Watch: the crank drives the rocker."])
+
+
+def slider_crank_text(name: str, linkage: DeadCenterSlider, about: str) -> str:
+    """The mechanism file of a slider-crank; its guide is parallel to x, below the crank's pivot by the offset."""
+    a, b, offset = linkage.crank, linkage.coupler, linkage.offset
+    coupler = float(np.arcsin(-offset / b))
+    reach = a + float(np.sqrt(b * b - offset * offset))
+    joints: dict[str, Any] = {
+        DRIVER: {"type": "revolute", "between": ["ground", "crank"], "axis": AXIS, "drive": _crank_drive(np.zeros(1))},
+        "crank_pin": revolute("crank.tip", "coupler", coupler),
+        "slider": _guide("ground.guide", "slider", 1.0 + 0j) | {"position": reach, "guess": True},
+        "slider_pin": revolute("coupler.tip", "slider"),
+    }
+    parts = {"crank": link(a), "coupler": link(b), "slider": _block(b, 1.0 + 0j)}
+    ground = {"points": {"guide": at(complex(0.0, -offset))}}
+    data = {"mechanism": name, "ground": ground, "parts": parts, "joints": joints}
+    return yaml_text(data, [about, "Watch: one stroke takes longer than the other."])
+
+
+def _crank_drive(drives: Array) -> str:
+    first = float(drives[0])
+    if len(drives) == 1:
+        return f"{first!r} + 2*pi*t/{PERIOD!r}"
+    return f"{first!r} + {0.5 * float(drives[-1] - first)!r}*(1 - cos(2*pi*t/{PERIOD!r}))"
