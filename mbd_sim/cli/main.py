@@ -145,6 +145,7 @@ COMMANDS = {  # in the order of --help: the module, and what the command does
         "move drives through ranges: positions, velocities, accelerations, dead points, loads",
     ),
     "optimize": ("studies.kinematics", "find parameters for a path, a function, or the least effort of the drive"),
+    "synthesize": ("studies.synthesize", "find linkages for poses, dead centers or functions, from nothing but these"),
     "linearize": (
         "studies.linearize",
         "print the state-space model of small motions: A, B, C, D with chosen inputs and outputs",

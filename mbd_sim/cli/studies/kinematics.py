@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.cli.shared.command import Command
+from mbd_sim.cli.shared.command import Command, ProgressBar
 from mbd_sim.cli.shared.common import (
     add_mechanism,
+    add_quiet,
     add_repeatable,
     add_show,
     print_notes,
@@ -41,8 +43,9 @@ from mbd_sim.studies.kinematic_analysis.text import (
     motion_columns,
     motion_text,
 )
-from mbd_sim.studies.synthesis.problem import bounds_of, goal_of
-from mbd_sim.studies.synthesis.synthesis import Norm, design_text, draw_design, synthesize, write_mechanism
+from mbd_sim.studies.synthesis.global_search import GENERATIONS, POPULATION, all_processors, synthesize_globally
+from mbd_sim.studies.synthesis.problem import Goal, bounds_of, goal_of
+from mbd_sim.studies.synthesis.synthesis import Design, Norm, design_text, draw_design, synthesize, write_mechanism
 
 CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
 
@@ -230,6 +233,27 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
         "(default: rms; peak with --least-effort)",
     )
     parser.add_argument("--speed", default="1", metavar="V", help="of the drive: rad/s, m/s, or 60rpm (default 1)")
+    parser.add_argument(
+        "--global",
+        dest="everywhere",
+        action="store_true",
+        help="search everywhere between the bounds and in all assembly modes, by differential evolution, then polish",
+    )
+    parser.add_argument("--seed", type=seed_number, default=0, help="of the search with --global (default 0)")
+    parser.add_argument(
+        "--generations", type=int, default=GENERATIONS, metavar="N", help=f"with --global, at most (default {GENERATIONS})"
+    )
+    parser.add_argument(
+        "--population",
+        type=int,
+        default=POPULATION,
+        metavar="N",
+        help=f"with --global, members for each parameter (default {POPULATION})",
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes with --global, without influence on the result (default: all)"
+    )
+    add_quiet(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the mechanism with the values found: .yaml")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw its motion: .png, .svg or .pdf")
 
@@ -249,7 +273,10 @@ def _optimize(options: argparse.Namespace) -> int:
     speed = drive_speed(options.speed, mechanism, [drive])
     goal = goal_of(options, mechanism, drive, count, speed)
     norm: Norm = options.norm or ("peak" if options.least_effort else "rms")
-    design = synthesize(mechanism, drive.name, goal, bounds, norm=norm)
+    if options.everywhere:
+        design = _searched_everywhere(options, mechanism, drive.name, goal, bounds, norm)
+    else:
+        design = synthesize(mechanism, drive.name, goal, bounds, norm=norm)
     print(design_text(mechanism, design, goal, norm))
     if options.out is not None:
         write_mechanism(options.out, design)
@@ -257,6 +284,29 @@ def _optimize(options: argparse.Namespace) -> int:
         draw_design(options.plot, design, goal)
     print_written(options.out, options.plot)
     return 0 if design.converged else 1
+
+
+def _searched_everywhere(
+    options: argparse.Namespace,
+    mechanism: Mechanism,
+    drive: str,
+    goal: Goal,
+    bounds: Mapping[str, tuple[float, float]],
+    norm: Norm,
+) -> Design:
+    with ProgressBar("search", options.quiet or not sys.stdout.isatty()) as bar:
+        return synthesize_globally(
+            mechanism,
+            drive,
+            goal,
+            bounds,
+            norm=norm,
+            seed=options.seed,
+            generations=options.generations,
+            population=options.population,
+            workers=all_processors() if options.workers is None else options.workers,
+            progress=lambda part, _: bar.show(part),
+        )
 
 
 COMMANDS = {
@@ -270,7 +320,7 @@ COMMANDS = {
     "optimize": Command(
         "Find parameters of a mechanism of one degree of freedom with which a point follows a path, a coordinate "
         "follows a function of the drive, or the drive needs little effort. The search starts from the values in "
-        "the file and ends in an optimum nearby.",
+        "the file and ends in an optimum nearby; with --global it looks everywhere between the bounds.",
         _add_optimize,
         _optimize,
     ),

@@ -141,6 +141,14 @@ def evaluated(function: ca.Function, *arguments: float | Array) -> Array:
 
 
 GROUP = 64  # rows that are evaluated in one call
+_maps: WeakKeyDictionary[ca.Function, ca.Function] = WeakKeyDictionary()
+
+
+def _mapped(function: ca.Function) -> ca.Function:
+    """The function for as many rows, which is kept as long as the function itself."""
+    if (found := _maps.get(function)) is None:
+        found = _maps.setdefault(function, function.map(GROUP))
+    return found
 
 
 def evaluated_for_all(function: ca.Function, *arguments: Array) -> Array:
@@ -151,7 +159,7 @@ def evaluated_for_all(function: ca.Function, *arguments: Array) -> Array:
     count, size = len(arguments[0]), function.nnz_out(0)
     padding = -count % GROUP
     padded = [np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)]) for rows in arguments]
-    mapped = function.map(GROUP)
+    mapped = _mapped(function)
     groups = [
         all_evaluated(mapped, *(np.ascontiguousarray(rows[first : first + GROUP]) for rows in padded))[0]
         for first in range(0, count, GROUP)

@@ -66,7 +66,8 @@ _WithDerivatives = Callable[[Array, Array, Array, Array], list[tuple[Array, Arra
 class ParametricMotion:
     """A mechanism with prescribed drives and parameters.
 
-    `keys` (np,) are those of the file, and `values` (np,) what the file gives.
+    `keys` (np,) are those of the file, and `values` (np,) what the file gives. `numbers_function` of parameters (np,)
+    gives the numbers of the equations.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class ParametricMotion:
         self._q, self._u = ca.SX.sym("q", layout.nq), ca.SX.sym("u", layout.nv)
         self._a, self._p = ca.SX.sym("a", layout.nv), ca.SX.sym("p", len(keys))
         self._numbers = inputs.numbers_at(self._p)
-        self._values_of = ca.Function("numbers", [self._p], [ca.densify(self._numbers)])
+        self.numbers_function = ca.Function("numbers", [self._p], [ca.densify(self._numbers)])
         traced, equations = self.system.traced, self.system.assembly.equations
         state = traced.state
         outputs = [equations.position, equations.gradient, equations.bias, ca.jacobian(state.q_rates, state.u)]
@@ -101,7 +102,7 @@ class ParametricMotion:
 
     def at(self, parameters: Array) -> KinematicSystem:
         """The mechanism with these parameters (np,)."""
-        (values,) = all_evaluated(self._values_of, parameters)
+        (values,) = all_evaluated(self.numbers_function, parameters)
         return self.system.with_values(values.ravel())
 
     def states(
@@ -157,21 +158,41 @@ class ParametricMotion:
 
         :raises InputError: there is no such point.
         """
+        function = self.place_function(name)
+        nothing = np.zeros(self.system.layout.nv)
+        return lambda q, parameters: evaluated(function, q, nothing, nothing, parameters).ravel()
+
+    def place_function(self, name: str) -> ca.Function:
+        """The position (3,) of a point as a function of q, u, u' and p."""
         part, local = self._local(name)
-        position = local if part == GROUND else self._frame(part, "pose", local)[:3]
-        function = ca.Function("place", [self._q, self._p], [ca.densify(position)])
-        return lambda q, parameters: evaluated(function, q, parameters).ravel()
+        return self._value("place", local if part == GROUND else self._frame(part, "pose", local)[:3])
+
+    def coordinate_function(self, name: str) -> ca.Function:
+        """The position (1,) of a coordinate as a function of q, u, u' and p."""
+        return self._value("coordinate", self._q[coordinate_columns(self.system.mechanism)[self._index(name)]])
+
+    def tree_function(self) -> ca.Function:
+        """The efforts (nv,) of the open tree as a function of q, u, u' and p, see `efforts`.
+
+        :raises MechanismError: the mechanism has one-sided elements.
+        :raises InputError: forces depend on time.
+        """
+        return self._value("tree", self._tree_efforts())
 
     def coordinate(self, name: str) -> Quantity:
         """Position, velocity and acceleration (n, 3) of a coordinate, and their derivatives (n, 3, np).
 
         :raises InputError: there is no such coordinate, or it is a component of a rotation in space.
         """
-        index = coordinate_index(self.system.mechanism, name)
+        index = self._index(name)
         column = coordinate_columns(self.system.mechanism)[index]
-        if column < 0:
-            raise InputError(f"'{name}' is a component of a rotation in space", "Take a point of the part.")
         return self._quantity(ca.vertcat(self._q[column], self._u[index], self._a[index]))
+
+    def _index(self, name: str) -> int:
+        index = coordinate_index(self.system.mechanism, name)
+        if coordinate_columns(self.system.mechanism)[index] < 0:
+            raise InputError(f"'{name}' is a component of a rotation in space", "Take a point of the part.")
+        return index
 
     @cached_property
     def efforts(self) -> Quantity:
@@ -182,13 +203,7 @@ class ParametricMotion:
         :raises MechanismError: the mechanism has one-sided elements.
         :raises InputError: forces depend on time.
         """
-        require_two_sided(self.system.mechanism, "has no efforts that follow from its motion")
-        time = ca.SX.sym("t")
-        function = term_function(self.system.traced, self.system.assembly.equations, "tree_efforts")
-        (efforts,) = function.call([time, self._state(), self._all_inputs(), self._a])
-        if ca.depends_on(efforts, time):
-            raise InputError("efforts have no derivatives here, because forces depend on time", "Make them constant.")
-        tree = self._derivatives("tree", [efforts])
+        tree = self._derivatives("tree", [self._tree_efforts()])
         nv = self.system.layout.nv
 
         def value_and_slope(states: States, derivatives: StateDerivatives, parameters: Array) -> tuple[Array, Array]:
@@ -210,6 +225,19 @@ class ParametricMotion:
             return np.array(values), np.array(slopes)
 
         return value_and_slope
+
+    def _tree_efforts(self) -> ca.SX:
+        require_two_sided(self.system.mechanism, "has no efforts that follow from its motion")
+        time = ca.SX.sym("t")
+        function = term_function(self.system.traced, self.system.assembly.equations, "tree_efforts")
+        (efforts,) = function.call([time, self._state(), self._all_inputs(), self._a])
+        if ca.depends_on(efforts, time):
+            raise InputError("efforts have no derivatives here, because forces depend on time", "Make them constant.")
+        return efforts
+
+    def _value(self, name: str, expression: ca.SX) -> ca.Function:
+        arguments = [self._q, self._u, self._a, self._p]
+        return ca.Function(name, arguments, [ca.densify(expression)], {"cse": True})
 
     def _local(self, name: str) -> tuple[str, ca.SX]:
         """The part of a point, and its position (3,) in it."""

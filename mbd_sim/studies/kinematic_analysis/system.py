@@ -251,6 +251,7 @@ class KinematicSystem:
 
     `start` (nq,) is the configuration of the file. `scale` (nv,) is 1 for angles and the size of the mechanism in m for
     displacements. `angles` (nq,) marks the coordinates that are angles. `values` are those of the symbolic parameters.
+    `bias_function` of (t, q, u, values) is γ (m,).
     """
 
     @interruptible_tracing()
@@ -283,7 +284,7 @@ class KinematicSystem:
         self._require_determined()
         state = self.traced.state
         symbols = [state.t, state.q, state.u, self.traced.parameters.symbols]
-        self._bias = ca.Function("bias", symbols, [ca.densify(self.assembly.equations.bias)])
+        self.bias_function = ca.Function("bias", symbols, [ca.densify(self.assembly.equations.bias)])
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -298,7 +299,7 @@ class KinematicSystem:
 
     def bias(self, q: Array, u: Array) -> Array:
         """γ (m,)."""
-        return evaluated(self._bias, 0.0, q, u, self.values).ravel()
+        return evaluated(self.bias_function, 0.0, q, u, self.values).ravel()
 
     def displaced(self, q: Array, step: Array) -> Array:
         """The coordinates after a small step (nv,) along the speeds."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import assert_never
 
+import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import InputError
@@ -26,7 +27,12 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import evaluate
 from mbd_sim.mechanism.values.names import split_assignment
 from mbd_sim.studies.kinematic_analysis.parametric import ParametricMotion, StateDerivatives, States
-from mbd_sim.studies.kinematic_analysis.system import DriveRange, parameter_number
+from mbd_sim.studies.kinematic_analysis.system import (
+    DriveRange,
+    coordinate_columns,
+    coordinate_index,
+    parameter_number,
+)
 
 STEPS = (1, 4, 16)  # in which the configurations follow the unknowns, until the mechanism can be assembled
 
@@ -52,7 +58,8 @@ class DesignProblem:
         :raises MechanismError: a key does not exist, or cannot be a parameter.
         :raises InputError: the drive, the point or the output does not exist.
         """
-        self.goal, self._speed = goal, goal.speed if isinstance(goal, EffortGoal) else 1.0
+        self.mechanism, self.goal = mechanism, goal
+        self._speed = goal.speed if isinstance(goal, EffortGoal) else 1.0
         self.parametric = ParametricMotion(mechanism, [drive], keys, with_forces=isinstance(goal, EffortGoal))
         match goal:
             case PathGoal():
@@ -74,11 +81,33 @@ class DesignProblem:
             return np.concatenate([values, goal.drives])
         return np.append(values, 0.0) if isinstance(goal, FunctionGoal) and goal.free_offset else values.copy()
 
-    def begin(self, configurations: Array) -> None:
-        """Start from configurations (n, nq) at the drives of the goal."""
-        states = self._states(self.start, configurations)
+    @property
+    def value_function(self) -> ca.Function:
+        """What the goal is about, as a CasADi function of q, u, u' and the parameters; of efforts, those of the tree."""
+        match self.goal:
+            case PathGoal(point=point):
+                return self.parametric.place_function(point)
+            case FunctionGoal(output=output):
+                return self.parametric.coordinate_function(output)
+            case EffortGoal():
+                return self.parametric.tree_function()
+            case _:
+                assert_never(self.goal)
+
+    @property
+    def output_column(self) -> int:
+        """The place of the output of a function in q; -1 for other goals."""
+        if not isinstance(self.goal, FunctionGoal):
+            return -1
+        mechanism = self.parametric.system.mechanism
+        return int(coordinate_columns(mechanism)[coordinate_index(mechanism, self.goal.output)])
+
+    def begin(self, configurations: Array, x: Array | None = None) -> None:
+        """Start from configurations (n, nq) at the drives of the goal, for unknowns x, by default those of the file."""
+        x = self.start if x is None else x
+        states = self._states(x, configurations)
         if states is not None:
-            self._keep(self.start, states)
+            self._keep(x, states)
 
     def drives(self, x: Array) -> Array:
         """The positions (n,) of the drive."""
@@ -95,7 +124,7 @@ class DesignProblem:
         """The deviations (k,); inf where the mechanism cannot be assembled."""
         states = self._followed(x)
         if states is None:
-            return np.full(self._count, np.inf)
+            return np.full(self.count, np.inf)
         nothing = StateDerivatives(*(np.zeros((*one.shape, len(self.parametric.keys))) for one in (states.u,) * 3))
         values, _ = self._quantity(states, nothing, self._parameters(x))
         return self._less_goal(values, x)
@@ -125,7 +154,8 @@ class DesignProblem:
                 assert_never(self.goal)
 
     @property
-    def _count(self) -> int:
+    def count(self) -> int:
+        """The number of deviations."""
         return int(np.sum(self._wanted)) if isinstance(self.goal, PathGoal) else len(self.goal.drives)
 
     def _less_goal(self, values: Array, x: Array) -> Array:

@@ -37,6 +37,7 @@ class Design:
     `deviations` (k,) from the goal are in m, rad, N or N·m; `rms` and `peak` are their root mean square and largest
     size, `start_rms` and `start_peak` those at the start. `drives` (n,) are the positions of the `drive`, and `offset`
     is the constant of a function with a free offset. `converged` is False where the search ended after too many steps.
+    Of a global search, `trials` is the number of sets of parameters that were tried before the last `steps`.
     """
 
     values: Mapping[str, float]
@@ -49,6 +50,7 @@ class Design:
     offset: float
     steps: int
     converged: bool
+    trials: int = 0
 
     @property
     def rms(self) -> float:
@@ -95,21 +97,55 @@ def synthesize(
     :raises MechanismError: a key does not exist, or cannot be a parameter of the equations.
     :raises MbdSimError: the optimum cannot move through the positions of the drive.
     """
-    if norm not in get_args(Norm):
-        raise InputError(f"there is no norm {norm!r}", f"Valid: {', '.join(get_args(Norm))}.")
-    require_packages("scipy", purpose="Synthesis")
-    problem = DesignProblem(require_mechanism(mechanism), drive, goal, list(variables))
-    start = problem.start
-    bounds = _bounds(problem, variables, start)
-    problem.begin(_configurations(problem.parametric.system, problem.parametric.system.start, goal.drives))
+    problem = design_problem(mechanism, drive, goal, variables, norm)
+    return local_design(problem, variables, drive, norm, most_steps)
+
+
+def local_design(
+    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], drive: str, norm: Norm, most_steps: int
+) -> Design:
+    """The same for a problem whose equations are traced."""
+    start, goal, mechanism = problem.start, problem.goal, problem.mechanism
+    bounds = bounds_of_unknowns(problem, variables, start)
+    problem.begin(configurations_along(problem.parametric.system, problem.parametric.system.start, goal.drives))
     before = problem.deviations(start)
     if not np.all(np.isfinite(before)):
         raise MbdSimError(f"{mechanism.name}: a position of the goal is at a dead point of the mechanism at the start.")
-    scales = _scales(start, bounds)
+    x, steps, converged = local_optimum(problem, start, bounds, norm, most_steps)
+    return design_of(problem, variables, drive, x, before, steps, converged=converged)
+
+
+def design_problem(
+    mechanism: Mechanism, drive: str, goal: Goal, variables: Mapping[str, tuple[float, float]], norm: Norm
+) -> DesignProblem:
+    """What `synthesize` solves; for its errors, see there."""
+    if norm not in get_args(Norm):
+        raise InputError(f"there is no norm {norm!r}", f"Valid: {', '.join(get_args(Norm))}.")
+    require_packages("scipy", purpose="Synthesis")
+    if not variables:
+        raise InputError("no parameter may change", "Give bounds for at least one.")
+    return DesignProblem(require_mechanism(mechanism), drive, goal, list(variables))
+
+
+def local_optimum(
+    problem: DesignProblem, start: Array, bounds: tuple[Array, Array], norm: Norm, most_steps: int
+) -> tuple[Array, int, bool]:
+    """The unknowns of the optimum near the start, the number of steps, and whether the search converged."""
     if norm == "peak":
-        x, steps, converged = least_peak(problem.deviations, problem.jacobian, start, bounds, scales, most_steps)
-    else:
-        x, steps, converged = _least_squares(problem, start, bounds, most_steps)
+        scales = _scales(start, bounds)
+        return least_peak(problem.deviations, problem.jacobian, start, bounds, scales, most_steps)
+    return _least_squares(problem, start, bounds, most_steps)
+
+
+def design_of(
+    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], drive: str, x: Array, before: Array,
+    steps: int, *, converged: bool, trials: int = 0,
+) -> Design:  # fmt: skip
+    """The design with unknowns x; `before` are the deviations at the start.
+
+    :raises MbdSimError: the mechanism cannot move through the positions of the drive.
+    """
+    goal, mechanism = problem.goal, problem.mechanism
     problem.jacobian(x)
     _require_movable(problem, x)
     count = len(variables)
@@ -125,6 +161,7 @@ def synthesize(
         float(x[count]) if len(x) == count + 1 and not isinstance(goal, PathGoal) else 0.0,
         steps,
         converged,
+        trials,
     )
 
 
@@ -145,14 +182,18 @@ def _least_squares(
     return np.asarray(found.x), int(found.nfev), bool(found.status > 0)
 
 
-def _bounds(problem: DesignProblem, variables: Mapping[str, tuple[float, float]], start: Array) -> tuple[Array, Array]:
-    if not variables:
-        raise InputError("no parameter may change", "Give bounds for at least one.")
+def bounds_of_unknowns(
+    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], start: Array, *, around: bool = True
+) -> tuple[Array, Array]:
+    """The lower and upper bounds of the unknowns; with `around`, the start must lie between them.
+
+    :raises InputError: it does not.
+    """
     lower, upper = np.full(len(start), -np.inf), np.full(len(start), np.inf)
     for index, (key, (low, high)) in enumerate(variables.items()):
-        if not low < start[index] < high:
+        if around and not low < start[index] < high:
             message = f"the value {start[index]:.6g} of {key} is not between its bounds {low:.6g} and {high:.6g}"
-            raise InputError(message, "Give wider bounds, or another value in the file.")
+            raise InputError(message, "Give wider bounds, another value in the file, or search globally (--global).")
         lower[index], upper[index] = low, high
     return lower, upper
 
@@ -162,7 +203,7 @@ def _scales(start: Array, bounds: tuple[Array, Array]) -> Array:
     return np.where(np.isfinite(widths), np.maximum(np.abs(start), 0.1 * np.minimum(widths, 1e300)), 1.0)
 
 
-def _configurations(system: KinematicSystem, q: Array, drives: Array) -> Array:
+def configurations_along(system: KinematicSystem, q: Array, drives: Array) -> Array:
     """The configurations (n, nq) at positions of the drive, by motion from the configuration q.
 
     :raises UnreachableError: the drive does not reach them.
@@ -186,7 +227,7 @@ def _require_movable(problem: DesignProblem, x: Array) -> None:
     drives, found = problem.drives(x), problem.configurations()
     system = problem.parametric.at(np.ascontiguousarray(x[: len(problem.parametric.keys)]))
     try:
-        moved = _configurations(system, found[0], drives)
+        moved = configurations_along(system, found[0], drives)
     except MbdSimError as error:
         raise MbdSimError(_broken(system.mechanism, f"it has a dead point in the range ({error})")) from error
     difference = moved - found
@@ -218,7 +259,7 @@ def _with_start(
                 changes[f"joints.{name}.guess"] = True
     changed = with_values(mechanism, changes)
     again = KinematicSystem(changed, [drive])
-    q = _configurations(again, again.start, problem.drives(x)[:1])[0]
+    q = configurations_along(again, again.start, problem.drives(x)[:1])[0]
     difference = q - first
     difference[again.angles] = np.mod(difference[again.angles] + np.pi, 2.0 * np.pi) - np.pi
     if np.max(np.abs(difference) / again.constraints.coordinate_scales) > SAME:
@@ -251,9 +292,11 @@ def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) ->
     what = "Effort" if isinstance(goal, EffortGoal) else "Deviation"
     for name, start, end in (("rms", design.start_rms, design.rms), ("peak", design.start_peak, design.peak)):
         mark = "  (minimized)" if name == norm else ""
-        lines.append(f"{f'{what}, {name}':<{HEAD}}{start:.6g} -> {end:.6g} {unit}{mark}")
+        first = f"{start:.6g} -> " if np.isfinite(start) else ""
+        lines.append(f"{f'{what}, {name}':<{HEAD}}{first}{end:.6g} {unit}{mark}")
     ended = "" if design.converged else "; not converged: run again from the values found"
-    lines.append(f"{'Search':<{HEAD}}{counted(design.steps, 'step')}{ended}")
+    tried = f"{counted(design.trials, 'trial')}, then " if design.trials else ""
+    lines.append(f"{'Search':<{HEAD}}{tried}{counted(design.steps, 'step')}{ended}")
     return "\n".join(lines)
 
 

@@ -1,0 +1,253 @@
+"""The best parameters between bounds, wherever they are: differential evolution, then local searches from the best.
+
+Differential evolution (Storn & Price 1997, SciPy's) moves a population of sets of parameters through the whole box.
+Only the losses of candidates are needed, and all assembly modes count. The best members that differ from each other are
+then polished by the local search, with its exact derivatives. With a seed the result has the same bits however many
+processes take part.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.base.errors import InputError, MbdSimError
+from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.short_repr import record
+from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.studies.synthesis.candidates import UNREACHED, Candidates, candidates_of
+from mbd_sim.studies.synthesis.problem import DesignProblem, FunctionGoal, Goal, PathGoal
+from mbd_sim.studies.synthesis.synthesis import (
+    MOST_STEPS,
+    Design,
+    Norm,
+    bounds_of_unknowns,
+    configurations_along,
+    design_of,
+    design_problem,
+    local_optimum,
+)
+
+GENERATIONS = 300  # at most
+POPULATION = 15  # members for each parameter
+CHUNK = 64  # candidates that a process evaluates at once
+POLISHED = 12  # members that are polished, at most
+APART = 0.05  # least difference of two of them, of the bounds
+EXACT = 1e-9  # deviation relative to that of the best member, at which no other one needs polishing
+
+Progress = Callable[[float, float], None]
+
+
+def synthesize_globally(
+    mechanism: Mechanism,
+    drive: str,
+    goal: Goal,
+    variables: Mapping[str, tuple[float, float]],
+    *,
+    norm: Norm = "rms",
+    seed: int = 0,
+    generations: int = GENERATIONS,
+    population: int = POPULATION,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Design:
+    """Find the best parameters between bounds, in any assembly mode; the values in the file do not matter.
+
+    The best one is not certain to be found: another `seed`, more generations or a larger population can find a better
+    one. The mechanism found can move through all positions of the drive without a dead point.
+
+    :param generations: at most; the search ends earlier when all members are alike.
+    :param population: the number of members for each parameter.
+    :param workers: processes that evaluate candidates; the result is the same for any number.
+    :param progress: called after each generation with the part of the generations that is done, and the least loss.
+    :raises MbdSimError: no candidate can be assembled at all positions, or the best ones cannot move through them.
+    :raises InputError: see `synthesize`.
+    """
+    if generations < 1 or population < 2 or workers < 1:
+        raise InputError(
+            f"{generations} generations of {population} members for each parameter, by {workers} processes",
+            "Give at least 1, 2 and 1.",
+        )
+    problem = design_problem(mechanism, drive, goal, variables, norm)
+    settings = SearchSettings(seed, generations, population, workers)
+    return global_design(problem, variables, drive, norm, settings, progress)
+
+
+@record
+class SearchSettings:
+    """How a global search goes, see `synthesize_globally`."""
+
+    seed: int = 0
+    generations: int = GENERATIONS
+    population: int = POPULATION
+    workers: int = 1
+
+
+def global_design(
+    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], drive: str, norm: Norm,
+    settings: SearchSettings, progress: Progress | None = None,
+) -> Design:  # fmt: skip
+    """The same for a problem whose equations are traced."""
+    candidates = candidates_of(problem, norm)
+    limits = list(variables.values())
+    with _evaluator(candidates, settings.workers) as losses:
+        members, energies, trials = _evolved(losses, limits, settings, progress)
+    if energies[0] >= UNREACHED:
+        raise MbdSimError(
+            f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the drive. "
+            "Give other bounds, or a shorter range."
+        )
+    chosen = _different(members[energies < UNREACHED], np.array(limits))
+    before = _before(problem)
+    return _polished(problem, candidates, chosen, (variables, drive, norm), before, trials)
+
+
+def _evolved(
+    losses: Callable[[Array], Array],
+    limits: Sequence[tuple[float, float]],
+    settings: SearchSettings,
+    progress: Progress | None,
+) -> tuple[Array, Array, int]:
+    """The last population (n, np) in the order of its losses (n,), and the number of evaluations."""
+    from scipy.optimize import OptimizeResult, differential_evolution
+
+    done = 0
+
+    def report(intermediate_result: OptimizeResult) -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done / settings.generations, float(intermediate_result.fun))
+
+    found: Any = differential_evolution(
+        lambda x: losses(np.ascontiguousarray(x.T)),
+        limits,
+        strategy="rand1bin",
+        maxiter=settings.generations,
+        popsize=settings.population,
+        tol=1e-3,
+        mutation=(0.4, 0.9),
+        recombination=0.9,
+        rng=np.random.default_rng(settings.seed),
+        polish=False,
+        init="sobol",
+        updating="deferred",
+        vectorized=True,
+        callback=report,
+    )
+    order = np.argsort(found.population_energies, kind="stable")
+    return found.population[order], found.population_energies[order], int(found.nfev) * len(order)
+
+
+def _different(members: Array, limits: Array) -> Array:
+    """The first members that differ from each other."""
+    widths, chosen = limits[:, 1] - limits[:, 0], list[Array]()
+    for member in members:
+        if all(np.max(np.abs(member - one) / widths) > APART for one in chosen):
+            chosen.append(member)
+        if len(chosen) == POLISHED:
+            break
+    return np.array(chosen)
+
+
+def _polished(
+    problem: DesignProblem, candidates: Candidates, members: Array,
+    wanted: tuple[Mapping[str, tuple[float, float]], str, Norm], before: Array, trials: int,
+) -> Design:  # fmt: skip
+    """The best design near one of the members.
+
+    :raises MbdSimError: none of them can move through the positions of the drive.
+    """
+    variables, drive, norm = wanted
+    best: Design | None = None
+    failure: MbdSimError | None = None
+    losses, configurations, drives = candidates.best(members)
+    for member, loss, first, places in zip(members, losses, configurations, drives, strict=True):
+        start = _unknowns(problem, member, first, places)
+        problem.begin(first, start)
+        if not np.all(np.isfinite(problem.deviations(start))):
+            continue
+        bounds = bounds_of_unknowns(problem, variables, start, around=False)
+        inside = np.clip(start, bounds[0], bounds[1])
+        try:
+            x, steps, converged = local_optimum(problem, inside, bounds, norm, MOST_STEPS)
+            found = design_of(problem, variables, drive, x, before, steps, converged=converged, trials=trials)
+        except MbdSimError as error:
+            failure = failure or error
+            continue
+        if best is None or getattr(found, norm) < getattr(best, norm):
+            best = found
+        if getattr(best, norm) <= EXACT * loss:
+            break
+    if best is None:
+        raise failure or MbdSimError(f"{problem.mechanism.name}: no optimum can be reached from the best members.")
+    return best
+
+
+def _unknowns(problem: DesignProblem, member: Array, configurations: Array, drives: Array) -> Array:
+    """The unknowns of the local search: parameters, then positions of the drive or an offset."""
+    goal = problem.goal
+    if isinstance(goal, PathGoal) and goal.free_timing:
+        return np.concatenate([member, drives])
+    if isinstance(goal, FunctionGoal) and goal.free_offset:
+        return np.append(member, np.mean(configurations[:, problem.output_column] - goal.values))
+    return member.copy()
+
+
+def _before(problem: DesignProblem) -> Array:
+    """The deviations of the mechanism in the file; inf where it does not reach the positions of the drive."""
+    system = problem.parametric.system
+    try:
+        problem.begin(configurations_along(system, system.start, problem.goal.drives))
+    except MbdSimError:
+        return np.full(problem.count, np.inf)
+    return problem.deviations(problem.start)
+
+
+_candidates: Candidates | None = None  # of a worker process
+
+
+@contextmanager
+def _evaluator(candidates: Candidates, workers: int) -> Iterator[Callable[[Array], Array]]:
+    """The losses of rows of parameters, computed in chunks of fixed size."""
+
+    def chunks(parameters: Array) -> list[Array]:
+        return [parameters[first : first + CHUNK] for first in range(0, len(parameters), CHUNK)]
+
+    if workers == 1:
+        yield lambda parameters: np.concatenate([candidates.losses(chunk) for chunk in chunks(parameters)])
+        return
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _take_over, (candidates,))
+    try:
+        yield lambda parameters: np.concatenate(list(pool.map(_losses, chunks(parameters))))
+    except BaseException:
+        # Python 3.14 is the first with `terminate_workers`.
+        for worker in list((pool._processes or {}).values()):
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _take_over(candidates: Candidates) -> None:
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    global _candidates  # noqa: PLW0603
+    _candidates = candidates
+
+
+def _losses(parameters: Array) -> Array:
+    assert _candidates is not None
+    return _candidates.losses(parameters)
+
+
+def all_processors() -> int:
+    """The number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
