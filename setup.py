@@ -113,7 +113,7 @@ setup(
         "Typing :: Typed",
     ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "exports/fmu/sources/*"]},
+    package_data={NAME: ["py.typed", "exports/fmu/sources/*", "studies/sizing/*.yaml"]},
     data_files=data_files,
     zip_safe=True,
     python_requires=">=3.11",

@@ -39,6 +39,7 @@ NAMES: dict[str, tuple[tuple[str, ...], str]] = {
     "drive": (("coordinates",), "="),
     "function": (("coordinates",), "="),
     "coordinates": (("coordinates",), ","),
+    "joint": (("coordinates",), ""),
     "transmission": (("joints",), ","),
     "poses": (("parts",), ","),
     "accelerations": (("coordinates", "parts", "points"), ","),
@@ -144,6 +145,7 @@ COMMANDS = {  # in the order of --help: the module, and what the command does
         "studies.kinematics",
         "move drives through ranges: positions, velocities, accelerations, dead points, loads",
     ),
+    "size": ("studies.size", "choose motors, gears, flywheels and springs for a motion and its loads"),
     "optimize": ("studies.kinematics", "find parameters for a path, a function, or the least effort of the drive"),
     "synthesize": ("studies.synthesize", "find linkages for poses, dead centers or functions, from nothing but these"),
     "linearize": (

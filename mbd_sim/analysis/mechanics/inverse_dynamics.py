@@ -100,7 +100,7 @@ class InverseDynamics:
             inputs = self._equations.inputs_without_commands if self._equations else np.zeros(self._input_size)
         if self._equations is not None and self._equations.has_contact(inputs):
             return self._in_contact(q, u, u_rates, t, inputs)
-        efforts = np.array(self._tree(q, u, u_rates, t, inputs[: self._input_size]), dtype=float).ravel()
+        efforts = self.of_tree(q, u, u_rates, t, inputs)
         if self._direct:
             return efforts
         assert self._equations is not None
@@ -110,6 +110,14 @@ class InverseDynamics:
         shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
         self._require_feasible(q, u, u_rates, t, shared, inputs)
         return shared
+
+    def of_tree(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array | None = None) -> Array:
+        """The generalized forces r (nv,) on the spanning tree; efforts have their power n·r along a free direction n.
+
+        The arguments are those of a call. Contacts are left out, and what the constraints allow is not checked.
+        """
+        given = np.zeros(self._input_size) if inputs is None else inputs[: self._input_size]
+        return np.array(self._tree(q, u, u_rates, t, given), dtype=float).ravel()
 
     def _in_contact(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> Array:
         assert self._equations is not None

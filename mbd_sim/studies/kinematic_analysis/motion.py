@@ -346,7 +346,7 @@ class DrivenMotion:
 def driven_motion(
     mechanism: Mechanism,
     drives: Mapping[str, float | tuple[float, float]],
-    positions: int = POSITIONS,
+    positions: int | Array = POSITIONS,
     *,
     speed: float = 1.0,
     mode: int | None = None,
@@ -357,7 +357,7 @@ def driven_motion(
     Positions follow from the constraints to round-off, velocities and accelerations from their Jacobian and its rate.
 
     :param drives: the range (start, stop) of each driven coordinate in rad or m, or the value at which it is held.
-    :param positions: equally spaced in the range.
+    :param positions: their number, equally spaced in the range; or their places in it, from 0 to 1, in order.
     :param speed: of the first drive that moves, in rad/s or m/s.
     :param mode: the number of the assembly mode at the start of the range, see `assembly_modes`, from 1. By default the
         motion continues from the start position in the file.
@@ -371,8 +371,11 @@ def driven_motion(
         raise InputError(f"dead_points cannot be {dead_points!r}", 'Write "refuse" or "follow".')
     ranges = {name: _range(value) for name, value in drives.items()}
     system = KinematicSystem(mechanism, list(ranges))
-    if positions < 2 or not (np.isfinite(speed) and speed >= 0.0):
-        raise InputError(f"{positions} positions at a speed of {speed}", "Give at least 2, and a speed of 0 or more.")
+    places = np.linspace(0.0, 1.0, positions) if isinstance(positions, int) else np.asarray(positions, dtype=float)
+    if len(places) < 2 or not (np.isfinite(speed) and speed >= 0.0):
+        raise InputError(f"{len(places)} positions at a speed of {speed}", "Give at least 2, and a speed of 0 or more.")
+    if np.any(np.diff(places) <= 0.0) or places[0] < 0.0 or places[-1] > 1.0:
+        raise InputError("the places of positions must increase from 0 to 1", "Give them in order, each once.")
     starts, stops = (np.array([one[end] for one in ranges.values()], dtype=float) for end in (0, 1))
     line = DriveLine(system, starts, stops)
     if line.length == 0.0:
@@ -384,7 +387,7 @@ def driven_motion(
     curve = traced_curve(line, first, through=dead_points == "follow")
     if dead_points == "refuse":
         require_reached(system, line, curve)
-    return DrivenMotion(line, sampled(line, curve, np.linspace(0.0, 1.0, positions)), speed)
+    return DrivenMotion(line, sampled(line, curve, places), speed)
 
 
 def _range(value: float | tuple[float, float]) -> tuple[float, float]:
