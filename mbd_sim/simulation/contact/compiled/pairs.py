@@ -29,12 +29,12 @@ POSE = 12
 SPOT, SPOT_NORMAL, SPOT_GAP = 7, 3, 6
 # Of the radius of the smaller body: a length or a width of an area of contact, below which this counts as a point or a
 # line. Its rows depend on each other so much that round-off turns the bodies.
-NARROW = 5e-5
+NARROW = 1e-4
 WIDER, WIDE = 1.5, 2.0  # times this, up to which an area is found narrow at an event, and beyond which it has widened
 ALIKE = 1e-6  # sine of the angle up to which two normals are one
-# Of an area of contact: its length and its width, which are infinite without two, or three slots, and the margin of its
-# slots.
-LENGTH, WIDTH, ROOM = 0, 1, 2
+# Of an area of contact: its length, or the least distance of two slots, and its width, which are infinite without two,
+# or three slots, and the margin of its slots.
+LENGTH, NEAREST, WIDTH, ROOM = 0, 0, 1, 2
 AREA = 3
 LINE, TURNS, KNOWN = 0, 3, 21  # of what is remembered: the line between the centers, both rotations, and the distance
 MEMORY = 22
@@ -113,11 +113,11 @@ def beyond_gaps(c: Contacts, pair: FeaturePair, inputs: Array, places: Array, re
 
 
 def area_at(c: Contacts, pair: FeaturePair, inputs: Array, places: Array, area: Array) -> None:
-    """How far the closed slots are from where other features take their place, and how large their area is."""
+    """How far the closed slots are from where others take their place, and how far from each other, and the width."""
     one, other, margin, count, size = zeros(POSE), zeros(POSE), 0.0, 0, 0
     spots, members, own = zeros(SPOT * pair.slots), integers(pair.slots), zeros(2)
     put(pair, places, one, other)
-    area[LENGTH], area[WIDTH], area[ROOM] = math.inf, math.inf, math.inf
+    area[NEAREST], area[WIDTH], area[ROOM] = math.inf, math.inf, math.inf
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
             margin = MARGIN(
@@ -127,10 +127,11 @@ def area_at(c: Contacts, pair: FeaturePair, inputs: Array, places: Array, area: 
             count += 1
     for base in range(count if count > 1 else 0):
         size = measure(spots, count, base, members, own)
-        if size > 1:
-            area[LENGTH] = min(area[LENGTH], own[LENGTH])
         if size > 2:
             area[WIDTH] = min(area[WIDTH], own[WIDTH])
+        for k in range(base):
+            if is_alike(spots[SPOT * base :], spots[SPOT * k :]):
+                area[NEAREST] = min(area[NEAREST], distance_of(spots[SPOT * base :], spots[SPOT * k :]))
 
 
 def narrow(pair: FeaturePair) -> float:

@@ -14,7 +14,7 @@ from mbd_sim.simulation.contact.compiled.contacts import PART_STEP, Contacts, gu
 from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.pairs import (
     AREA,
-    LENGTH,
+    NEAREST,
     ROOM,
     WIDE,
     WIDTH,
@@ -53,8 +53,8 @@ class TrialPart:
 
     `before` are the readings at its start, `end` and `after` the state and the readings after this length, and `state`
     and `out` those after the `latest` other length that was tried. The poses of the parts in mechanisms with slots are
-    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Areas of
-    contact can shrink to a point if `shrinking[0]` is 1, and to a line if `shrinking[1]` is. `failed` is 1 if a state
+    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Slots can
+    come near each other if `shrinking[0]` is 1, and their area can shrink to a line if `shrinking[1]` is. `failed` is 1 if a state
     was not finite.
     """
 
@@ -150,7 +150,7 @@ def change_at(c: Contacts, m: TrialPart, pair: FeaturePair, places: Array, dista
     area_at(c, pair, m.inputs, places, area)
     found = min(distance + m.offset[0], area[ROOM] + c.accuracy)
     if m.shrinking[0]:
-        found = min(found, area[LENGTH] - least)
+        found = min(found, area[NEAREST] - least)
     if m.shrinking[1]:
         found = min(found, area[WIDTH] - least)
     return found
@@ -300,7 +300,7 @@ def change_of(c: Contacts, m: TrialPart, index: int, end: float) -> float:
     if closed or start <= c.accuracy:
         m.offset[0] = (c.accuracy if closed else DEEPER * c.accuracy) + max(0.0, -start)
     area_at(c, pair, m.inputs, m.places_before, area)
-    m.shrinking[0], m.shrinking[1] = area[LENGTH] > narrow(pair), area[WIDTH] > narrow(pair)
+    m.shrinking[0], m.shrinking[1] = area[NEAREST] > narrow(pair), area[WIDTH] > narrow(pair)
     last = change_at(c, m, pair, places, last)
     if last >= 0.0:
         return NONE
