@@ -9,15 +9,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_kinds import Array, Integers
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.simulation.contact.compiled.contacts import PART_STEP, Contacts, guard_at, rate_at, read, read_poses
 from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.pairs import (
+    AREA,
+    NEAREST,
+    ROOM,
+    WIDE,
+    WIDTH,
+    FeaturePair,
     any_closed,
+    area_at,
     beyond_gaps,
     distance_at,
-    margin_at,
+    has_widened,
     may_meet,
+    narrow,
     note,
     pair_at,
     path_between,
@@ -32,8 +40,9 @@ BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
 DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 # What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
-# says that they meet or that their features change, or the slip of friction along its first direction.
-GUARD, GAP, RATE, APART, CHANGE, FORWARD = 0, 1, 2, 3, 4, 5
+# says that they meet or that their features change, the slip of friction along its first direction, or what is negative
+# where an area of contact has widened.
+GUARD, GAP, RATE, APART, CHANGE, FORWARD, WIDENING = 0, 1, 2, 3, 4, 5, 6
 NONE = -1.0  # in place of the length up to an event
 DIVERGED = -2.0
 
@@ -44,8 +53,9 @@ class TrialPart:
 
     `before` are the readings at its start, `end` and `after` the state and the readings after this length, and `state`
     and `out` those after the `latest` other length that was tried. The poses of the parts in mechanisms with slots are
-    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. `failed`
-    is 1 if a state was not finite.
+    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Slots can
+    come near each other if `shrinking[0]` is 1, and their area can shrink to a line if `shrinking[1]` is. `failed` is 1 if a state
+    was not finite.
     """
 
     y: Array
@@ -62,6 +72,7 @@ class TrialPart:
     places_after: Array
     places: Array
     offset: Array
+    shrinking: Integers
     failed: Integers
 
 
@@ -128,8 +139,21 @@ def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) ->
     pair, places = pair_at(c, index), places_at(c, m, length)
     if what == APART:
         return distance_at(pair, places)
-    distance = beyond_gaps(c, pair, m.inputs, places, readings) + m.offset[0]
-    return min(distance, margin_at(c, pair, m.inputs, places) + c.accuracy)
+    if what == WIDENING:
+        return -1.0 if has_widened(c, pair, m.inputs, places) else 1.0
+    return change_at(c, m, pair, places, beyond_gaps(c, pair, m.inputs, places, readings))
+
+
+def change_at(c: Contacts, m: TrialPart, pair: FeaturePair, places: Array, distance: float) -> float:
+    """What becomes zero where two bodies meet, their features change, or the area in which they touch shrinks."""
+    area, least = zeros(AREA), narrow(pair)
+    area_at(c, pair, m.inputs, places, area)
+    found = min(distance + m.offset[0], area[ROOM] + c.accuracy)
+    if m.shrinking[0]:
+        found = min(found, area[NEAREST] - least)
+    if m.shrinking[1]:
+        found = min(found, area[WIDTH] - least)
+    return found
 
 
 def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
@@ -261,24 +285,40 @@ def change_of(c: Contacts, m: TrialPart, index: int, end: float) -> float:
     """Where two bodies meet or their features change, before an end."""
     pair, closed = pair_at(c, index), any_closed(c, pair_at(c, index), m.inputs)
     readings, places = readings_at(c, m, end), places_at(c, m, end)
+    area = zeros(AREA)
     last = beyond_gaps(c, pair, m.inputs, places, readings)
-    room = margin_at(c, pair, m.inputs, places)
     note(pair, places, last)
     if not math.isfinite(last):
         m.failed[0] = 1
         return NONE
-    if last >= 0.0 and room >= -c.accuracy:
-        path = ALONG * path_between(pair, m.places_before, places)
-        return NONE if closed else passed(c, m, index, path, end, last)
-    start = beyond_gaps(c, pair, m.inputs, m.places_before, m.before)
     m.offset[0] = 0.0
+    m.shrinking[0], m.shrinking[1] = 1, 1
+    if last >= 0.0 and change_at(c, m, pair, places, last) >= 0.0:
+        path = ALONG * path_between(pair, m.places_before, places)
+        return widened(c, m, index, path, end) if closed else passed(c, m, index, path, end, last)
+    start = beyond_gaps(c, pair, m.inputs, m.places_before, m.before)
     if closed or start <= c.accuracy:
         m.offset[0] = (c.accuracy if closed else DEEPER * c.accuracy) + max(0.0, -start)
-    last = min(last + m.offset[0], room + c.accuracy)
+    area_at(c, pair, m.inputs, m.places_before, area)
+    m.shrinking[0], m.shrinking[1] = area[NEAREST] > narrow(pair), area[WIDTH] > narrow(pair)
+    last = change_at(c, m, pair, places, last)
     if last >= 0.0:
         return NONE
-    start = min(start + m.offset[0], margin_at(c, pair, m.inputs, m.places_before) + c.accuracy)
+    start = change_at(c, m, pair, m.places_before, start)
     return first_zero(c, m, CHANGE, index, end, start, last, 0.0)
+
+
+def widened(c: Contacts, m: TrialPart, index: int, path: float, end: float) -> float:
+    """Where bodies that touch in a point or a line begin to do so in a wider area: near the borders of features.
+
+    :param path: how far in m they can move against each other in the step.
+    """
+    pair, area = pair_at(c, index), zeros(AREA)
+    area_at(c, pair, m.inputs, m.places_before, area)
+    if area[ROOM] > WIDE * narrow(pair) + path or not value_of(c, m, end, WIDENING, index) < 0.0:
+        return NONE
+    start = value_of(c, m, 0.0, WIDENING, index)
+    return first_zero(c, m, WIDENING, index, end, start, -1.0, 0.0) if start > 0.0 else NONE
 
 
 def passed(c: Contacts, m: TrialPart, index: int, path: float, end: float, last: float) -> float:

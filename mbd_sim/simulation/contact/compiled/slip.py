@@ -142,7 +142,7 @@ def stage_within(
     n = readings_size(c)
     m = TrialPart(
         y, own, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
-        zeros(c.places), zeros(c.places), zeros(1), integers(1),
+        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1),
     )  # fmt: skip
     begin(c, m, length)
     for i in range(n):
@@ -264,7 +264,7 @@ def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
     with_directions(c, m, s, s.turning)
     fixed = TrialPart(
         m.y, s.given, m.t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), m.state, m.out, m.places_before,
-        zeros(c.places), m.places, m.offset, integers(1),
+        zeros(c.places), m.places, m.offset, m.shrinking, integers(1),
     )  # fmt: skip
     begin(c, fixed, m.span[0])
     if has_failed(fixed):
@@ -409,7 +409,7 @@ def slip_across(c: Contacts, m: TrialPart, s: Sliding, length: float, out: Array
     """The slips across the constant directions of steady friction after a length, to which the motion then belongs."""
     fixed = TrialPart(
         m.y, s.given, m.t, m.span, m.out, m.end, m.after, m.latest, m.state, m.out, m.places_before, m.places_after,
-        m.places, m.offset, m.failed,
+        m.places, m.offset, m.shrinking, m.failed,
     )  # fmt: skip
     with_directions(c, m, s, s.steady)
     finish(c, fixed, length)

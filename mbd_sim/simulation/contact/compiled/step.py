@@ -126,7 +126,7 @@ def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: fl
     n = readings_size(c)
     m = TrialPart(
         before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
-        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(1),
+        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1),
     )  # fmt: skip
     m.span[0], m.latest[0] = h, NONE
     read(c, t, before, inputs, m.before)

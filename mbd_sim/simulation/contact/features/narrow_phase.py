@@ -13,7 +13,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.simulation.contact.compiled.library import called, library
-from mbd_sim.simulation.contact.compiled.pairs import DISTANCE, MARGIN, RENEW, TOUCHING
+from mbd_sim.simulation.contact.compiled.pairs import DISTANCE, MARGIN, RENEW, SPOT, TOUCHING
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class CompiledPhase:
 
     def margin(self, one: Pose, other: Pose, numbers: Array) -> float:
         """See `NarrowPhase`."""
-        return float(called(f"{self.kind}_margin", self.packed, _packed(one), _packed(other), numbers))
+        return float(called(f"{self.kind}_margin", self.packed, _packed(one), _packed(other), numbers, np.zeros(SPOT)))
 
     def renewed(self, one: Pose, other: Pose, numbers: Array) -> Array:
         """See `NarrowPhase`."""
@@ -169,8 +169,8 @@ class _Callbacks:
         """See `NarrowPhase`."""
         return self._guarded(lambda: self._phase.distance(_pose(one), _pose(other)))
 
-    def margin(self, _: int, one: int, other: int, numbers: int) -> float:
-        """See `NarrowPhase`."""
+    def margin(self, _: int, one: int, other: int, numbers: int, spot: int) -> float:
+        """See `NarrowPhase`; the `spot` stays without a normal: no areas shrink."""
         return self._guarded(lambda: self._phase.margin(_pose(one), _pose(other), _view(numbers, self._size)))
 
     def touching(self, _: int, one: int, other: int, tolerance: float, out: int) -> int:

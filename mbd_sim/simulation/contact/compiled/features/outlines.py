@@ -269,8 +269,8 @@ def is_same(row: Array, known: Array, tolerance: float) -> bool:
     return ax * bx + ay * by > 0.0 and abs(ax * by - ay * bx) <= PARALLEL
 
 
-def outline_margin(p: Outlines, one: Array, other: Array, numbers: Array) -> float:
-    """See `NarrowPhase`."""
+def outline_margin(p: Outlines, one: Array, other: Array, numbers: Array, spot: Array) -> float:
+    """See `NarrowPhase`, and `SPOT` in `pairs`."""
     at, meeting, reach = zeros(4), zeros(MEETING), REACH * p.scale
     firsts, seconds = integers(p.first.count), integers(p.second.count)
     code = int(numbers[KEY]) - 1
@@ -280,6 +280,9 @@ def outline_margin(p: Outlines, one: Array, other: Array, numbers: Array) -> flo
     if not (firsts[i] and seconds[j]) or lower_bound(p.first, p.second, at, i, j) > reach:
         return -p.scale
     meet_pieces(p.first, p.second, at, i, j, meeting)
+    for k in range(2):
+        spot[k], spot[3 + k] = meeting[AT + k], meeting[NORMAL + k]
+    spot[6] = meeting[GAP]
     return max(meeting[MARGIN], -p.scale)
 
 

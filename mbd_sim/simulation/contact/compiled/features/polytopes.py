@@ -227,8 +227,8 @@ def clipped(value: float, highest: float) -> float:
     return min(max(value, 0.0), highest)
 
 
-def polytope_margin(p: Polytopes, one: Array, other: Array, numbers: Array) -> float:
-    """See `NarrowPhase`."""
+def polytope_margin(p: Polytopes, one: Array, other: Array, numbers: Array, spot: Array) -> float:
+    """See `NarrowPhase`, and `SPOT` in `pairs`."""
     a = PlacedHull(p.first, zeros(12), zeros(3 * p.first.count))
     b = PlacedHull(p.second, zeros(12), zeros(3 * p.second.count))
     found, stored, side = zeros(MEETING), zeros(3), zeros(3)
@@ -238,6 +238,9 @@ def polytope_margin(p: Polytopes, one: Array, other: Array, numbers: Array) -> f
     meet(p, a, b, code // (COUNT * COUNT), code // COUNT % COUNT, code % COUNT, found)
     turn(b.pose, numbers[KEY - 3 :], stored)
     cross(stored, found[NORMAL:], side)
+    copy(found[POINT:], spot)
+    copy(found[NORMAL:], spot[3:])
+    spot[6] = found[GAP]
     return min(found[MARGIN], size_of(side) - TURNED)
 
 

@@ -366,8 +366,8 @@ def crossing(
     add(at, along, one, out)
 
 
-def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array) -> float:
-    """See `NarrowPhase`."""
+def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot: Array) -> float:
+    """See `NarrowPhase`, and `SPOT` in `pairs`."""
     a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
     b = PlacedRound(
         p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
@@ -387,6 +387,9 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array) -> f
     meet(p, a, b, key, normal, at, meeting)
     turn(b.pose, numbers[25:], stored)
     cross(stored, normal, side)
+    copy(meeting[POINT:], spot)
+    copy(normal, spot[3:])
+    spot[6] = meeting[GAP]
     margin = min(meeting[MARGIN], size_of(side) - TURNED)
     if is_iterated(key[KIND]):
         turn(b.pose, numbers[22:], stored)
