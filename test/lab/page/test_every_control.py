@@ -50,8 +50,7 @@ class Controls:
                     self._opened.button(option)
             case "GuiDropdownHandle":
                 option = next(one for one in handle.options if one != handle.value)
-                element.press("ArrowDown")
-                self._opened.page.get_by_role("option", name=option, exact=True).dispatch_event("click")
+                self._opened.choose(element, option)
             case _:
                 element.dispatch_event("click")
 
@@ -65,16 +64,9 @@ class Controls:
                 sliders = [u for u, h in self.handles.items() if type(h).__name__ == "GuiSliderHandle"]
                 wait_until(lambda sliders=sliders: all(map(self._is_here, sliders)), "the sliders in the folders")
             here = [u for u, h in self.handles.items() if u not in self.heard and self._is_here(u)]
-            for uuid in here:
-                self.use(uuid)  # one after the other: viser sends only the last of two that change at once
+            for uuid in here:  # one after the other: viser sends only the last of two that change at once
                 label = f"what the server hears of {self.handles[uuid].label}"
-                wait_until(lambda uuid=uuid: uuid in self.heard, label, meanwhile=lambda uuid=uuid: self._retry(uuid))
-
-    def _retry(self, uuid):
-        """Type a number again: the page may rewrite a field at the moment of typing. A click is not lost."""
-        self._opened.pause(1.0)
-        if uuid not in self.heard and type(self.handles[uuid]).__name__ == "GuiSliderHandle":
-            self.use(uuid)
+                opened.act(lambda uuid=uuid: self.use(uuid), lambda uuid=uuid: uuid in self.heard, label)
 
     def _open_folders(self):
         handles = self._opened.lab.page.server.gui._container_handle_from_uuid.values()
@@ -100,20 +92,14 @@ def keeps(opened):
     inputs = lab.page.server.gui._gui_input_handle_from_uuid.values()
     (path,) = (one for one in inputs if one.label == "Recording")
     opened.enter("Recording", "mine.mcap", lambda: path.value == "mine.mcap", "the name")
-    opened.select("Format", "webp", lab.page._keep._format)
+    opened.select("Format", "webp", lambda: lab.page._keep._format.value == "webp", "the format")
     lab.session.ask("speed", lambda session: session.set_speed(1.0))
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
-    opened.button("Reset")
-    wait_until(lambda: opened.frame.time == 0.0, "the start")
-    opened.button("Record")
-    wait_until(lambda: opened.frame.recording == "mine.mcap", "the recording")
-    opened.button("Play")
-    wait_until(lambda: opened.frame.time > 0.2, "the run")
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
-    opened.button("End the recording")
-    wait_until(lambda: not opened.frame.recording, "the end")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
+    opened.press("Reset", lambda: opened.frame.time == 0.0, "the start")
+    opened.press("Record", lambda: opened.frame.recording == "mine.mcap", "the recording")
+    opened.press("Play", lambda: opened.frame.time > 0.2, "the run")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
+    opened.press("End the recording", lambda: not opened.frame.recording, "the end")
     assert all(one.agrees for one in verify("mine.mcap"))
     files = dict(opened.downloaded(button) for button in SENT)
     assert set(files) == {f"{name}.{ending}" for ending in ("png", "html", "webp")}
@@ -138,12 +124,7 @@ def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd
             keeps(opened)
         opened.tab("Show")
         theme = "document.documentElement.dataset.mantineColorScheme"
-
-        def darken():  # a tab that is just being drawn takes no click
-            opened.check("Dark")
-            opened.pause(5.0)
-
-        wait_until(lambda: opened.page.evaluate(theme) == "dark", "the dark page", meanwhile=darken)
+        opened.check("Dark", True, lambda: opened.page.evaluate(theme) == "dark", "the dark page")
         before = lab.session.frame.number
         wait_until(lambda: lab.session.frame.number > before, "a frame")
         assert lab.page._thread.is_alive()
