@@ -9,10 +9,11 @@ from playwright import sync_api
 
 from test.waiting import PATIENCE, wait_until
 
+AT_ONCE = 10_000  # ms; what takes longer, the page has replaced meanwhile: it is tried again
 SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU longer
 LARGE = {"width": 900, "height": 440}
-# Without a GPU, a page that draws as often as it can leaves little time to what is clicked and typed. It draws 5 times a second.
-FEW_PICTURES = "window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 200);"
+# Without a GPU, a page that draws as often as it can leaves little time to what is clicked and typed. It draws 4 times a second.
+FEW_PICTURES = "window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);"
 
 
 class AnyPage:
@@ -96,7 +97,7 @@ class AnyPage:
         offered = self.page.get_by_role("option", name=option, exact=True)
         self.act(lambda: box.press("ArrowDown"), offered.count, f"{option} in the list")
         with contextlib.suppress(sync_api.TimeoutError):
-            offered.dispatch_event("click", timeout=2000)
+            offered.dispatch_event("click", timeout=AT_ONCE)
 
     def select(self, label, option, arrived, what):
         """Choose in a list until this has arrived: of two changes in a short time, the browser sends the last."""
@@ -111,8 +112,9 @@ class AnyPage:
     def type(self, label, text):
         """Type a number beside a slider."""
         field = self.field(label)
-        field.fill(text)
-        field.press("Enter")
+        with contextlib.suppress(sync_api.TimeoutError):
+            field.fill(text, timeout=AT_ONCE)
+            field.press("Enter", timeout=AT_ONCE)
 
     def enter(self, label, text, arrived, what, report=lambda: ""):
         """Type a number until it has arrived: a field may be rewritten by the page at the moment of typing."""

@@ -1,5 +1,6 @@
 """Every control of the page is used once, on a motor and a robot that stands on a floor; those of a loop have tests."""
 
+import contextlib
 import io
 
 import numpy as np
@@ -13,7 +14,8 @@ from mbd_sim.recordings.run.verification import verify
 from test.lab.page.robot import standing_robot
 from test.waiting import wait_until
 
-BrowserPage = pytest.importorskip("test.lab.page.browser_page").BrowserPage
+browser_page = pytest.importorskip("test.lab.page.browser_page")
+sync_api = pytest.importorskip("playwright.sync_api")
 TABS = ("Change", "Plots", "Kinematics", "Show", "Keep")
 SENT = ("Picture", "Page with the motion", "Animation")
 NARROW = {"width": 640, "height": 320}
@@ -44,7 +46,9 @@ class Controls:
             case "GuiSliderHandle":
                 field = element.locator("xpath=following-sibling::*//input")
                 aim = handle.min + 0.6 * (handle.max - handle.min)
-                field.fill(f"{aim if abs(aim - handle.value) > handle.step else aim + handle.step:.6f}")
+                text = f"{aim if abs(aim - handle.value) > handle.step else aim + handle.step:.6f}"
+                with contextlib.suppress(sync_api.TimeoutError):
+                    field.fill(text, timeout=browser_page.AT_ONCE)
             case "GuiButtonGroupHandle":
                 for option in handle.options:
                     self._opened.button(option)
@@ -61,12 +65,13 @@ class Controls:
             opened.tab(tab)
             if tab == "Change":
                 self._open_folders()
-                sliders = [u for u, h in self.handles.items() if type(h).__name__ == "GuiSliderHandle"]
-                wait_until(lambda sliders=sliders: all(map(self._is_here, sliders)), "the sliders in the folders")
-            here = [u for u, h in self.handles.items() if u not in self.heard and self._is_here(u)]
-            for uuid in here:  # one after the other: viser sends only the last of two that change at once
-                label = f"what the server hears of {self.handles[uuid].label}"
-                opened.act(lambda uuid=uuid: self.use(uuid), lambda uuid=uuid: uuid in self.heard, label)
+                sliders = {u for u, h in self.handles.items() if type(h).__name__ == "GuiSliderHandle"}
+                wait_until(lambda sliders=sliders: sliders <= self._shown(), "the sliders in the folders")
+            shown = self._shown()
+            for uuid in self.handles:  # one after the other: viser sends only the last of two that change at once
+                if uuid in shown - self.heard:
+                    label = f"what the server hears of {self.handles[uuid].label}"
+                    opened.act(lambda uuid=uuid: self.use(uuid), lambda uuid=uuid: uuid in self.heard, label)
 
     def _open_folders(self):
         handles = self._opened.lab.page.server.gui._container_handle_from_uuid.values()
@@ -78,11 +83,11 @@ class Controls:
             ):
                 self._opened.folder(folder.label)
 
-    def _is_here(self, uuid):
-        handle = self.handles[uuid]
-        if type(handle).__name__ == "GuiButtonGroupHandle":
-            return handle.label == "Run"
-        return self.element(uuid).count() > 0 and self.element(uuid).evaluate("e => e.checkVisibility()")
+    def _shown(self):
+        """The controls that the page shows; a group of buttons has no element of its own."""
+        found = "ids => ids.filter(id => document.getElementById(id)?.checkVisibility())"
+        groups = {u for u, h in self.handles.items() if type(h).__name__ == "GuiButtonGroupHandle" and h.label == "Run"}
+        return groups | set(self._opened.page.evaluate(found, list(self.handles)))
 
 
 def keeps(opened):
@@ -109,13 +114,14 @@ def keeps(opened):
     assert files[f"{name}.html"].startswith(b"<!doctype html>")  # opened in test_keep_tab
 
 
+@pytest.mark.timeout(1800)  # on a machine with ten busy processes per core, each of some fifty controls takes seconds
 @pytest.mark.parametrize("name", ["motor_drive", "robot"])
 def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(keep_tab, "PICTURE", (320, 240))  # a browser without a GPU draws large ones slowly
     mechanism = load_mechanism(standing_robot(tmp_path) if name == "robot" else name)
     with Lab(mechanism, port=0) as lab:
-        opened = BrowserPage(chromium, lab, NARROW)
+        opened = browser_page.BrowserPage(chromium, lab, NARROW)
         controls = Controls(opened)
         controls.use_all()
         unused = {handle.label for uuid, handle in controls.handles.items() if uuid not in controls.heard}
