@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from mbd_sim.base import disk_cache
 from mbd_sim.compiler.code import machine_code
@@ -67,6 +68,10 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("mbd_sim")
+# Hypothesis also draws constants from all modules that are imported so far: it parses these, which takes seconds in each
+# process, and the examples depend on which tests ran before.
+if hasattr(providers, "_get_local_constants"):
+    providers._get_local_constants = lambda: providers._local_constants
 shared_builds.share_builds()
 disk_cache.LARGEST = math.inf  # to look at all entries takes as long as to compile one
 

@@ -58,22 +58,23 @@ def difference(one, other, signs=1.0):
     return max(np.abs(one.q * signs - other.q).max(), np.abs(one.u * signs - other.u).max())
 
 
-CHANGES = {
-    "order": lambda data, rng: reversed_order(data),
-    "split": lambda data, rng: welded(data),
-    "another plane": lambda data, rng: turned_world(data, CYCLE, SHIFT),
-    "frames": lambda data, rng: other_frames(data, rng),
-    "all, turned": lambda data, rng: turned_world(
-        welded(other_frames(reversed_order(data), rng)), random_turn(rng), SHIFT
-    ),
-}
+def in_another_plane(data, rng):
+    """In other frames and another order, with parts split in two, with the axes and the origin exchanged."""
+    return turned_world(welded(other_frames(reversed_order(data), rng)), CYCLE, SHIFT)
 
 
-@pytest.mark.parametrize(("kind", "change"), list(zip(["plane_pile", "plane_loop"] * 3, CHANGES, strict=False)))
+def turned(data, rng):
+    """Likewise, in axes along which nothing lies."""
+    return turned_world(welded(other_frames(reversed_order(data), rng)), random_turn(rng), SHIFT)
+
+
+@pytest.mark.parametrize(
+    ("kind", "change"), [("plane_pile", in_another_plane), ("plane_loop", in_another_plane), ("plane_pile", turned)]
+)
 def test_a_scene_in_a_plane(kind, change):
-    """Prisms in the plane xz, in others, and, in a turned world, with the rows and the narrow phase of space."""
+    """Prisms in the plane xz, in another, and, in a turned world, with the rows and the narrow phase of space."""
     data = json.loads(scene(0, kind))
-    assert events_while_equal(data, CHANGES[change](data, np.random.default_rng(0)), 0) > 3
+    assert events_while_equal(data, change(data, np.random.default_rng(0)), 0) > 3
 
 
 def test_a_scene_of_outlines_seen_from_behind():
@@ -88,4 +89,4 @@ def test_a_scene_of_outlines_seen_from_behind():
 def test_two_bodies_in_space(pair):
     seed = PAIRS.index(pair) + len(PAIRS)
     data = json.loads(scene(seed, "space_pair"))
-    assert events_while_equal(data, CHANGES["all, turned"](data, np.random.default_rng(seed)), seed) > 0
+    assert events_while_equal(data, turned(data, np.random.default_rng(seed)), seed) > 0

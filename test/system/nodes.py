@@ -188,17 +188,17 @@ class Listener:
             report=lambda: self.process.text if self.process else "",
         )
 
-    def until_paused(self) -> int:
-        """Wait until no more states are on their way: a paused node repeats its last one. Returns its time in ns.
+    def repeats(self) -> bool:
+        """Whether the last states are of one time.
 
-        Two states of one time are not enough: a reset publishes the start state at the time of the last state.
+        Two are not enough: a reset publishes the start state at the time of the last state.
         """
+        stamps = [nanoseconds(state.header.stamp) for state in self.states[-3:]]
+        return len(stamps) == 3 and len(set(stamps)) == 1
 
-        def repeats() -> bool:
-            stamps = [nanoseconds(state.header.stamp) for state in self.states[-3:]]
-            return len(stamps) == 3 and len(set(stamps)) == 1
-
-        self.until(repeats, "the pause")
+    def until_paused(self) -> int:
+        """Wait until no more states are on their way: a paused node repeats its last one. Returns its time in ns."""
+        self.until(self.repeats, "the pause")
         return nanoseconds(self.states[-1].header.stamp)
 
     def spin(self, seconds: float) -> None:

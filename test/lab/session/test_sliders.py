@@ -154,6 +154,10 @@ def test_commands_have_the_units_and_the_limits_of_what_they_move():
     session = OwnSession(bench, running=False)
     found["arm.position"].apply(session, 45.0)
     assert bench.values()["arm.position"] == pytest.approx(np.pi / 4, rel=1e-15)
+    for speed in (8.0, -8.0):  # what others have commanded lies within its slider
+        bench.simulation.set_commands({"cart": {"velocity": speed}})
+        found = {one.key: one for one in settings_of(bench, 1.0)}["cart.velocity"]
+        assert (found.low, found.high) == (min(-5.0, speed), max(5.0, speed))
 
 
 def test_numbers_without_units_in_the_file_show_theirs_and_are_written_without():

@@ -41,8 +41,9 @@ def start_accelerations(mechanism):
     return simulation.model.accelerations(0.0, simulation.state, simulation.inputs)
 
 
-@pytest.mark.parametrize(("seed", "digits"), [(0, 4), (2, 12)])
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize(
+    ("name", "seed", "digits"), [*((name, 0, 4) for name in FAMILIES), *((name, 2, 12) for name in [*FAMILIES][::3])]
+)
 def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name, seed, digits):
     found, freedoms = written(name, seed, digits)
     assert found.moved or digits > 9
@@ -68,10 +69,9 @@ def test_it_moves_as_the_exact_one_within_the_digits(name, digits):
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_an_exact_linkage_keeps_its_bits(name):
-    for seed in range(2):
-        found, _ = written(name, seed, 17)
-        assert not found.moved
-        assert np.array_equal(frames_of(found), frames_of(written(name, seed, 17, tolerance=0)[0]))
+    found, _ = written(name, 1, 17)
+    assert not found.moved
+    assert np.array_equal(frames_of(found), frames_of(written(name, 1, 17, tolerance=0)[0]))
 
 
 @pytest.mark.parametrize("kinds", LOOPS, ids="-".join)

@@ -128,6 +128,16 @@ def test_renewed_commands_do_not_expire_until_others_replace_them(buffer):
     assert [one.expired for one in buffer.due(1.1)] == [("hip",)]
 
 
+def test_renewing_one_joint_keeps_the_new_command_of_another(buffer):
+    buffer.by_name(["hip"], [1.0])
+    buffer.due(0.0)
+    buffer.by_name(["knee"], [2.0])
+    buffer.renew({"hip": 1.0}, {})
+    buffer.due(0.4)
+    assert not buffer.due(0.8)
+    assert [one.expired for one in buffer.due(0.9)] == [("hip", "knee")]
+
+
 def test_renewed_commands_of_actuators_do_not_end_a_trajectory():
     simulation = Simulation.from_file("motor_drive")
     buffer = CommandBuffer(simulation.effort_map, 0.5, simulation.command_map)

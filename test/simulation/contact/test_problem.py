@@ -93,14 +93,15 @@ def shared_load(chance, contacts, load):
 
 def least_forces(rows, free, contacts):
     """By a general optimizer."""
+    wanted, pairs = np.linalg.lstsq(rows, free, rcond=None)[0], np.kron(np.eye(contacts), [1.0, 1.0])
     found = minimize(
         lambda x: x @ x,
         np.zeros(2 * contacts),
         jac=lambda x: 2.0 * x,
         method="SLSQP",
         constraints=[
-            {"type": "eq", "fun": lambda x: rows.T @ x + np.linalg.lstsq(rows, free, rcond=None)[0]},
-            {"type": "ineq", "fun": lambda x: 1.0 - np.sum(x.reshape(-1, 2) ** 2, axis=1)},
+            {"type": "eq", "fun": lambda x: rows.T @ x + wanted, "jac": lambda x: rows.T},
+            {"type": "ineq", "fun": lambda x: 1.0 - pairs @ x**2, "jac": lambda x: -2.0 * pairs * x},
         ],
         options={"maxiter": 500, "ftol": 1e-14},
     )

@@ -66,7 +66,7 @@ def reference(legs, center, friction, velocity):
         return [*state[3:], *move, spin]
 
     start = [0.0, 0.0, 0.0, *velocity]
-    return solve_ivp(rates, (0.0, TIME), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.005).y[:, -1]
+    return solve_ivp(rates, (0.0, TIME), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.03).y[:, -1]
 
 
 RANDOM_TABLES = {"all legs press": (0, 0.1), "five legs": (6, 0.1), "a leg is unloaded": (32, 0.22)}
