@@ -35,17 +35,21 @@ class Touching:
         """The ends (n, 2, 3) of the lines along the normals, for a mechanism of a `size` in m."""
         return normal_lines(self.points, self.normals, size)
 
-    def arrows(self, size: float, full: float) -> Iterator[tuple[Array, Array]]:
-        """The ends (3,) of the arrows that are long enough to be seen; `full` is the force in N of one of `LONG`."""
+    def arrows(self, size: float, full: float, longest: float = LONGEST) -> Iterator[tuple[Array, Array]]:
+        """The ends (3,) of the arrows that are long enough to be seen.
+
+        :param full: the force in N of an arrow of `LONG`; none is longer than `longest`.
+        """
         for point, force, pushes in zip(self.points, self.forces, self.pushes.tolist(), strict=True):
             magnitude = float(np.linalg.norm(force))
-            length = min(LONG * magnitude / full, LONGEST)
+            length = min(LONG * magnitude / full, longest)
             if length > SHORT:
                 along = length * size * force / magnitude
                 yield (point - along, point) if pushes else (point, point + along)
 
 
-NONE_TOUCHING = Touching(*np.zeros((3, 0, 3)), np.zeros(0, dtype=bool))
+_NOWHERE = np.zeros((0, 3))
+NONE_TOUCHING = Touching(_NOWHERE, _NOWHERE, _NOWHERE, np.zeros(0, dtype=bool))
 
 
 def normal_lines(points: Array, normals: Array, size: float) -> Array:
