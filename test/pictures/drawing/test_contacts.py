@@ -40,7 +40,9 @@ def test_a_plane_is_drawn_once_and_below_everything_that_touches_it():
 def test_a_contact_has_a_dot_a_line_along_its_normal_and_an_arrow_that_ends_there():
     _, _, page = page_of_blocks()
     points, normals = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1))
-    touching = Touching(points, np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 0.0]]), normals, np.array([True, True]))
+    touching = Touching(
+        points, np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 0.0]]), normals, np.array([True, True]), np.array([True, True])
+    )
     lines = contact_paths(page, touching, 1.0, 10.0)
     assert {path.edge for path in lines if path.fill is None} == {COLOR}
     first, second, shaft = (path.points for path in lines if not path.closed)
