@@ -14,7 +14,7 @@ from mbd_sim.pictures.shapes.solids import LINE_WIDTH
 from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
 
 ON_LIGHT = (196, 138, 0)
-POINT, NORMAL_WIDTH = 0.028, 0.5 * LINE_WIDTH  # relative to the mechanism's size
+POINT, NORMAL_WIDTH = 0.013, 0.5 * LINE_WIDTH  # relative to the mechanism's size
 
 
 class Contacts:
