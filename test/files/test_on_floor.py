@@ -177,3 +177,10 @@ def test_a_robot_lands_and_stands():
     force = sum(reading.force for reading in simulation.contacts().values())
     assert force == pytest.approx([0.0, 0.0, weight], abs=1e-6)
     assert np.max(np.abs(simulation.u)) < 1e-6
+
+
+def test_a_robot_with_a_fixed_base_in_its_floor_is_told_to_free_it(tmp_path):
+    """It was told to use --floor, which had been given."""
+    (tmp_path / "tripod.urdf").write_text(robot())
+    with pytest.raises(MechanismError, match="Its base is fixed: --base free"):
+        Simulation(load_mechanism(tmp_path / "tripod.urdf", floor=True))

@@ -35,7 +35,13 @@ def _points(chance, kind, dimensions):
             return [[math.cos(a), math.sin(a), 0.3 * (-1) ** k][:dimensions] for k, a in enumerate(angles)]
         case "text":
             points[-1] = chance.choice(["x", [1], [1, 2, 3, 4], None, {}])
+        case "good" if dimensions == 2:
+            points.sort(key=lambda point: math.atan2(*point))
     return points
+
+
+def _kind(chance):
+    return chance.choice(POINTS) if chance.random() < 0.3 else "good"
 
 
 def _shape(chance):
@@ -43,10 +49,10 @@ def _shape(chance):
     shape = {"type": kind, "mass": 1}
     match kind:
         case "hull":
-            shape["points"] = _points(chance, chance.choice(POINTS), 3)
+            shape["points"] = _points(chance, _kind(chance), 3)
         case "outline":
-            shape |= {"plane": "xz", "points": _points(chance, chance.choice(POINTS), 2)}
-            if chance.random() < 0.3:
+            shape |= {"plane": "xz", "points": _points(chance, _kind(chance), 2)}
+            if chance.random() < 0.2:
                 index = chance.randrange(len(shape["points"]))
                 key, value = chance.choice(
                     [("radius", 0.2), ("center", [0, 0]), ("through", [0.1, 0]), ("round", 3), ("involute", 0.1)]
@@ -66,13 +72,16 @@ def _shape(chance):
 
 
 def _contact(chance):
-    pair = [chance.choice(["a", "b", "a", "b", "ground", "z", "a.edge", "ground.foot"]) for _ in range(2)]
+    known = chance.random() < 0.7
+    names = ["a", "b"] if known else ["a", "b", "ground", "z", "a.edge", "ground.foot"]
+    pair = chance.sample(names, 2) if known else [chance.choice(names) for _ in range(2)]
     contact = chance.choice(
         [
             {"between": pair},
             {"between": ["a", "b"]},
             {"among": pair},
-            {"among": "all", "without": pair[:1]},
+            {"among": "all"},
+            {"parts": "all", "without": pair[:1], "plane": "ground"},
             {"parts": pair[:1], "plane": chance.choice(["ground", "ground.foot", "b"])},
             {"parts": "all", "plane": "ground"},
             {"between": ["a", "b"], "inside": True},

@@ -9,19 +9,21 @@ import numpy as np
 from mbd_sim.lab.scene.arrows import NOWHERE, Arrows
 from mbd_sim.lab.scene.vectors import Vectors
 from mbd_sim.pictures.shapes import palette
+from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH
 from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
 
 ON_LIGHT = (196, 138, 0)
-POINT, NORMAL_WIDTH = 0.028, 0.5 * LINE_WIDTH  # relative to the mechanism's size
+POINT, NORMAL_WIDTH = 0.013, 0.5 * LINE_WIDTH  # relative to the mechanism's size
 
 
 class Contacts:
-    """The nodes of contacts, for a mechanism of a `size` in m; an arrow of a `full` force in N has full length."""
+    """The nodes of contacts; an arrow of a `full` force in N has full length."""
 
-    def __init__(self, scene: Any, size: float, full: float, *, dark: bool) -> None:
+    def __init__(self, scene: Any, extent: Extent, full: float, *, dark: bool) -> None:
         color = palette.CONTACT if dark else ON_LIGHT
-        self._size, self._arrows = size, Arrows(scene, "contacts", color, size, (full, 1.0))
+        size = extent.size
+        self._extent, self._arrows = extent, Arrows(scene, "contacts", color, size, (full, 1.0))
         self._points = scene.add_point_cloud(
             "/contact_points",
             NOWHERE[:, 0],
@@ -35,12 +37,13 @@ class Contacts:
 
     def show(self, contacts: Touching) -> None:
         """Show these contacts, and no others."""
+        contacts = contacts.in_front(self._extent)
         self._arrows.show(
             Vectors(list(zip(contacts.points, contacts.forces, strict=True))), contacts.pushes.astype(bool).tolist()
         )
         if len(contacts.points) or len(self._points.points):
             self._points.points = contacts.points.astype(np.float32)
-            self._normals.points = contacts.normal_lines(self._size).astype(np.float32)
+            self._normals.points = contacts.normal_lines(self._extent.size).astype(np.float32)
 
     def hide(self) -> None:
         """Show no contacts."""

@@ -180,7 +180,7 @@ class Scene:
         """Contact forces, the force of a hand, and what the views read."""
         mechanism, size = self._mechanism, self._extent.size
         force = weight(mechanism, size), 1.0
-        self._contacts = Contacts(self._scene, size, force[0], dark=dark)
+        self._contacts = Contacts(self._scene, self._extent, force[0], dark=dark)
         self._pull = Arrows(self._scene, "pull", palette.APPLIED, size, force)
         self._string = self._scene.add_line_segments(
             "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * size

@@ -6,6 +6,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.rotation import unit_or_zero
 from mbd_sim.pictures.drawing.sheet import MARKS, WHITE, ScaledView, SheetPath, arc, arrow_head, outline_color
+from mbd_sim.pictures.shapes.joints import LONG
 from mbd_sim.pictures.shapes.palette import DRIVEN
 from mbd_sim.pictures.shapes.touching import Touching
 
@@ -18,13 +19,14 @@ def contact_paths(page: ScaledView, contacts: Touching, size: float, full: float
     """The symbols of the closed contacts of a mechanism.
 
     :param size: of the mechanism in m.
-    :param full: the force in N whose arrow has full length.
+    :param full: the force in N whose arrow has full length; those of larger ones are as long, so that they stay on the
+        sheet.
     """
     paths = [
         SheetPath(page.project(line), edge=COLOR, width=NORMAL_WIDTH, layer=MARKS)
         for line in contacts.normal_lines(size)
     ]
-    for ends in contacts.arrows(size, full):
+    for ends in contacts.arrows(size, full, longest=LONG):
         start, tip = map(page.project, ends)
         along, length = unit_or_zero(tip - start), float(((tip - start) ** 2).sum() ** 0.5)
         if length < SHORTEST:

@@ -30,7 +30,7 @@ from mbd_sim.pictures.rerun.forces import ArrowStyle, is_closed, weight
 from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.joints import pulls
-from mbd_sim.pictures.shapes.touching import closed_places, normal_lines
+from mbd_sim.pictures.shapes.touching import closed_places, normal_lines, of_shapes
 
 POINT_RADIUS, NORMAL_RADIUS = 0.014, 0.003  # relative to the mechanism's size
 
@@ -45,7 +45,7 @@ class _Contacts:
     """The closed contacts: points, normals and arrows. All share three entities, so that many contacts cost little."""
 
     def __init__(self, scene: SceneDescription) -> None:
-        self._size = scene.extent.size
+        self._extent, self._size, self._of_shapes = scene.extent, scene.extent.size, of_shapes(scene.contacts)
         self._inputs = [index for _, index in scene.contacts]
         self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
         self._style = ArrowStyle(paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
@@ -59,6 +59,7 @@ class _Contacts:
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         points, forces, normals = np.moveaxis(rows.of("contacts").reshape(len(rows), -1, 3, 3), 2, 0)
+        points = self._extent.in_front(points, self._of_shapes)
         closed = closed_places(self._inputs, rows.of("inputs"), forces)
         counts = closed.sum(axis=1)
         columns = rr.Points3D.columns(positions=points[closed].reshape(-1, 3))

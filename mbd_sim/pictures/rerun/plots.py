@@ -206,10 +206,10 @@ def eye(extent: Extent) -> tuple[Array, Array, Array]:
     right; spatial ones obliquely.
     """
     up = np.array([0.0, 0.0, 1.0])
-    if extent.normal is None:
+    if extent.toward is None:
         direction = np.array([0.55, -1.0, 0.5])
     else:
-        out = extent.normal * (1.0 if extent.normal @ np.array([1.0, -1.3, 1.1]) > 0.0 else -1.0)
+        out = extent.toward
         if abs(float(out @ up)) > 0.9:
             up = np.array([0.0, 1.0, 0.0])
         direction = out + 0.18 * up + 0.14 * np.cross(up, out)

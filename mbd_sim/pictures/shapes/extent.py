@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 PREVIEW_TIME = 5.0  # s
 PREVIEW_STEPS, SLOT_STEPS, TIME_STEPPING_STEPS = 5_000, 1_000, 100
 PREVIEW_FRAMES = 100
+VIEWER = (1.0, -1.3, 1.1)  # from where mechanisms are seen
 PLANE_TOLERANCE = 1e-6  # of the sines between axes and the normal of a plane
 
 
@@ -45,6 +46,23 @@ class Extent:
     def center(self) -> Array:
         """The center of the box, (3,)."""
         return (self.lower + self.upper) / 2.0
+
+    @property
+    def toward(self) -> Array | None:
+        """The unit normal (3,) of the plane of motion that points to the viewer; None for spatial mechanisms."""
+        if self.normal is None:
+            return None
+        return self.normal * (1.0 if self.normal @ np.array(VIEWER) > 0.0 else -1.0)
+
+    def in_front(self, points: Array, moved: Array) -> Array:
+        """Points (..., n, 3), of a plane mechanism those that are `moved` (n,) to the front of all parts.
+
+        Where bodies of some thickness touch, the point would be hidden between them.
+        """
+        if (toward := self.toward) is None:
+            return points
+        front = float(np.sum(np.maximum(self.lower * toward, self.upper * toward)))
+        return points + np.where(moved, front - points @ toward, 0.0)[..., None] * toward
 
 
 def extent_of(model: Model) -> Extent:

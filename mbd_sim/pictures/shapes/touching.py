@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.mechanism.values.source import Location
+from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.joints import LONG, LONGEST, pulls
 
 if TYPE_CHECKING:
@@ -23,35 +25,50 @@ SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
 class Touching:
     """Contacts that are closed: their `points` in m, `forces` in N and unit `normals`, all (n, 3), in ground's frame.
 
-    `pushes` (n,): the arrow of the force ends at its point; else, for a rope, it starts there.
+    `pushes` (n,): the arrow of the force ends at its point; else, for a rope, it starts there. `of_shapes` (n,): bodies
+    touch, which can hide the point.
     """
 
     points: Array
     forces: Array
     normals: Array
     pushes: Array
+    of_shapes: Array
+
+    def in_front(self, extent: Extent) -> Touching:
+        """With the points of shapes in front of all parts, see `Extent.in_front`."""
+        return replace(self, points=extent.in_front(self.points, self.of_shapes))
 
     def normal_lines(self, size: float) -> Array:
         """The ends (n, 2, 3) of the lines along the normals, for a mechanism of a `size` in m."""
         return normal_lines(self.points, self.normals, size)
 
-    def arrows(self, size: float, full: float) -> Iterator[tuple[Array, Array]]:
-        """The ends (3,) of the arrows that are long enough to be seen; `full` is the force in N of one of `LONG`."""
+    def arrows(self, size: float, full: float, longest: float = LONGEST) -> Iterator[tuple[Array, Array]]:
+        """The ends (3,) of the arrows that are long enough to be seen.
+
+        :param full: the force in N of an arrow of `LONG`; none is longer than `longest`.
+        """
         for point, force, pushes in zip(self.points, self.forces, self.pushes.tolist(), strict=True):
             magnitude = float(np.linalg.norm(force))
-            length = min(LONG * magnitude / full, LONGEST)
+            length = min(LONG * magnitude / full, longest)
             if length > SHORT:
                 along = length * size * force / magnitude
                 yield (point - along, point) if pushes else (point, point + along)
 
 
-NONE_TOUCHING = Touching(*np.zeros((3, 0, 3)), np.zeros(0, dtype=bool))
+_NOWHERE, _NONE = np.zeros((0, 3)), np.zeros(0, dtype=bool)
+NONE_TOUCHING = Touching(_NOWHERE, _NOWHERE, _NOWHERE, _NONE, _NONE)
 
 
 def normal_lines(points: Array, normals: Array, size: float) -> Array:
     """The ends (n, 2, 3) of lines along normals (n, 3) through points (n, 3)."""
     along = NORMAL * size * normals
     return np.stack([points - along, points + along], axis=1)
+
+
+def of_shapes(placed: Sequence[tuple[Location, int | None]]) -> Array:
+    """Which of the contacts (n,) that have a place are those of shapes."""
+    return np.array([owner[0] == "contacts" for owner, _ in placed], dtype=bool)
 
 
 def closed_places(indices: Sequence[int | None], inputs: Array, forces: Array) -> Array:
@@ -72,7 +89,8 @@ def touching(model: Model, time: float, y: Array, inputs: Array) -> Touching:
     places = readings.places(time, y, inputs)
     pushes = np.array([not pulls(model.mechanism, owner) for owner, _ in readings.placed], dtype=bool)
     closed = closed_places([index for _, index in readings.placed], inputs, places[:, 1])
-    return Touching(places[closed, 0], places[closed, 1], places[closed, 2], pushes[closed])
+    shapes = of_shapes(readings.placed)
+    return Touching(places[closed, 0], places[closed, 1], places[closed, 2], pushes[closed], shapes[closed])
 
 
 def touching_now(simulation: BaseSimulation) -> Touching:

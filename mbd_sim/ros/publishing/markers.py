@@ -37,7 +37,7 @@ from mbd_sim.pictures.shapes.solids import (
     circle,
     triangles_of,
 )
-from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, closed_places
+from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, closed_places, of_shapes
 from mbd_sim.recordings.messages.states import Snapshot, ros_poses
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.model.model import Model
@@ -194,7 +194,7 @@ class Markers:
         :param prefix: precedes `ground` in the name of the frame.
         """
         self._model, self._frame = model, prefix + GROUND
-        extent = extent_of(model)
+        extent = self._extent = extent_of(model)
         self._size = extent.size
         self._full_force = weight(model.mechanism, self._size)
         self._time = np.inf
@@ -247,6 +247,7 @@ class Markers:
             return
         point, readings = snapshot.point, self._model.contact_readings
         places = readings.places(snapshot.time, point.state, point.inputs)
+        places[:, 0] = self._extent.in_front(places[:, 0], of_shapes(readings.placed))
         closed = closed_places([index for _, index in readings.placed], point.inputs, places[:, 1]).tolist()
         rows = zip(self._contacts, places, closed, self._pushes, strict=True)
         for (ball, line, arrow), (place, force, normal), touches, pushes in rows:

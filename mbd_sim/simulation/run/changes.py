@@ -19,7 +19,7 @@ from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product
-from mbd_sim.mechanism.elements.contacts import Face
+from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
@@ -163,6 +163,8 @@ def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> A
 DEPTH = 1e-9  # of the size of the mechanism or its natural length, up to which a start counts as touching
 REMEDY = "Change the start positions so that the gap is zero or positive."
 RAISE = " A free base can be put on its floor with --floor, or load_mechanism(…, floor=True)."
+ROBOTS = (".urdf", ".sdf")  # whose base is fixed unless it is freed
+FREE = " Its base is fixed: --base free, or load_mechanism(…, base='free', floor=True), lets it stand on its floor."
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,7 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
             case "contacts":
                 assert gap.bodies is not None
                 first, second = gap.bodies
-                found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'", RAISE))
+                found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'", _raised(model, second)))
             case "joints":
                 found.append(Penetration((*row.owner, "limits"), f"the joint is {depth} beyond its {row.quantity}"))
             case _:
@@ -202,9 +204,19 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
             if depth_in_m > limit * one_sided.units.length:
                 first, second = contact.names
                 text = f"'{first}' is {depth_in_m:.4g} m inside '{second}'"
-                remedy = RAISE if isinstance(contact.second, Face) else ""
-                found.append(Penetration(("contacts", contact.name), text, remedy))
+                found.append(Penetration(("contacts", contact.name), text, _raised(model, second)))
     return found
+
+
+def _raised(model: Model, obstacle: str) -> str:
+    """How a robot is put on a plane of ground that it is inside; nothing for other obstacles."""
+    if obstacle.partition(".")[0] != GROUND:
+        return ""
+    joints = model.mechanism.all_joints.values()
+    has_free_base = any(joint.type == "free" and GROUND in (joint.parent, joint.child) for joint in joints)
+    if has_free_base:
+        return RAISE
+    return FREE if model.mechanism.source.file.lower().endswith(ROBOTS) else ""
 
 
 def require_free_start(model: Model) -> None:

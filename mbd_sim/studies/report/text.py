@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
+from itertools import groupby
 from typing import Any
 
 from mbd_sim.base.disk_cache import cached, casadi_version, records_digest
@@ -11,6 +13,7 @@ from mbd_sim.base.errors import counted, listed, printable
 from mbd_sim.mechanism.mechanism import Mechanism
 
 POSITION_ROUND_OFF = 1e-14  # relative to the size of the mechanism
+NUMBERED = re.compile(r"_\d+$")  # of corners and slots of a pair
 
 
 def report_text(found: dict[str, Any]) -> str:
@@ -151,13 +154,19 @@ def _compliant_contacts(elements: dict[str, Any], size: float) -> list[str]:
 
 
 def _contact_lines(elements: dict[str, Any], size: float) -> Iterator[str]:
-    for name, element in elements.items():
-        text = f"{name}: {element['state']}"
+    """A line for each element; one for open corners or slots of the same pair whose gaps are equal."""
+
+    def described(item: tuple[str, Any]) -> tuple[str, str]:
+        """The name of the pair, or for what is not open of the element, and the state."""
+        name, element = item
         if element["state"] == "open":
-            text += f", gap {_rounded(element['gap'], size):.6g}"
-        elif element["normal"]:
-            text += f", force {element['normal']:.6g}"
-        yield f"  {text}"
+            return NUMBERED.sub("", name), f"open, gap {_rounded(element['gap'], size):.6g}"
+        return name, element["state"] + (f", force {element['normal']:.6g}" if element["normal"] else "")
+
+    for (_, state), group in groupby(elements.items(), described):
+        names = [name for name, _ in group]
+        last = f" to {names[-1].rpartition('_')[2]}" if len(names) > 1 else ""
+        yield f"  {names[0]}{last}: {state}"
 
 
 def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:

@@ -248,6 +248,7 @@ def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
     assert True in touching and False in touching
     for drawn, arrow, (point, force, _) in zip(points, arrows, places, strict=True):
         expected = np.reshape([point] if force.any() else [], (-1, 3))
+        expected = scene.extent.in_front(expected, np.ones(len(expected), dtype=bool))
         np.testing.assert_allclose(np.reshape(drawn["Points3D:positions"] or [], (-1, 3)), expected, atol=1e-6)
         if force.any() and scale * np.linalg.norm(force) < 0.6 * scene.extent.size:
             np.testing.assert_allclose(arrow["Arrows3D:vectors"], [scale * force], atol=1e-6)

@@ -1,5 +1,6 @@
 """The box that the motion fills."""
 
+import numpy as np
 import pytest
 
 from mbd_sim import Simulation, load_mechanism
@@ -19,6 +20,15 @@ def test_the_extent_contains_the_swing_of_the_rods():
 def test_what_rests_on_a_floor_does_not_fall_through_it_in_the_preview():
     extent = extent_of(Simulation.from_file("bounce").model)
     assert extent.lower[2] > -0.5 * extent.size
+
+
+def test_points_between_thick_bodies_are_shown_in_front_of_them():
+    extent = extent_of(Simulation.from_file("bounce").model)
+    points = np.array([[0.1, 0.0, 0.2], [0.1, 0.0, 0.2]])
+    moved, kept = extent.in_front(points, np.array([True, False]))
+    assert kept.tolist() == points[1].tolist()
+    assert moved[[0, 2]].tolist() == [0.1, 0.2]
+    assert moved[1] == extent.lower[1] < 0.0  # seen against y
 
 
 def test_the_extent_of_a_single_part_that_is_only_a_mesh_is_that_of_the_mesh(tmp_path):
