@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import rclpy.executors
-
-if hasattr(rclpy.executors, "EventsExecutor"):
-    EventsExecutor = rclpy.executors.EventsExecutor
-else:
+try:
+    from rclpy.executors import EventsExecutor
+except ImportError:
     from rclpy.experimental import EventsExecutor
 
 __all__ = ["EventsExecutor"]

@@ -1,7 +1,7 @@
 """A rosbag2 folder: its `metadata.yaml`, and its SQLite files.
 
-`metadata.yaml` is written as in Jazzy and Kilted (version 9, `rosbag2_storage/yaml.hpp`). Of the SQLite files one is read at a
-time.
+`metadata.yaml` is written as in Jazzy and Kilted (version 9, `rosbag2_storage/yaml.hpp`). Of the SQLite files one is
+read at a time.
 """
 
 from __future__ import annotations
