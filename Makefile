@@ -2,9 +2,10 @@
 # make test     set everything up; run ruff, mypy and all tests, in parallel
 # make lint     run only ruff and mypy
 # make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced, and
-#               build the message packages that only tests need
+#               build the message packages that only tests need; ROS=kilted takes other wheels, ROS=none does without
 # make gallery  redraw the pictures and animations of the shipped mechanisms, or of some: make gallery ARGS="four_bar engine"
-# make lowest   run tests with the lowest versions of all packages that setup.py allows
+# make lowest   run tests with the lowest versions of all packages that setup.py allows; ARGS=--quick runs few of them
+# make versions run tests with each version of Python that is found on this machine: make versions ARGS="--sessions tests-3.13"
 # make docs     build the site in docs/_build/html and check every page; NOTEBOOKS=off does not execute its notebooks
 # make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
 # make figures  write the results of make bench into docs/benchmarks.md and README.md
@@ -17,20 +18,24 @@ DOCS := .venv-docs
 SITE := docs/_build/html
 ARGS ?=
 
-.PHONY: setup run lowest test tests lint style types gallery docs bench figures clean
+.PHONY: setup run lowest versions test tests lint style types gallery docs bench figures clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
 	@scripts/browser
 
-$(VENV)/ready: setup.py scripts/setup_venv
-	scripts/setup_venv $(VENV)
+# Set up again if ROS names other wheels than those that are installed.
+other_ros := $(if $(ROS),$(if $(filter $(ROS),$(shell cat $(VENV)/ros 2>/dev/null)),,other_ros))
+.PHONY: other_ros
+
+$(VENV)/ready: setup.py scripts/setup_venv $(other_ros)
+	scripts/setup_venv $(VENV) $(ROS)
 
 # Message packages that only tests need.
 $(VENV)/interfaces: $(VENV)/ready $(wildcard test/ros_interfaces/*.py test/ros_interfaces/*/*/*)
-	$(BIN)/python -m test.ros_interfaces.build $@
+	if $(BIN)/python -c 'import rclpy' 2>/dev/null; then $(BIN)/python -m test.ros_interfaces.build $@; else mkdir -p $@; fi
 
 run: $(VENV)/ready
-	@$(BIN)/sim_node --ros-args $(ARGS)
+	@scripts/run $(BIN) $(ARGS)
 
 # One more than there are processors: tests with real nodes wait most of the time.
 WORKERS ?= $(shell expr $$(nproc) + 1)
@@ -53,6 +58,9 @@ types: $(VENV)/ready
 
 lowest:
 	@scripts/lowest_versions $(ARGS)
+
+versions: $(VENV)/ready
+	@$(BIN)/nox --reuse-existing-virtualenvs $(ARGS)
 
 gallery: $(VENV)/ready
 	$(BIN)/python docs/gallery_pictures.py docs $(ARGS)

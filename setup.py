@@ -44,11 +44,17 @@ EXTRAS = {
     "xacro": ["xacro>=2.1"],  # expands robot.urdf.xacro; in a ROS 2 installation the package xacro
 }
 ALL = sorted({requirement for requirements in EXTRAS.values() for requirement in requirements})
-# In a ROS 2 installation these come from the system instead.
+# In a ROS 2 installation these come from the system instead. There are wheels for Linux on x86-64 only.
 EXTRAS["ros"] = [
     "ros-jazzy-rclpy>=7.1,<8",
     "ros-jazzy-common-interfaces>=5.3,<6",
     "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
+    *EXTRAS["view"],
+]
+EXTRAS["ros-kilted"] = [
+    "ros-kilted-rclpy>=9.1,<10",
+    "ros-kilted-common-interfaces>=5.5,<6",
+    "ros-kilted-rmw-fastrtps-cpp>=9.3,<10",
     *EXTRAS["view"],
 ]
 
@@ -108,6 +114,7 @@ setup(
         "Programming Language :: Python :: 3.11",
         "Programming Language :: Python :: 3.12",
         "Programming Language :: Python :: 3.13",
+        "Programming Language :: Python :: 3.14",
         "Topic :: Scientific/Engineering :: Physics",
         "Topic :: Scientific/Engineering :: Visualization",
         "Typing :: Typed",
@@ -142,6 +149,7 @@ setup(
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
+            "nox[uv]>=2024.4",
             "playwright>=1.50",
             "psutil>=5.9",
             "pytest>=7.4",

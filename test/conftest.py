@@ -22,7 +22,7 @@ from mbd_sim.base import disk_cache
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.code.machine_code import LONG
 from mbd_sim.files.text.library import shipped
-from test import shared_builds
+from test import shared_builds, without_ros
 from test.shared_memory import remove_unused_shared_memory
 
 # Folders whose tests build many mechanisms and take few steps: level 0 compiles them in a tenth of the time, without
@@ -81,6 +81,15 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 gc.disable()  # during the collection of the tests, whose objects stay
+
+
+def pytest_ignore_collect(collection_path):
+    return True if collection_path in set(without_ros.left_out()) else None
+
+
+def pytest_report_header():
+    left_out = len(without_ros.left_out())
+    return f"ROS 2 is not installed: {left_out} files of tests that need nodes are left out" if left_out else None
 
 
 def pytest_configure():

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 BITS = 160  # behind the binary point
 HALF_PI = 0x1921FB54442D18469898CC51701B839A252049C1114CF98E8  # times 2**192
+TINY = 2.0**-28  # rad, below which the next terms of the series round to nothing
 LARGEST = 1e9  # rad; the quarter turns of a larger angle are lost in the digits of π/2
 
 
@@ -24,7 +25,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     angle = float(angle)
     if not abs(angle) <= LARGEST:
         return math.sin(angle), math.cos(angle)
-    if angle == 0.0:
+    if abs(angle) < TINY:
         return angle, 1.0
     numerator, denominator = angle.as_integer_ratio()
     turned = (numerator << 192) // denominator
@@ -33,7 +34,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     pair = _series(rest, rest, 2), _series(1 << BITS, rest, 1)
     for _ in range(quarters % 4):
         pair = pair[1], -pair[0]
-    return pair[0] / (1 << BITS) or angle, pair[1] / (1 << BITS)
+    return pair[0] / (1 << BITS), pair[1] / (1 << BITS)
 
 
 def sine(angle: float) -> float:

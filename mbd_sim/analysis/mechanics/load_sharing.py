@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import least_solution, norm, null_space, product
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.kernel_functions import Loads
@@ -83,7 +84,7 @@ class LoadSharing:
             return []
         loads = self._loads(t, y, inputs)
         stresses = self._self_stresses(loads)
-        effects = np.abs(loads.of_reactions @ stresses).reshape(-1, 6, stresses.shape[1])
+        effects = np.abs(product(loads.of_reactions, stresses)).reshape(-1, 6, stresses.shape[1])
         forces = effects[:, :3].max(axis=(1, 2), initial=0.0)
         names = [*self._mechanism.joints, *self._mechanism.closing]
         return [
@@ -105,8 +106,8 @@ class LoadSharing:
         components, is_round_off = self._components(loads.of_reactions, stresses, loads.reactions, loads.multipliers)
         if is_round_off:
             return None
-        added = stresses @ components
-        return added, loads.of_reactions @ added
+        added = product(stresses, components)
+        return added, product(loads.of_reactions, added)
 
     def shared_changes(self, t: float, y: Array, inputs: Array, reactions: Array, multipliers: Array) -> Array:
         """Changes (6 joints, n) of the reactions, from those that the equations of motion give.
@@ -124,18 +125,18 @@ class LoadSharing:
             )
         of_reactions, stresses = loads.of_reactions, self._self_stresses(loads)
         components = self._components(of_reactions, stresses, reactions, multipliers)[0]
-        return np.asarray(reactions + of_reactions @ stresses @ components)
+        return np.asarray(reactions + product(product(of_reactions, stresses), components))
 
     def _components(
         self, of_reactions: Array, stresses: Array, reactions: Array, multipliers: Array
     ) -> tuple[Array, bool]:
         """The self-stress (k, …) that minimizes the sum for given loads, and whether it is zero or round-off."""
         weights, own = self._weights, self._own_rows
-        effects, loads = weights[:, None] * (of_reactions @ stresses), (weights * reactions.T).T
+        effects, loads = weights[:, None] * (product(of_reactions, stresses)), (weights * reactions.T).T
         if len(own):
             effects, loads = np.vstack([effects, stresses[own]]), np.concatenate([loads, multipliers[own]])
-        components: Array = np.asarray(np.linalg.lstsq(effects, -loads, rcond=None)[0], dtype=float)
-        return components, bool(np.abs(effects @ components).max() <= LOAD_ROUND_OFF * np.abs(loads).max())
+        components = least_solution(effects, -loads)
+        return components, bool(np.abs(product(effects, components)).max() <= LOAD_ROUND_OFF * np.abs(loads).max())
 
     def _self_stresses(self, loads: Loads) -> Array:
         """An orthonormal basis (m, k) of the multipliers that change neither the motion nor the forces of drives.
@@ -144,15 +145,14 @@ class LoadSharing:
         """
         basis, of_drives = self._fixed_stresses, loads.of_drives
         if basis is None:
-            basis = np.linalg.svd(loads.gradient)[0][:, len(loads.gradient) - self.indeterminacy :]
+            basis = null_space(loads.gradient.T, 0.0, len(loads.gradient) - self.indeterminacy)
         if not of_drives.size:
             return basis
-        by_stresses = of_drives @ basis
+        by_stresses = product(of_drives, basis)
         if not by_stresses.any():
             return basis
-        _, sizes, directions = np.linalg.svd(by_stresses)
-        rank = int(np.sum(sizes > DETERMINED * np.max(np.abs(of_drives))))
-        return np.asarray(basis @ directions[rank:].T)
+        directions = null_space(by_stresses, DETERMINED * float(np.max(np.abs(of_drives))))
+        return np.asarray(product(basis, directions))
 
     @cached_property
     def _fixed_stresses(self) -> Array | None:
@@ -188,4 +188,4 @@ class LoadSharing:
             for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose)):
                 places.setdefault(part, []).append(frame.position)
         pairs = [pair for name in self._mechanism.parts for pair in combinations(places[name], 2)]
-        return max((float(np.linalg.norm(one - other)) for one, other in pairs), default=0.0) or 1.0
+        return max((norm(one - other) for one, other in pairs), default=0.0) or 1.0

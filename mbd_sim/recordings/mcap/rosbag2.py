@@ -1,13 +1,14 @@
 """A rosbag2 folder: its `metadata.yaml`, and its SQLite files.
 
-`metadata.yaml` is written as in Jazzy (version 9, `rosbag2_storage/yaml.hpp`). Of the SQLite files one is read at a
-time.
+`metadata.yaml` is written as in Jazzy and Kilted (version 9, `rosbag2_storage/yaml.hpp`). Of the SQLite files one is
+read at a time.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -22,6 +23,7 @@ from mbd_sim.recordings.messages.cdr import Block, DamagedError, Message, Readin
 from mbd_sim.recordings.messages.definitions import Topic
 
 VERSION = 9
+DISTRIBUTION = "jazzy"  # where none is sourced
 FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
 
@@ -63,7 +65,7 @@ def bag_text(topics: Sequence[Topic], files: Sequence[FileStatistics], custom: M
             f"    message_count: {file.messages}",
         ]
     lines.append(f"  custom_data: {json.dumps(dict(custom), ensure_ascii=False) if custom else 'null'}")
-    lines.append("  ros_distro: jazzy")
+    lines.append(f"  ros_distro: {os.environ.get('ROS_DISTRO') or DISTRIBUTION}")
     return "\n".join(lines) + "\n"
 
 

@@ -19,7 +19,6 @@ import rclpy
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.context import Context
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -30,6 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.base.errors import CommandError, MbdSimError, listed
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.ros.events_executor import EventsExecutor
 
 # Hz, of what is published at the end of a command's steps in any case; 0 would stop it altogether
 SELDOM = 1e-3

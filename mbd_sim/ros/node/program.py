@@ -23,12 +23,12 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from mbd_sim.base.errors import MbdSimError, quoted
 from mbd_sim.base.interrupts import raise_interrupt
+from mbd_sim.ros.events_executor import EventsExecutor
 from mbd_sim.ros.node.parameters import Service, set_one_at_a_time
 from mbd_sim.ros.stepping import realtime
 
