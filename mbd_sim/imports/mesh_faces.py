@@ -10,9 +10,12 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.imports.assembly import Face, covered_angle
+
+Numbers = NDArray[np.intp]  # of triangles
 
 FLAT = math.radians(0.2)  # between triangles of a plane
 SMOOTH = math.radians(31.0)  # between neighboring triangles of a round face
@@ -41,7 +44,7 @@ def faces_of_mesh(triangles: Array) -> tuple[Face, ...]:
     return (*found, *(_plane(triangles[members], normals[members]) for members in planes))
 
 
-def _neighbors(triangles: Array, normals: Array) -> tuple[Array, Array]:
+def _neighbors(triangles: Array, normals: Array) -> tuple[Numbers, Array]:
     """Pairs (k, 2) of triangles with a common edge, and the angles (k,) between them in rad."""
     _, corner = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     corners = corner.reshape(-1, 3)
@@ -54,7 +57,7 @@ def _neighbors(triangles: Array, normals: Array) -> tuple[Array, Array]:
     return pairs, np.arccos(cosines)
 
 
-def _regions(count: int, pairs: Array) -> Array:
+def _regions(count: int, pairs: Numbers) -> Numbers:
     """A number (count,) for each triangle, equal for those that pairs connect."""
     labels = np.arange(count)
     while True:
@@ -67,7 +70,7 @@ def _regions(count: int, pairs: Array) -> Array:
         labels = new
 
 
-def _members(labels: Array) -> Iterator[Array]:
+def _members(labels: Numbers) -> Iterator[Numbers]:
     """The triangles of each region."""
     order = np.argsort(labels, kind="stable")
     yield from np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)

@@ -56,7 +56,7 @@ def read_meshes(paths: Sequence[Path], unit: float | None, name: str) -> Assembl
         used.add(own)
         placed = PlacedBody(_body(path, scale), identity_pose(), (path.stem,))
         parts.append(ImportedPart(own, identity_pose(), (placed,)))
-    notes = [f"{listed(unitless)}: 1 in the file is {unit:g} m"] if unitless and unit is not None else []
+    notes = [f"{listed(unitless)}: lengths in units of {unit:g} m"] if unitless and unit is not None else []
     if stated := [path.name for path in paths if path.suffix.lower() not in UNITLESS]:
         notes.append(f"{listed(stated)}: in the unit that the file states, or m")
     return Assembly(name, tuple(parts), tuple(notes))

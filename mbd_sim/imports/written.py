@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,6 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.files.text.mesh_files import seen_from
 from mbd_sim.files.text.yaml_text import yaml_text
 from mbd_sim.imports.assembly import Assembly, Body, ImportedPart
 from mbd_sim.imports.choice import Choice
@@ -170,7 +170,7 @@ def _mesh_data(part: ImportedPart, table: MassTable, out: Path) -> dict[str, Any
     """A part whose mass, center and inertia follow from the file of its mesh."""
     (placed,) = part.bodies
     assert placed.body.file is not None
-    file = seen_from(str(placed.body.file.absolute()), str(out), out.parent)
+    file = os.path.relpath(placed.body.file.absolute(), out.absolute().parent)
     mesh: dict[str, Any] = {"file": file, "scale": None if placed.body.scale == 1.0 else placed.body.scale}
     mass, material = table.mass_of(part), table.material_of(part, placed)
     if mass is not None:
