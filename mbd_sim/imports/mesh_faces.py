@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Face, covered_angle
+from mbd_sim.imports.assembly import PartFace, covered_angle
 
 Numbers = NDArray[np.intp]  # of triangles
 
@@ -23,7 +23,7 @@ FEWEST = 8  # triangles of a round face
 INEXACT = 2e-3  # deviation of corners from a round face, relative to its radius
 
 
-def faces_of_mesh(triangles: Array) -> tuple[Face, ...]:
+def faces_of_mesh(triangles: Array) -> tuple[PartFace, ...]:
     """The faces of a closed mesh of triangles (n, 3, 3) in m."""
     edges = triangles[:, 1:] - triangles[:, :1]
     normals = np.cross(edges[:, 0], edges[:, 1])
@@ -76,12 +76,12 @@ def _members(labels: Numbers) -> Iterator[Numbers]:
     yield from np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
 
-def _plane(triangles: Array, normals: Array) -> Face:
+def _plane(triangles: Array, normals: Array) -> PartFace:
     normal = normals.mean(axis=0)
-    return Face("plane", triangles.mean(axis=(0, 1)), normal / np.linalg.norm(normal), 0.0, True, 0.0, triangles)
+    return PartFace("plane", triangles.mean(axis=(0, 1)), normal / np.linalg.norm(normal), 0.0, True, 0.0, triangles)
 
 
-def _cylinder(triangles: Array, normals: Array) -> Face | None:
+def _cylinder(triangles: Array, normals: Array) -> PartFace | None:
     """The cylinder whose axis is perpendicular to all normals."""
     axis = np.linalg.svd(normals, full_matrices=False)[2][2]
     if np.max(np.abs(normals @ axis)) > INEXACT:
@@ -97,16 +97,16 @@ def _cylinder(triangles: Array, normals: Array) -> Face | None:
     point = across @ center + axis * float((points @ axis).mean())
     radial = triangles.mean(axis=1) - point
     convex = bool(np.sum(radial * normals) > 0.0)
-    return Face("cylinder", point, axis, radius, convex, covered_angle(triangles, point, axis), triangles)
+    return PartFace("cylinder", point, axis, radius, convex, covered_angle(triangles, point, axis), triangles)
 
 
-def _sphere(triangles: Array, normals: Array) -> Face | None:
+def _sphere(triangles: Array, normals: Array) -> PartFace | None:
     fit = _round_through(triangles.reshape(-1, 3))
     if fit is None:
         return None
     center, radius = fit
     convex = bool(np.sum((triangles.mean(axis=1) - center) * normals) > 0.0)
-    return Face("sphere", center, np.zeros(3), radius, convex, 0.0, triangles)
+    return PartFace("sphere", center, np.zeros(3), radius, convex, 0.0, triangles)
 
 
 def _round_through(points: Array) -> tuple[Array, float] | None:

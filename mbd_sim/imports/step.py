@@ -18,7 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, listed
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.packages import require_packages
-from mbd_sim.imports.assembly import Assembly, Body, ImportedPart, PlacedBody
+from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.mechanism.elements.parts import is_frame_name
 from mbd_sim.mechanism.values.names import accepted_names, unique_name
 
@@ -29,7 +29,7 @@ MILLIMETER = 1e-3  # m, the unit of OpenCASCADE, to which it converts
 _UNNAMED = re.compile(r"(NAUO|=>|Open CASCADE|Compound|Solid|COMPOUND|SOLID)[^a-z]*\d*|", re.IGNORECASE)
 
 
-def read_step(path: Path, rigid: Sequence[str] = ()) -> Assembly:
+def read_step(path: Path, rigid: Sequence[str] = ()) -> CadAssembly:
     """The assembly in a STEP file.
 
     :param rigid: names of sub-assemblies that become one part each; * stands for any letters.
@@ -51,7 +51,7 @@ def read_step(path: Path, rigid: Sequence[str] = ()) -> Assembly:
     notes = [f"{path.name} is in {listed(units) or 'mm'}"]
     if reading.without_solids:
         notes.append(f"left out, as they have surfaces or curves only: {listed(reading.without_solids)}")
-    return Assembly(path.stem, tuple(parts), tuple(notes))
+    return CadAssembly(path.stem, tuple(parts), tuple(notes))
 
 
 def _require_step(path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import InputError, Simulation, parse_mechanism
 from mbd_sim.base.geometry.pose import Pose, identity_pose
-from mbd_sim.imports.assembly import Assembly, Body, ImportedPart, PlacedBody
+from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.imports.choice import choose
 from mbd_sim.imports.joints import Candidate
 from mbd_sim.imports.masses import mass_table
@@ -25,7 +25,7 @@ def assembly():
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) if number else np.eye(3)
         placed = PlacedBody(Body(volume, block(size)), identity_pose(), (name,))
         parts.append(ImportedPart(name, Pose(np.array([float(number), 0.0, 0.0]), turn), (placed,)))
-    return Assembly("m", tuple(parts))
+    return CadAssembly("m", tuple(parts))
 
 
 def candidates():

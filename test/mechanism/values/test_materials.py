@@ -11,7 +11,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "mechanism_file.md"
 
 def test_the_page_lists_every_material():
     section = PAGE.read_text("utf-8").partition("### Materials")[2].partition("\n## ")[0]
-    listed = {name: float(number) for name, number in re.findall(r"`(\w+)` ([\d.]+)[,.]", section)}
+    listed = {name: float(number) for name, number in re.findall(r"`(\w+)`\s(\d+)[,.]", section)}
     assert listed == MATERIALS
     assert dict(re.findall(r"`(\w+)` is `(\w+)`", section)) == ALSO
 
