@@ -58,7 +58,7 @@ def _picked(pick: str, candidates: Sequence[Candidate]) -> tuple[Candidate, Join
     numbers = {str(one.number): one for one in candidates} | {one.name: one for one in candidates}
     candidate = numbers.get(name)
     if candidate is None:
-        known = f"There are {len(candidates)}, 1 to {len(candidates)}." if candidates else "None were found."
+        known = f"They are numbered 1 to {len(candidates)}." if candidates else "None were found."
         remedy = known if name.isdecimal() else nearest(name, [one.name for one in candidates]) or known
         raise InputError(f"--joint {pick}: no joint {quoted(name)} is offered", remedy)
     if word == NONE:

@@ -40,7 +40,7 @@ def faces_of(shape: Any) -> Iterator[Any]:
 
     explorer = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_FACE)
     while explorer.More():
-        yield TopoDS.PartFace(explorer.Current())
+        yield TopoDS.Face(explorer.Current())
         explorer.Next()
 
 

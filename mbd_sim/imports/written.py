@@ -66,8 +66,6 @@ def written(
         "ground": {"points": {name: _point_data(assembly, name) for name in choice.held}},
         "parts": {part.name: _part_data(part, table, points[part.name], names, out) for part in assembly.parts},
     }
-    if choice.is_free:
-        del data["ground"]["points"][choice.held[0]]
     head = [*assembly.notes, "Joints that were found and not chosen are comments at the end of this file."]
     text = yaml_text(data, head) + "joints:\n" + "".join(_joint_lines(assembly, candidates, choice))
     meshes = {names[body]: body.triangles for body in names}
@@ -202,12 +200,10 @@ def _joint_lines(assembly: CadAssembly, candidates: Sequence[Candidate], choice:
     for number, part in enumerate(choice.held):
         name = unique_name(f"{part}_mount", used)
         used.add(name)
-        if not number and choice.is_free:
-            yield _entry(name, {"type": "free", "between": [GROUND, reference(part)]})
-            continue
         if number:
             yield "  # No joint that was chosen connects it: held until one is.\n"
-        yield _entry(name, {"type": "fixed", "between": [reference(GROUND, part), reference(part)]})
+        kind = "free" if choice.is_free and not number else "fixed"
+        yield _entry(name, {"type": kind, "between": [reference(GROUND, part), reference(part)]})
     order = _from_ground(assembly, candidates, choice)
     for candidate in candidates:
         if candidate.number in choice.types:

@@ -56,7 +56,7 @@ def test_parts_without_a_joint_are_held():
 @pytest.mark.parametrize(
     ("picks", "ground", "said"),
     [
-        (["7"], None, "no joint '7' is offered. There are 3, 1 to 3."),
+        (["7"], None, "no joint '7' is offered. They are numbered 1 to 3."),
         (["frame_arm=hinge"], None, "no joint 'frame_arm' is offered. Did you mean 'frame_arm.left'?"),
         (["1=hing"], None, "unknown joint 'hing'. Did you mean 'hinge'?"),
         (["2=hinge"], None, "arm.left, Ω share no axis. Choose ball, fixed or none for joint 2."),
@@ -79,7 +79,7 @@ def test_what_is_written_loads_and_its_comments_are_joints(tmp_path, picks, grou
     mechanism = parse_mechanism(text, str(out))
     assert mechanism.gravity == pytest.approx([0.0, 9.81, 0.0])
     assert len([name for name in mechanism.all_joints if not name.endswith("_mount")]) == len(picks)
-    if ground is None and len(picks) == 2:  # a kernel is compiled
+    if ground != "Ω" and len(picks) == 2:  # a kernel is compiled
         poses = Simulation(mechanism).poses()
         for part in assembly().parts:
             assert poses[part.name].position == pytest.approx(part.pose.position, abs=1e-12)
