@@ -14,7 +14,7 @@ LONGEST = 60  # lines of a function
 LONGEST_DERIVE = 40  # lines of code of `derive`, the table of contents of the equations of motion
 # From above to below; a module imports only from its own folder and from those after it.
 ORDER = (
-    "__main__", "programs", "cli", "examples", "ros", "many", "exports", "notebook", "lab", "recordings", "studies", "pictures", "simulation",
+    "__main__", "programs", "cli", "examples", "ros", "many", "exports", "notebook", "lab", "recordings", "imports", "studies", "pictures", "simulation",
     "files", "analysis", "dynamics", "compiler", "integrators", "mechanism", "base",
 )  # fmt: skip
 TEXT = re.compile(r"\bmbd_sim(?:\.\w+)+")

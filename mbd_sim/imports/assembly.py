@@ -19,7 +19,7 @@ FaceKind = Literal["plane", "cylinder", "sphere"]
 
 
 @dataclass(frozen=True, eq=False)
-class Face:
+class PartFace:
     """A part of the surface of a body: a plane, or a round face.
 
     `point` (3,) lies on the plane or the axis, or is the center of a sphere. `direction` (3,) is the normal of a plane,
@@ -36,7 +36,7 @@ class Face:
     turn: float
     triangles: Array
 
-    def placed(self, pose: Pose) -> Face:
+    def placed(self, pose: Pose) -> PartFace:
         """The face in the outer frame of `pose`."""
         return replace(
             self,
@@ -68,7 +68,7 @@ class Body:
 
     volume: MassProperties
     triangles: Array
-    faces: tuple[Face, ...] = ()
+    faces: tuple[PartFace, ...] = ()
     file: Path | None = None
     scale: float = 1.0
 
@@ -91,7 +91,7 @@ class ImportedPart:
     pose: Pose
     bodies: tuple[PlacedBody, ...]
 
-    def faces(self) -> list[Face]:
+    def faces(self) -> list[PartFace]:
         """Its faces in the frame of the assembly."""
         return [face.placed(self.pose @ placed.pose) for placed in self.bodies for face in placed.body.faces]
 
@@ -110,7 +110,7 @@ class ImportedPart:
 
 
 @dataclass(frozen=True, eq=False)
-class Assembly:
+class CadAssembly:
     """The parts of one or more files; `notes` say what was read, in which unit, and what was left out."""
 
     name: str

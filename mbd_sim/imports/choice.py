@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mbd_sim.base.errors import InputError, listed, nearest, quoted
-from mbd_sim.imports.assembly import Assembly, ImportedPart
+from mbd_sim.imports.assembly import CadAssembly, ImportedPart
 from mbd_sim.imports.joints import NEED_AXIS, OFFERED, WORDS, Candidate
 from mbd_sim.mechanism.elements.joint_types import JointType
 from mbd_sim.mechanism.values.names import split_assignment
@@ -28,7 +28,7 @@ class Choice:
 
 
 def choose(
-    assembly: Assembly, candidates: Sequence[Candidate], every: bool, picks: Sequence[str], ground: str | None
+    assembly: CadAssembly, candidates: Sequence[Candidate], every: bool, picks: Sequence[str], ground: str | None
 ) -> Choice:
     """The choice of a user.
 
@@ -58,7 +58,7 @@ def _picked(pick: str, candidates: Sequence[Candidate]) -> tuple[Candidate, Join
     numbers = {str(one.number): one for one in candidates} | {one.name: one for one in candidates}
     candidate = numbers.get(name)
     if candidate is None:
-        known = f"There are {len(candidates)}, 1 to {len(candidates)}." if candidates else "None were found."
+        known = f"They are numbered 1 to {len(candidates)}." if candidates else "None were found."
         remedy = known if name.isdecimal() else nearest(name, [one.name for one in candidates]) or known
         raise InputError(f"--joint {pick}: no joint {quoted(name)} is offered", remedy)
     if word == NONE:

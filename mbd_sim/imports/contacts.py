@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Face, ImportedPart
+from mbd_sim.imports.assembly import ImportedPart, PartFace
 
 ANGLE = 1e-3  # rad, up to which axes and normals are parallel
 LEAST = 0.1  # of the gap, by which planes must overlap in every direction
@@ -27,7 +27,7 @@ ContactKind = Literal["shaft", "ball", "plane", "holes"]
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class FaceContact:
     """Two faces that touch, of the first and of the second part: their middle `point` (3,) and `direction` (3,).
 
     The direction is that of the axis of a shaft or of holes in line, and the normal of a plane, which leads out of the
@@ -43,10 +43,10 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class PartSurface:
     """The faces of a part in the frame of the assembly, and their numbers as arrays."""
 
-    faces: Sequence[Face]
+    faces: Sequence[PartFace]
 
     @cached_property
     def low(self) -> Array:
@@ -83,12 +83,12 @@ class Surface:
 Mask = NDArray[np.bool_]
 
 
-def contacts_of(parts: Sequence[ImportedPart], gap: float) -> dict[tuple[int, int], list[Contact]]:
+def contacts_of(parts: Sequence[ImportedPart], gap: float) -> dict[tuple[int, int], list[FaceContact]]:
     """Where each two parts touch, by their places in the assembly.
 
     :param gap: the largest distance in m of surfaces that touch, and difference of their radii.
     """
-    surfaces = [Surface(part.faces()) for part in parts]
+    surfaces = [PartSurface(part.faces()) for part in parts]
     found = {}
     for one, other in _near(surfaces, gap):
         contacts = [
@@ -103,7 +103,7 @@ def contacts_of(parts: Sequence[ImportedPart], gap: float) -> dict[tuple[int, in
     return dict(sorted(found.items()))
 
 
-def _near(surfaces: Sequence[Surface], gap: float) -> Iterator[tuple[int, int]]:
+def _near(surfaces: Sequence[PartSurface], gap: float) -> Iterator[tuple[int, int]]:
     """The pairs of parts whose boxes meet."""
     known = [number for number, surface in enumerate(surfaces) if surface.faces]
     low = {number: surfaces[number].low.min(axis=0) - gap for number in known}
@@ -113,7 +113,7 @@ def _near(surfaces: Sequence[Surface], gap: float) -> Iterator[tuple[int, int]]:
             yield one, other
 
 
-def _meeting(one: Surface, other: Surface, gap: float) -> Mask:
+def _meeting(one: PartSurface, other: PartSurface, gap: float) -> Mask:
     """Whether the boxes of each two faces (n, m) meet."""
     below = np.all(one.low[:, None] - gap <= other.high[None], axis=2)
     above = np.all(other.low[None] - gap <= one.high[:, None], axis=2)
@@ -121,7 +121,7 @@ def _meeting(one: Surface, other: Surface, gap: float) -> Mask:
     return meeting
 
 
-def _shafts(one: Surface, other: Surface, gap: float) -> list[Contact]:
+def _shafts(one: PartSurface, other: PartSurface, gap: float) -> list[FaceContact]:
     """Shafts of either part in holes of the other, each pair of faces; those that are embraced enough."""
     of_shafts = one.among("cylinder", True)[:, None] & other.among("cylinder", False)[None]
     of_holes = one.among("cylinder", False)[:, None] & other.among("cylinder", True)[None]
@@ -134,11 +134,11 @@ def _shafts(one: Surface, other: Surface, gap: float) -> list[Contact]:
             hole, shaft = shaft, hole
         length, middle = _overlap_along(hole, shaft)
         if length > gap:
-            found.append(Contact("shaft", middle, hole.direction, hole.radius, length, (int(first), int(second))))
+            found.append(FaceContact("shaft", middle, hole.direction, hole.radius, length, (int(first), int(second))))
     return [contact for group in by_axis(found, gap) if _is_embraced(group, one, other) for contact in group]
 
 
-def _coaxial(one: Surface, other: Surface, gap: float) -> Mask:
+def _coaxial(one: PartSurface, other: PartSurface, gap: float) -> Mask:
     """Whether the axes of each two faces (n, m) coincide where they are."""
     parallel = np.linalg.norm(np.cross(one.directions[:, None], other.directions[None]), axis=2) <= ANGLE
     middle = 0.5 * (one.low + one.high)
@@ -151,7 +151,7 @@ def _coaxial(one: Surface, other: Surface, gap: float) -> Mask:
     return coaxial
 
 
-def _overlap_along(first: Face, second: Face) -> tuple[float, Array]:
+def _overlap_along(first: PartFace, second: PartFace) -> tuple[float, Array]:
     """The length that two cylinders share along the axis of the first, and its middle; negative if they are apart."""
     low, high = -math.inf, math.inf
     for face in (first, second):
@@ -160,9 +160,9 @@ def _overlap_along(first: Face, second: Face) -> tuple[float, Array]:
     return high - low, first.point + 0.5 * (low + high) * first.direction
 
 
-def by_axis(contacts: Sequence[Contact], gap: float) -> list[list[Contact]]:
+def by_axis(contacts: Sequence[FaceContact], gap: float) -> list[list[FaceContact]]:
     """The contacts with an axis in groups of a common one."""
-    groups: list[list[Contact]] = []
+    groups: list[list[FaceContact]] = []
     for contact in contacts:
         for group in groups:
             away = contact.point - group[0].point
@@ -176,7 +176,7 @@ def by_axis(contacts: Sequence[Contact], gap: float) -> list[list[Contact]]:
     return groups
 
 
-def _is_embraced(group: Sequence[Contact], one: Surface, other: Surface) -> bool:
+def _is_embraced(group: Sequence[FaceContact], one: PartSurface, other: PartSurface) -> bool:
     """Whether the faces of each side go far enough around their axis; a rounded edge in a fillet does not."""
     first = {contact.faces[0] for contact in group}
     second = {contact.faces[1] for contact in group}
@@ -186,20 +186,20 @@ def _is_embraced(group: Sequence[Contact], one: Surface, other: Surface) -> bool
     )
 
 
-def _balls(one: Surface, other: Surface, gap: float) -> list[Contact]:
+def _balls(one: PartSurface, other: PartSurface, gap: float) -> list[FaceContact]:
     opposite = one.among("sphere", True)[:, None] & other.among("sphere", False)[None]
     opposite |= one.among("sphere", False)[:, None] & other.among("sphere", True)[None]
     possible = opposite & (np.abs(one.radii[:, None] - other.radii[None]) <= gap)
     possible &= np.linalg.norm(one.points[:, None] - other.points[None], axis=2) <= gap
     return [
-        Contact(
+        FaceContact(
             "ball", one.points[first], np.zeros(3), float(one.radii[first]), float(one.radii[first]), (first, second)
         )
         for first, second in np.argwhere(possible).tolist()
     ]
 
 
-def _planes(one: Surface, other: Surface, gap: float) -> list[Contact]:
+def _planes(one: PartSurface, other: PartSurface, gap: float) -> list[FaceContact]:
     possible = one.among("plane")[:, None] & other.among("plane")[None] & _meeting(one, other, gap)
     sines = np.linalg.norm(np.cross(one.directions[:, None], other.directions[None]), axis=2)
     possible &= (one.directions @ other.directions.T < 0.0) & (sines <= ANGLE)
@@ -212,11 +212,11 @@ def _planes(one: Surface, other: Surface, gap: float) -> list[Contact]:
         face, opposite = one.faces[first], other.faces[second]
         distance = abs(float((opposite.triangles.mean(axis=(0, 1)) - face.point) @ face.direction))
         if distance <= gap and (middle := _overlap_in_plane(face, opposite, LEAST * gap)) is not None:
-            found.append(Contact("plane", middle, face.direction, 0.0, 0.0, (first, second)))
+            found.append(FaceContact("plane", middle, face.direction, 0.0, 0.0, (first, second)))
     return found
 
 
-def _overlap_in_plane(face: Face, other: Face, least: float) -> Array | None:
+def _overlap_in_plane(face: PartFace, other: PartFace, least: float) -> Array | None:
     """The middle (3,) of what two planes share; None if they overlap by less than `least`.
 
     Two triangles overlap if their shadows on the normals of all six sides do.
@@ -265,8 +265,8 @@ def _depths(first: Array, second: Array) -> Array:
 
 
 def _holes_in_line(
-    surfaces: Sequence[Surface], found: dict[tuple[int, int], list[Contact]], gap: float
-) -> Iterator[tuple[tuple[int, int], list[Contact]]]:
+    surfaces: Sequence[PartSurface], found: dict[tuple[int, int], list[FaceContact]], gap: float
+) -> Iterator[tuple[tuple[int, int], list[FaceContact]]]:
     """Holes of parts that touch, on one axis and with one radius, for which the assembly has no shaft."""
     filled: set[tuple[int, int]] = set()
     for (one, other), contacts in found.items():
@@ -287,7 +287,7 @@ def _holes_in_line(
             length, middle = _overlap_along(first.faces[a], second.faces[b])
             if abs(length) <= gap:
                 face = first.faces[a]
-                lines.append(Contact("holes", middle, face.direction, face.radius, face.radius, (a, b)))
+                lines.append(FaceContact("holes", middle, face.direction, face.radius, face.radius, (a, b)))
         lines = [line for group in by_axis(lines, gap) if _is_embraced(group, first, second) for line in group]
         if lines:
             yield (one, other), lines

@@ -14,8 +14,8 @@ import numpy as np
 
 from mbd_sim.base.errors import counted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Assembly
-from mbd_sim.imports.contacts import ANGLE, Contact, by_axis, contacts_of
+from mbd_sim.imports.assembly import CadAssembly
+from mbd_sim.imports.contacts import ANGLE, FaceContact, by_axis, contacts_of
 from mbd_sim.mechanism.elements.joint_types import JointType
 from mbd_sim.mechanism.values.names import unique_name
 
@@ -49,7 +49,7 @@ class Candidate:
     why: str
 
 
-def candidates_of(assembly: Assembly, gap: float) -> list[Candidate]:
+def candidates_of(assembly: CadAssembly, gap: float) -> list[Candidate]:
     """The joints between parts that touch, in the order of the parts.
 
     :param gap: the largest distance in m of surfaces that touch.
@@ -64,7 +64,7 @@ def candidates_of(assembly: Assembly, gap: float) -> list[Candidate]:
     return found
 
 
-def _joint_of(contacts: Sequence[Contact], gap: float) -> tuple[JointType | None, Array, Array | None]:
+def _joint_of(contacts: Sequence[FaceContact], gap: float) -> tuple[JointType | None, Array, Array | None]:
     """The type, the point and the axis of the joint that shared faces leave."""
     round_ones = [contact for contact in contacts if contact.kind != "plane"]
     planes = [contact for contact in contacts if contact.kind == "plane"]
@@ -84,7 +84,7 @@ def _joint_of(contacts: Sequence[Contact], gap: float) -> tuple[JointType | None
     return kind, middle, None if axis is None else _tidy(axis)
 
 
-def _main(contacts: Sequence[Contact], gap: float) -> Contact | None:
+def _main(contacts: Sequence[FaceContact], gap: float) -> FaceContact | None:
     """A contact at the middle of the longest axis, or of a ball."""
     with_axis = [contact for contact in contacts if contact.kind != "ball"]
     if not with_axis:
@@ -95,10 +95,10 @@ def _main(contacts: Sequence[Contact], gap: float) -> Contact | None:
     ends = [(s - 0.5 * c.size, s + 0.5 * c.size) for s, c in zip(along, group, strict=True)]
     middle = 0.5 * (min(low for low, _ in ends) + max(high for _, high in ends))
     point = first.point + middle * first.direction
-    return Contact(first.kind, point, first.direction, first.radius, first.size, first.faces)
+    return FaceContact(first.kind, point, first.direction, first.radius, first.size, first.faces)
 
 
-def _round_rows(contact: Contact, origin: Array, size: float) -> list[Array]:
+def _round_rows(contact: FaceContact, origin: Array, size: float) -> list[Array]:
     """The rows (6,) of velocity at `origin` and angular velocity times `size` that a round contact makes zero."""
     arm = (contact.point - origin) / size
     if contact.kind == "ball":
@@ -107,13 +107,13 @@ def _round_rows(contact: Contact, origin: Array, size: float) -> list[Array]:
     return [*(_row(direction, arm) for direction in across), *(_turning(direction) for direction in across)]
 
 
-def _plane_rows(plane: Contact, origin: Array, size: float, keeps: bool) -> list[Array]:
+def _plane_rows(plane: FaceContact, origin: Array, size: float, keeps: bool) -> list[Array]:
     """The rows of a plane, on which a part slides and turns, and which it does not leave if it `keeps`."""
     along = [_row(plane.direction, (plane.point - origin) / size)] if keeps else []
     return [*along, *(_turning(direction) for direction in _across(plane.direction))]
 
 
-def _keeps(plane: Contact, planes: Sequence[Contact], left: Array) -> bool:
+def _keeps(plane: FaceContact, planes: Sequence[FaceContact], left: Array) -> bool:
     """Whether a plane counts as a restriction in both directions along its normal.
 
     Without round faces it does: the part lies on it. A shaft that could move along the normal needs a second plane.
@@ -186,7 +186,7 @@ def _tidy(axis: Array) -> Array:
     return axis if axis[first] > 0.0 else 0.0 - axis
 
 
-def _why(contacts: Sequence[Contact], kind: JointType | None, axis: Array | None, gap: float) -> str:
+def _why(contacts: Sequence[FaceContact], kind: JointType | None, axis: Array | None, gap: float) -> str:
     """What two parts share, in words."""
     words = []
     for name in ("shaft", "holes"):

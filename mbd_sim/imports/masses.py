@@ -12,7 +12,7 @@ from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.files.text.library import read_text
 from mbd_sim.files.text.units import parse_value
 from mbd_sim.files.text.yaml_text import parse_source
-from mbd_sim.imports.assembly import Assembly, ImportedPart, PlacedBody
+from mbd_sim.imports.assembly import CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.mechanism.mass_properties import MassProperties, composite
 from mbd_sim.mechanism.values.materials import ALSO, MATERIALS, density_of
 from mbd_sim.mechanism.values.names import split_assignment
@@ -63,7 +63,7 @@ class MassTable:
         whole = composite(found)
         return whole if mass is None else whole.scaled(mass / whole.mass)
 
-    def require_used(self, assembly: Assembly) -> None:
+    def require_used(self, assembly: CadAssembly) -> None:
         """Check that each line of the table fits a part.
 
         :raises InputError: one fits none.

@@ -10,9 +10,12 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Face, covered_angle
+from mbd_sim.imports.assembly import PartFace, covered_angle
+
+Numbers = NDArray[np.intp]  # of triangles
 
 FLAT = math.radians(0.2)  # between triangles of a plane
 SMOOTH = math.radians(31.0)  # between neighboring triangles of a round face
@@ -20,7 +23,7 @@ FEWEST = 8  # triangles of a round face
 INEXACT = 2e-3  # deviation of corners from a round face, relative to its radius
 
 
-def faces_of_mesh(triangles: Array) -> tuple[Face, ...]:
+def faces_of_mesh(triangles: Array) -> tuple[PartFace, ...]:
     """The faces of a closed mesh of triangles (n, 3, 3) in m."""
     edges = triangles[:, 1:] - triangles[:, :1]
     normals = np.cross(edges[:, 0], edges[:, 1])
@@ -41,7 +44,7 @@ def faces_of_mesh(triangles: Array) -> tuple[Face, ...]:
     return (*found, *(_plane(triangles[members], normals[members]) for members in planes))
 
 
-def _neighbors(triangles: Array, normals: Array) -> tuple[Array, Array]:
+def _neighbors(triangles: Array, normals: Array) -> tuple[Numbers, Array]:
     """Pairs (k, 2) of triangles with a common edge, and the angles (k,) between them in rad."""
     _, corner = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     corners = corner.reshape(-1, 3)
@@ -54,7 +57,7 @@ def _neighbors(triangles: Array, normals: Array) -> tuple[Array, Array]:
     return pairs, np.arccos(cosines)
 
 
-def _regions(count: int, pairs: Array) -> Array:
+def _regions(count: int, pairs: Numbers) -> Numbers:
     """A number (count,) for each triangle, equal for those that pairs connect."""
     labels = np.arange(count)
     while True:
@@ -67,18 +70,18 @@ def _regions(count: int, pairs: Array) -> Array:
         labels = new
 
 
-def _members(labels: Array) -> Iterator[Array]:
+def _members(labels: Numbers) -> Iterator[Numbers]:
     """The triangles of each region."""
     order = np.argsort(labels, kind="stable")
     yield from np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
 
-def _plane(triangles: Array, normals: Array) -> Face:
+def _plane(triangles: Array, normals: Array) -> PartFace:
     normal = normals.mean(axis=0)
-    return Face("plane", triangles.mean(axis=(0, 1)), normal / np.linalg.norm(normal), 0.0, True, 0.0, triangles)
+    return PartFace("plane", triangles.mean(axis=(0, 1)), normal / np.linalg.norm(normal), 0.0, True, 0.0, triangles)
 
 
-def _cylinder(triangles: Array, normals: Array) -> Face | None:
+def _cylinder(triangles: Array, normals: Array) -> PartFace | None:
     """The cylinder whose axis is perpendicular to all normals."""
     axis = np.linalg.svd(normals, full_matrices=False)[2][2]
     if np.max(np.abs(normals @ axis)) > INEXACT:
@@ -94,16 +97,16 @@ def _cylinder(triangles: Array, normals: Array) -> Face | None:
     point = across @ center + axis * float((points @ axis).mean())
     radial = triangles.mean(axis=1) - point
     convex = bool(np.sum(radial * normals) > 0.0)
-    return Face("cylinder", point, axis, radius, convex, covered_angle(triangles, point, axis), triangles)
+    return PartFace("cylinder", point, axis, radius, convex, covered_angle(triangles, point, axis), triangles)
 
 
-def _sphere(triangles: Array, normals: Array) -> Face | None:
+def _sphere(triangles: Array, normals: Array) -> PartFace | None:
     fit = _round_through(triangles.reshape(-1, 3))
     if fit is None:
         return None
     center, radius = fit
     convex = bool(np.sum((triangles.mean(axis=1) - center) * normals) > 0.0)
-    return Face("sphere", center, np.zeros(3), radius, convex, 0.0, triangles)
+    return PartFace("sphere", center, np.zeros(3), radius, convex, 0.0, triangles)
 
 
 def _round_through(points: Array) -> tuple[Array, float] | None:

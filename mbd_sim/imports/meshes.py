@@ -11,7 +11,7 @@ from mbd_sim.base.errors import InputError, listed
 from mbd_sim.base.geometry.pose import identity_pose
 from mbd_sim.files.text.mesh_files import FORMATS, PRODUCTS, read_triangles, solid
 from mbd_sim.files.text.mesh_solids import UNITLESS
-from mbd_sim.imports.assembly import Assembly, Body, ImportedPart, PlacedBody
+from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.imports.mesh_faces import faces_of_mesh
 from mbd_sim.mechanism.elements.parts import is_frame_name
 from mbd_sim.mechanism.mass_properties import MassProperties
@@ -38,7 +38,7 @@ def mesh_files(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def read_meshes(paths: Sequence[Path], unit: float | None, name: str) -> Assembly:
+def read_meshes(paths: Sequence[Path], unit: float | None, name: str) -> CadAssembly:
     """An assembly of meshes, in whose common frame each is given.
 
     :param unit: in m, of the files that state none.
@@ -56,10 +56,10 @@ def read_meshes(paths: Sequence[Path], unit: float | None, name: str) -> Assembl
         used.add(own)
         placed = PlacedBody(_body(path, scale), identity_pose(), (path.stem,))
         parts.append(ImportedPart(own, identity_pose(), (placed,)))
-    notes = [f"{listed(unitless)}: 1 in the file is {unit:g} m"] if unitless and unit is not None else []
+    notes = [f"{listed(unitless)}: lengths in units of {unit:g} m"] if unitless and unit is not None else []
     if stated := [path.name for path in paths if path.suffix.lower() not in UNITLESS]:
         notes.append(f"{listed(stated)}: in the unit that the file states, or m")
-    return Assembly(name, tuple(parts), tuple(notes))
+    return CadAssembly(name, tuple(parts), tuple(notes))
 
 
 def _body(path: Path, scale: float) -> Body:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Assembly
+from mbd_sim.imports.assembly import CadAssembly
 from mbd_sim.imports.joints import Candidate
 from mbd_sim.pictures.drawing.sheet import (
     AZIMUTH,
@@ -38,7 +38,7 @@ INK, ACCENT = "#2c323c", "#b3261e"
 
 
 def write_picture(
-    path: Path, assembly: Assembly, candidates: Sequence[Candidate], glass: Collection[str], up: Array
+    path: Path, assembly: CadAssembly, candidates: Sequence[Candidate], glass: Collection[str], up: Array
 ) -> None:
     """Draw the parts, those of `glass` transparent, with the numbers of the joints; a legend names them.
 
@@ -52,7 +52,7 @@ def write_picture(
     figure.savefig(path, dpi=150)
 
 
-def _view(assembly: Assembly, up: Array) -> ScaledView:
+def _view(assembly: CadAssembly, up: Array) -> ScaledView:
     """An oblique view, at the scale at which the assembly has its size."""
     side = np.eye(3)[(int(np.argmax(np.abs(up))) + 1) % 3]
     turned = np.column_stack([side, np.cross(up, side), up])  # from axes in which z points upward
@@ -64,7 +64,7 @@ def _view(assembly: Assembly, up: Array) -> ScaledView:
     return ScaledView(view, SIZE / max(float(spread.max()), 1e-12))
 
 
-def _figure(page: ScaledView, assembly: Assembly, count: int) -> tuple[Any, Any, Array]:
+def _figure(page: ScaledView, assembly: CadAssembly, count: int) -> tuple[Any, Any, Array]:
     """A figure with axes in points; and the place (2,) of the legend."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -83,7 +83,7 @@ def _figure(page: ScaledView, assembly: Assembly, count: int) -> tuple[Any, Any,
     return figure, axes, np.array([float(high[0]), middle + 0.5 * height - 1.5 * LINE])
 
 
-def _add_parts(axes: Any, page: ScaledView, assembly: Assembly, glass: Collection[str]) -> None:
+def _add_parts(axes: Any, page: ScaledView, assembly: CadAssembly, glass: Collection[str]) -> None:
     """The triangles of all parts, shaded, from back to front."""
     from matplotlib.collections import PolyCollection
 

@@ -18,7 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, listed
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.packages import require_packages
-from mbd_sim.imports.assembly import Assembly, Body, ImportedPart, PlacedBody
+from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.mechanism.elements.parts import is_frame_name
 from mbd_sim.mechanism.values.names import accepted_names, unique_name
 
@@ -26,10 +26,11 @@ SUFFIXES = (".step", ".stp", ".p21")
 MOST_BYTES = 300_000_000  # of a file
 MOST_PARTS = 1000
 MILLIMETER = 1e-3  # m, the unit of OpenCASCADE, to which it converts
-_UNNAMED = re.compile(r"(NAUO|=>|Open CASCADE|Compound|Solid|COMPOUND|SOLID)[^a-z]*\d*|", re.IGNORECASE)
+# What programs write where nobody gave a name.
+_UNNAMED = re.compile(r"(NAUO\d*|=>.*|Open CASCADE.*|(Compound|Solid|Shape)\W*\d*|)", re.IGNORECASE)
 
 
-def read_step(path: Path, rigid: Sequence[str] = ()) -> Assembly:
+def read_step(path: Path, rigid: Sequence[str] = ()) -> CadAssembly:
     """The assembly in a STEP file.
 
     :param rigid: names of sub-assemblies that become one part each; * stands for any letters.
@@ -39,7 +40,7 @@ def read_step(path: Path, rigid: Sequence[str] = ()) -> Assembly:
     require_packages("OCP", purpose="Reading STEP")
     _require_step(path)
     document, units = _document(path)
-    reading = _Reading(document, tuple(rigid))
+    reading = _Reading(document, tuple(rigid), path.stem)
     parts = reading.parts()
     if not parts:
         _refuse_without_solids(path, reading)
@@ -51,7 +52,7 @@ def read_step(path: Path, rigid: Sequence[str] = ()) -> Assembly:
     notes = [f"{path.name} is in {listed(units) or 'mm'}"]
     if reading.without_solids:
         notes.append(f"left out, as they have surfaces or curves only: {listed(reading.without_solids)}")
-    return Assembly(path.stem, tuple(parts), tuple(notes))
+    return CadAssembly(path.stem, tuple(parts), tuple(notes))
 
 
 def _require_step(path: Path) -> None:
@@ -107,6 +108,7 @@ class _Reading:
 
     document: Any
     rigid: tuple[str, ...]
+    file: str  # the name of what has none
     matched: set[str] = field(default_factory=set)
     groups: list[str] = field(default_factory=list)
     without_solids: list[str] = field(default_factory=list)
@@ -147,7 +149,7 @@ class _Reading:
         product = self._product(label)
         pose = outer @ _pose(self._shapes.GetLocation_s(label))
         names = [name for name in (_name(label), _name(product)) if not _UNNAMED.fullmatch(name)]
-        name = names[0] if names else (path[-1] if path else "part")
+        name = names[0] if names else (path[-1] if path else self.file)
         solids = list(self._solids(label, pose, names, path))
         several = self._shapes.IsAssembly_s(product) or len(solids) > 1
         if several:
@@ -170,7 +172,7 @@ class _Reading:
     def _solids(self, label: Any, pose: Pose, names: Sequence[str], path: tuple[str, ...]) -> Iterator[PlacedBody]:
         """All solids inside a component, each at its pose in the assembly."""
         product = self._product(label)
-        here = list(names) or list(path[-1:]) or ["part"]
+        here = list(names) or list(path[-1:]) or [self.file]
         if self._shapes.IsAssembly_s(product):
             for component in self._components(product):
                 inner = pose @ _pose(self._shapes.GetLocation_s(component))

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.imports.assembly import Body, Face, covered_angle
+from mbd_sim.imports.assembly import Body, PartFace, covered_angle
 from mbd_sim.mechanism.mass_properties import MassProperties
 
 MILLIMETER = 1e-3  # m
@@ -122,7 +122,7 @@ def _triangles(face: Any) -> Array:
     return corners
 
 
-def _face(face: Any, triangles: Array) -> Face | None:
+def _face(face: Any, triangles: Array) -> PartFace | None:
     """A plane or a round face; None for any other face."""
     found = _surface(face)
     if found is None:
@@ -134,13 +134,15 @@ def _face(face: Any, triangles: Array) -> Face | None:
     middles = triangles.mean(axis=1)
     if kind == "plane":
         outward = normals.sum(axis=0)
-        return Face("plane", point, direction if direction @ outward > 0.0 else -direction, 0.0, True, 0.0, triangles)
+        return PartFace(
+            "plane", point, direction if direction @ outward > 0.0 else -direction, 0.0, True, 0.0, triangles
+        )
     away = middles - point
     if kind == "sphere":
-        return Face("sphere", point, np.zeros(3), radius, bool(np.sum(away * normals) > 0.0), 0.0, triangles)
+        return PartFace("sphere", point, np.zeros(3), radius, bool(np.sum(away * normals) > 0.0), 0.0, triangles)
     radial = away - np.outer(away @ direction, direction)
     convex = bool(np.sum(radial * normals) > 0.0)
-    return Face(kind, point, direction, radius, convex, covered_angle(triangles, point, direction), triangles)
+    return PartFace(kind, point, direction, radius, convex, covered_angle(triangles, point, direction), triangles)
 
 
 def _surface(face: Any) -> tuple[Any, Any, float] | None:

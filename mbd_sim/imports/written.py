@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +13,8 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.files.text.mesh_files import seen_from
 from mbd_sim.files.text.yaml_text import yaml_text
-from mbd_sim.imports.assembly import Assembly, Body, ImportedPart
+from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart
 from mbd_sim.imports.choice import Choice
 from mbd_sim.imports.joints import NEED_AXIS, Candidate
 from mbd_sim.imports.masses import MassTable
@@ -33,7 +33,7 @@ UP: Mapping[str, tuple[int, int]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Written:
+class WrittenAssembly:
     """What is to be written: the `text` of the mechanism file, and meshes by their names, without a folder."""
 
     text: str
@@ -41,13 +41,13 @@ class Written:
 
 
 def written(
-    assembly: Assembly,
+    assembly: CadAssembly,
     table: MassTable,
     candidates: Sequence[Candidate],
     choice: Choice,
     out: Path,
     up: str = "z",
-) -> Written:
+) -> WrittenAssembly:
     """The mechanism file of an assembly.
 
     :param out: the mechanism file, beside which the meshes are in the folder `mesh_folder`.
@@ -66,12 +66,10 @@ def written(
         "ground": {"points": {name: _point_data(assembly, name) for name in choice.held}},
         "parts": {part.name: _part_data(part, table, points[part.name], names, out) for part in assembly.parts},
     }
-    if choice.is_free:
-        del data["ground"]["points"][choice.held[0]]
     head = [*assembly.notes, "Joints that were found and not chosen are comments at the end of this file."]
     text = yaml_text(data, head) + "joints:\n" + "".join(_joint_lines(assembly, candidates, choice))
     meshes = {names[body]: body.triangles for body in names}
-    return Written(text, meshes)
+    return WrittenAssembly(text, meshes)
 
 
 def mesh_folder(out: Path) -> Path:
@@ -79,7 +77,7 @@ def mesh_folder(out: Path) -> Path:
     return out.with_name(f"{out.stem}_meshes")
 
 
-def mesh_names(assembly: Assembly) -> dict[Body, str]:
+def mesh_names(assembly: CadAssembly) -> dict[Body, str]:
     """A name of a file, without its suffix, for each body that is not read from one, however often it is placed."""
     found: dict[Body, str] = {}
     used: set[str] = set()
@@ -109,7 +107,7 @@ def write_stl(path: Path, triangles: Array) -> None:
     path.write_bytes(head + rows.tobytes())
 
 
-def _points(assembly: Assembly, candidates: Sequence[Candidate]) -> dict[str, dict[str, Any]]:
+def _points(assembly: CadAssembly, candidates: Sequence[Candidate]) -> dict[str, dict[str, Any]]:
     """The points of each part, one for each joint that is offered, named after the other part."""
     poses = {part.name: part.pose for part in assembly.parts}
     found: dict[str, dict[str, Any]] = {name: {} for name in poses}
@@ -121,7 +119,7 @@ def _points(assembly: Assembly, candidates: Sequence[Candidate]) -> dict[str, di
     return found
 
 
-def _point_data(assembly: Assembly, name: str) -> Any:
+def _point_data(assembly: CadAssembly, name: str) -> Any:
     """The pose of a part as a point of ground."""
     return _placed(next(part.pose for part in assembly.parts if part.name == name), "list")
 
@@ -170,7 +168,7 @@ def _mesh_data(part: ImportedPart, table: MassTable, out: Path) -> dict[str, Any
     """A part whose mass, center and inertia follow from the file of its mesh."""
     (placed,) = part.bodies
     assert placed.body.file is not None
-    file = seen_from(str(placed.body.file.absolute()), str(out), out.parent)
+    file = os.path.relpath(placed.body.file.absolute(), out.absolute().parent)
     mesh: dict[str, Any] = {"file": file, "scale": None if placed.body.scale == 1.0 else placed.body.scale}
     mass, material = table.mass_of(part), table.material_of(part, placed)
     if mass is not None:
@@ -197,17 +195,15 @@ def _digits(value: float, largest: float) -> float:
     return 0.0 if abs(value) <= NEGLIGIBLE * largest else float(f"{value:.{DIGITS}g}")
 
 
-def _joint_lines(assembly: Assembly, candidates: Sequence[Candidate], choice: Choice) -> Iterator[str]:
+def _joint_lines(assembly: CadAssembly, candidates: Sequence[Candidate], choice: Choice) -> Iterator[str]:
     used = {candidate.name for candidate in candidates}
     for number, part in enumerate(choice.held):
         name = unique_name(f"{part}_mount", used)
         used.add(name)
-        if not number and choice.is_free:
-            yield _entry(name, {"type": "free", "between": [GROUND, reference(part)]})
-            continue
         if number:
             yield "  # No joint that was chosen connects it: held until one is.\n"
-        yield _entry(name, {"type": "fixed", "between": [reference(GROUND, part), reference(part)]})
+        kind = "free" if choice.is_free and not number else "fixed"
+        yield _entry(name, {"type": kind, "between": [reference(GROUND, part), reference(part)]})
     order = _from_ground(assembly, candidates, choice)
     for candidate in candidates:
         if candidate.number in choice.types:
@@ -234,7 +230,7 @@ def _joint_data(candidate: Candidate, kind: JointType, order: Mapping[str, int])
     return data
 
 
-def _from_ground(assembly: Assembly, candidates: Sequence[Candidate], choice: Choice) -> dict[str, int]:
+def _from_ground(assembly: CadAssembly, candidates: Sequence[Candidate], choice: Choice) -> dict[str, int]:
     """The rank of each part: first those nearest to ground, over the joints that were chosen."""
     neighbors: dict[str, list[str]] = {part.name: [] for part in assembly.parts}
     for candidate in candidates:

@@ -41,6 +41,8 @@ WINDOWS = (
     "sweep",
     "--rerun",
     "robot.urdf",
+    "mbd_sim import ",
+    "engine.yaml",
 )  # what opens a window, takes long, or has no file; test_docs parses it
 
 

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("OCP")
 
 from mbd_sim.base.geometry.pose import Pose, identity_pose
-from mbd_sim.imports.assembly import Assembly, Body, ImportedPart, PlacedBody
+from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.imports.joints import candidates_of
 from mbd_sim.imports.mesh_faces import faces_of_mesh
 from mbd_sim.imports.step_geometry import body_of, solids_of
@@ -57,7 +57,7 @@ def assembly_of(*solids, turn=UPRIGHT, as_mesh=False):
             body = Body(body.volume, body.triangles, faces_of_mesh(body.triangles))
         placed = PlacedBody(body, identity_pose(), ("solid",))
         parts.append(ImportedPart(f"part_{number}", Pose(np.array([0.1, 0.2, -0.3]), turn), (placed,)))
-    return Assembly("test", tuple(parts))
+    return CadAssembly("test", tuple(parts))
 
 
 @pytest.mark.parametrize("as_mesh", [False, True])

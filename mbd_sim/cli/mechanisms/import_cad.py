@@ -12,7 +12,7 @@ from mbd_sim.base.errors import CommandError, counted
 from mbd_sim.cli.shared.command import Command, Waiting
 from mbd_sim.cli.shared.common import add_repeatable, positive_in, print_notes
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.imports.assembly import Assembly
+from mbd_sim.imports.assembly import CadAssembly
 from mbd_sim.imports.choice import NONE, Choice, choose
 from mbd_sim.imports.joints import OFFERED, WORDS, Candidate, candidates_of
 from mbd_sim.imports.masses import MassTable, mass_table
@@ -105,7 +105,7 @@ def _require_new(out: Path, force: bool) -> None:
         raise CommandError(f"{out} exists, and may contain changes", "Add --force to replace it, or --out.")
 
 
-def _read(options: argparse.Namespace, name: str) -> Assembly:
+def _read(options: argparse.Namespace, name: str) -> CadAssembly:
     """The assembly in the files.
 
     :raises CommandError: there are several STEP files, or an option that does not fit them.
@@ -123,7 +123,7 @@ def _read(options: argparse.Namespace, name: str) -> Assembly:
     return read_step(files[0], options.rigid)
 
 
-def _report(assembly: Assembly, table: MassTable, candidates: Sequence[Candidate], choice: Choice) -> None:
+def _report(assembly: CadAssembly, table: MassTable, candidates: Sequence[Candidate], choice: Choice) -> None:
     """Print the parts and the joints."""
     print_notes(list(assembly.notes))
     print("\n".join(_aligned([["part", "mass", "material"], *_part_rows(assembly, table)])))
@@ -142,7 +142,7 @@ def _report(assembly: Assembly, table: MassTable, candidates: Sequence[Candidate
     print(f"\n{held}")
 
 
-def _part_rows(assembly: Assembly, table: MassTable) -> Iterator[list[str]]:
+def _part_rows(assembly: CadAssembly, table: MassTable) -> Iterator[list[str]]:
     for part in assembly.parts:
         materials = dict.fromkeys(str(table.material_of(part, placed) or "") for placed in part.bodies)
         given = "mass given" if table.mass_of(part) is not None else ", ".join(materials)

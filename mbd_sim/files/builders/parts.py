@@ -19,7 +19,6 @@ from mbd_sim.base.geometry.convex_hull import fans
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.linear_algebra import product
 from mbd_sim.files.builders.context import rotation_matrix
-from mbd_sim.files.builders.mesh_bodies import build_mesh, has_solids, heavy_meshes, mesh_bodies, mesh_properties
 from mbd_sim.files.builders.outlines import check_outlines, outline_axes, outline_of
 from mbd_sim.files.schema import file
 from mbd_sim.files.schema import shapes as schema
@@ -27,7 +26,7 @@ from mbd_sim.files.schema.fields import PointSpec
 from mbd_sim.files.schema.shapes import AnyShapeSpec
 from mbd_sim.files.text.mesh_files import PRODUCTS
 from mbd_sim.files.text.mesh_files import solid as solid_within
-from mbd_sim.mechanism.elements.parts import Part, Polyhedron, Shape
+from mbd_sim.mechanism.elements.parts import Mesh, Part, Polyhedron, Shape
 from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from mbd_sim.mechanism.outlines.area import area_of
 from mbd_sim.mechanism.values.materials import density_of
@@ -46,12 +45,12 @@ def build_part(
     if not check_outlines(shapes, location, spec.shape is not None, source, problems):
         return Part(name, spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)), point_poses(spec.points))
     density = _density(spec, materials, location, source, problems)
-    meshes = tuple(map(build_mesh, spec.all_meshes))
+    meshes = tuple(map(_mesh, spec.all_meshes))
     only_drawn = all(_is_drawn_only(shape) for shape in shapes)
-    if heavy_meshes(spec):
+    if _has_heavy_meshes(spec):
         body = _with_meshes(spec, density, location, source, problems)
-    elif only_drawn and spec.inertia is None and spec.mass and spec.center is None and has_solids(spec):
-        body = mesh_properties(spec, location, source, problems)
+    elif only_drawn and spec.inertia is None and spec.mass and spec.center is None and _has_solids(spec):
+        body = _mesh_properties(spec, location, source, problems)
     elif spec.inertia is not None or not shapes or (only_drawn and spec.mass):
         body = _given_properties(spec, location, source, problems)
     else:
@@ -99,6 +98,75 @@ def _is_drawn_only(shape: AnyShapeSpec) -> bool:
     return shape.mass == 0.0
 
 
+NO_VOLUME = "Give scale factors that are not 0, or 'inertia'."
+
+
+def _mesh(spec: file.MeshSpec) -> Mesh:
+    """The mesh to draw."""
+    scale = spec.scale if isinstance(spec.scale, tuple) else (spec.scale, spec.scale, spec.scale)
+    return Mesh(spec.file, Pose(array(spec.at), rotation_matrix(spec.rotate)), scale, spec.color)
+
+
+def _has_solids(spec: file.PartSpec) -> bool:
+    """Whether what all meshes of a part enclose is known."""
+    return bool(spec.all_meshes) and all(mesh.solid is not None for mesh in spec.all_meshes)
+
+
+def _has_heavy_meshes(spec: file.PartSpec) -> bool:
+    """Whether meshes of a part give it mass."""
+    given = any(mesh.mass is not None or mesh.density is not None for mesh in spec.all_meshes)
+    return given or bool(spec.all_meshes and spec.material is not None)
+
+
+def _mesh_properties(
+    spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> MassProperties:
+    """Mass center and inertia from closed meshes, which are uniform solids of equal density."""
+    assert spec.mass
+    whole = composite([_unit_density(mesh, mesh.solid) for mesh in spec.all_meshes if mesh.solid])
+    if whole.mass:
+        return MassProperties(spec.mass, whole.center, spec.mass * (whole.inertia / whole.mass))
+    problems.append(source.problem(location, "has meshes without volume", NO_VOLUME))
+    return MassProperties(spec.mass, np.zeros(3), np.zeros((3, 3)))
+
+
+def _mesh_bodies(
+    spec: file.PartSpec, density: float | None, location: Location, source: Source, problems: list[Problem]
+) -> list[MassProperties]:
+    """The solids of the meshes that have a mass, each in the part's frame.
+
+    :param density: in kg/m³, of meshes without mass and density; None: these are only drawn.
+    """
+    bodies = []
+    for number, mesh in enumerate(spec.all_meshes):
+        own = mesh.density if mesh.density is not None else density
+        if mesh.solid is None or (mesh.mass is None and own is None):
+            continue
+        body = _unit_density(mesh, mesh.solid)
+        if not body.mass:
+            where = (*location, "mesh") if spec.mesh is not None else (*location, "meshes", number)
+            problems.append(source.problem(where, "has a mesh without volume", NO_VOLUME))
+        elif mesh.mass is not None:
+            bodies.append(MassProperties(mesh.mass, body.center, mesh.mass * (body.inertia / body.mass)))
+        else:
+            assert own is not None
+            bodies.append(body.scaled(own))
+    return bodies
+
+
+def _unit_density(mesh: file.MeshSpec, spec: file.SolidSpec) -> MassProperties:
+    """The solid of a mesh in the part's frame, with 1 kg/m³."""
+    placed = _mesh(mesh)
+    scale = np.array(placed.scale)
+    second = np.zeros((3, 3))
+    for (row, column), value in zip(PRODUCTS, spec.moments, strict=True):
+        second[row, column] = second[column, row] = value
+    factor = abs(float(np.prod(scale)))
+    second = factor * np.outer(scale, scale) * second
+    inertia = np.trace(second) * np.eye(3) - second
+    return MassProperties(factor * spec.volume, scale * np.array(spec.center), inertia).placed(placed.pose)
+
+
 def _given_properties(
     spec: file.PartSpec, location: Location, source: Source, problems: list[Problem]
 ) -> MassProperties:
@@ -134,7 +202,7 @@ def _with_meshes(
         if getattr(spec, key) is not None:
             remedy = f"Remove '{key}', or the mass or density of each mesh."
             problems.append(source.problem((*location, key), "follows from the meshes, which have masses", remedy))
-    bodies = mesh_bodies(spec, density, location, source, problems)
+    bodies = _mesh_bodies(spec, density, location, source, problems)
     if any(not _is_drawn_only(shape) for shape in shapes_of(spec)):
         bodies.append(_computed_properties(spec.model_copy(update={"mass": None}), density, location, source, problems))
     return composite(bodies)

@@ -232,7 +232,7 @@ sensors: {tacho: {type: tachometer, joint: pin, rate: 100}}
 
 def test_an_error_prints_as_file_line_key_message_value_and_remedy():
     problem = problem_of(changed(("shape:", "sape:")))
-    valid = "center, collisions, inertia, inertia_check, mass, meshes, points, shapes"
+    valid = "center, collisions, inertia, inertia_check, mass, material, mesh, meshes, points, shapes"
     assert str(problem) == f"file.yaml:8: parts.rod.sape: unknown key 'sape'. Did you mean 'shape'? Others: {valid}."
     problem = problem_of(changed((MASS, "    mass: -3\n")))
     assert str(problem) == ("file.yaml:7: parts.rod.mass: must be at least 0 (got -3). Write 0 or a positive number.")

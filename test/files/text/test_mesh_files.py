@@ -96,9 +96,7 @@ def test_scale_and_pose_of_a_mesh(tmp_path, scale):
 def test_a_mesh_that_is_probably_in_millimeters_is_remarked(tmp_path):
     write_stl(tmp_path / "b.stl", block([200, 50, 20]))
     (said,) = part_of(tmp_path, "[{file: b.stl}]").source.remarks
-    assert (
-        said.startswith("arm has a large mesh, b.stl (radius of gyration 57.7 m)") and "'scale: 0.001'" in said
-    )
+    assert said.startswith("arm has a large mesh, b.stl (radius of gyration 57.7 m)") and "'scale: 0.001'" in said
     assert part_of(tmp_path, "[{file: b.stl, scale: [0.001, 0.001, 0.001]}]").source.remarks == ()
 
 
