@@ -98,6 +98,7 @@ __all__ = [
     "equilibria",
     "equilibrium",
     "inertia_split",
+    "inverse_kinematics",
     "linearize",
     "load_mechanism",
     "lqr",
@@ -120,6 +121,7 @@ _MODULES = {
         "InverseDynamics",
         "inertia_split",
     ),
+    "mbd_sim.analysis.mechanics.inverse_kinematics": ("InverseKinematics", "inverse_kinematics"),
     "mbd_sim.analysis.mechanics.kinematics": ("Kinematics",),
     "mbd_sim.analysis.linear.linearization": (
         "Linearization",
