@@ -29,10 +29,8 @@ ITERATIONS = 200
 CONVERGED = 1e-13  # error, in natural units, below which no further step is taken
 LEAST_STEP = 1e-12  # in natural units
 LONGEST_STEP = 0.5  # in natural units
-STALLED, MOST_STALLED = (
-    1e-9,
-    3,
-)  # share by which a step reduces the error too little, and how many such steps may follow
+STALLED, MOST_STALLED = 1e-9, 3  # share by which a step reduces the error too little, and how often it may
+ALIKE, MOST_ALIKE = 1e-6, 3  # share by which errors differ that count as the same, and how often the same is found
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-13, 1e8
 
 Mask = NDArray[np.bool_]
@@ -92,16 +90,18 @@ def inverse_kinematics(
     :raises ValueError: there is no such frame, or numbers do not fit; or no position from q closes the loops.
     """
     problem = _Problem(kinematics, frame, _target(position, rotation), time, limits)
-    random, best = np.random.default_rng(0), None
+    random, best, alike = np.random.default_rng(0), None, 0
     start = problem.kinematics.closed(kinematics.start if q is None else q, time)
     for attempt in range(max(1, tries)):
         begin = start if attempt == 0 else problem.scattered(random, start)
         if begin is None:
             continue
         found = problem.descended(begin)
+        if best is not None and abs(found.error - best.error) <= ALIKE * best.error:
+            alike += 1
         if best is None or found.error < best.error:
-            best = found
-        if best.error <= tolerance:
+            best, alike = found, alike if best and found.error > (1.0 - ALIKE) * best.error else 0
+        if best.error <= tolerance or alike >= MOST_ALIKE:
             break
     assert best is not None
     return problem.answer(best, tolerance)
