@@ -16,7 +16,7 @@ This page has the whole Python interface, apart from the learning environments i
 - recordings of a simulation's run: `Simulation.recording`, `RunRecorder`
 - analyses: `linearize`, `Linearization`, `modes`, `Mode`, `StateSpace`, `equilibrium`, `nearest_equilibrium`,
   `equilibria`, `Equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`, `InertiaSplit`
-- positions without masses: `Kinematics`
+- positions without masses: `Kinematics`, `inverse_kinematics`, `InverseKinematics`
 - equations as formulas: `symbolic_equations`, `SymbolicEquations`, `to_latex`
 - errors: `MbdSimError` and its subclasses
 """
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mbd_sim.analysis.linear.linearization import Linearization, Mode, linearize, modes
     from mbd_sim.analysis.linear.state_space import StateSpace, lqr
     from mbd_sim.analysis.mechanics.inverse_dynamics import InertiaSplit, InverseDynamics, inertia_split
+    from mbd_sim.analysis.mechanics.inverse_kinematics import InverseKinematics, inverse_kinematics
     from mbd_sim.analysis.mechanics.kinematics import Kinematics
     from mbd_sim.base.errors import (
         CommandError,
@@ -75,6 +76,7 @@ __all__ = [
     "InertiaSplit",
     "InputError",
     "InverseDynamics",
+    "InverseKinematics",
     "Kinematics",
     "Linearization",
     "MbdSimError",
@@ -98,6 +100,7 @@ __all__ = [
     "equilibria",
     "equilibrium",
     "inertia_split",
+    "inverse_kinematics",
     "linearize",
     "load_mechanism",
     "lqr",
@@ -120,6 +123,7 @@ _MODULES = {
         "InverseDynamics",
         "inertia_split",
     ),
+    "mbd_sim.analysis.mechanics.inverse_kinematics": ("InverseKinematics", "inverse_kinematics"),
     "mbd_sim.analysis.mechanics.kinematics": ("Kinematics",),
     "mbd_sim.analysis.linear.linearization": (
         "Linearization",

@@ -44,7 +44,7 @@ class Kinematics:
         require_smooth(require_mechanism(mechanism))
         traced = trace(mechanism)
         assembly = assemble(traced)
-        self.mechanism, self.layout = mechanism, traced.layout
+        self.mechanism, self.layout, self.traced = mechanism, traced.layout, traced
         self.rows, self.constraints = tuple(assembly.equations.rows), assembly.functions
         self.assembled = assembly.start
         self.start = assembly.start.q

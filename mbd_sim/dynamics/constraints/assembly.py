@@ -58,7 +58,7 @@ class LoopClosure:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -> LoopClosure:
+def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Array | NDArray[np.bool_]) -> LoopClosure:
     """Move the `free` (nv,) coordinates as little as possible so that the constraints are satisfied at time t.
 
     If Newton's method fails from q, it is tried from other guesses around q, the same ones in every run, and then
@@ -85,13 +85,15 @@ def close_nearby(constraints: ConstraintFunctions, t: float, q: Array) -> LoopCl
     return _newton(constraints, t, q, np.ones(constraints.gradient(t, q).shape[1], dtype=bool))
 
 
-def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array) -> bool:
+def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array | NDArray[np.bool_]) -> bool:
     """Whether Newton's next step is short; towards a solution at infinity, each one is about as long as q."""
     step = _least_step(constraints, t, found.q, found.gaps, free)
     return step is not None and is_short(constraints, constraints.scales * step, found.q)
 
 
-def _least_step(constraints: ConstraintFunctions, t: float, q: Array, gaps: Array, free: Array) -> Array | None:
+def _least_step(
+    constraints: ConstraintFunctions, t: float, q: Array, gaps: Array, free: Array | NDArray[np.bool_]
+) -> Array | None:
     """The displacement (nv,) in natural units, of least norm, that closes linearized gaps; None if it is undefined."""
     slope, sizes = constraints.scaled_gradient(t, q), constraints.row_sizes(t, q)
     rows = np.logical_and(constraints.holonomic, sizes > 0.0)
@@ -110,7 +112,9 @@ def is_short(constraints: ConstraintFunctions, step: Array, q: Array) -> bool:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, far: bool = False) -> LoopClosure:
+def _newton(
+    constraints: ConstraintFunctions, t: float, q: Array, free: Array | NDArray[np.bool_], far: bool = False
+) -> LoopClosure:
     """Gauss-Newton with steps of least norm, shortened while the gap would grow or become undefined.
 
     If the solution may be `far` away, the longest step doubles after each one that it limits.

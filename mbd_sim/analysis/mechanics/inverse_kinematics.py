@@ -1,0 +1,318 @@
+"""Inverse kinematics: the coordinates that bring a point or a pose of a part to a target, with all loops closed.
+
+Each step is damped least squares (Levenberg and Marquardt) along the free directions of the loops, with the Jacobian of
+the point; then the loops are closed again. Coordinates at a limit towards which a step points stay there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.analysis.mechanics.kinematics import Kinematics
+from mbd_sim.base.errors import InputError, listed, nearest
+from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.geometry.rotation import rotation_vector, to_quaternion
+from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.short_repr import short_repr
+from mbd_sim.dynamics.constraints.assembly import close_loops
+from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
+from mbd_sim.dynamics.kinematics.frames import frame_function
+from mbd_sim.dynamics.math.rank import null_space, rank_of
+from mbd_sim.mechanism.spanning_tree import split_reference
+
+ITERATIONS = 200
+CONVERGED = 1e-13  # error, in natural units, below which no further step is taken
+LEAST_STEP = 1e-12  # in natural units
+LONGEST_STEP = 0.5  # in natural units
+STALLED, MOST_STALLED = 1e-9, 3  # share by which a step reduces the error too little, and how often it may
+ALIKE, MOST_ALIKE = 1e-6, 3  # share by which errors differ that count as the same, and how often the same is found
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-13, 1e8
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class InverseKinematics:
+    """What `inverse_kinematics` found: coordinates `q` (nq,), in the order of `Simulation.q`, with all loops closed.
+
+    If the target is not `reached`, q is the nearest position that was found, where 1 rad counts as much as the size of
+    the mechanism, which is its largest part. `distance` in m and `angle` in rad are those from the target, `at_limits`
+    names the coordinates that limits hold back there, and `reason` is a sentence about it.
+    """
+
+    q: Array
+    reached: bool
+    distance: float
+    angle: float
+    at_limits: tuple[str, ...] = ()
+    reason: str = ""
+
+    __repr__ = short_repr
+
+
+@interruptible_tracing()
+def inverse_kinematics(
+    kinematics: Kinematics,
+    frame: str,
+    position: Sequence[float] | Array | None = None,
+    rotation: Sequence[Sequence[float]] | Array | None = None,
+    *,
+    q: Sequence[float] | Array | None = None,
+    time: float = 0.0,
+    limits: bool = True,
+    tries: int = 30,
+    tolerance: float = 1e-9,
+) -> InverseKinematics:
+    """The coordinates that bring a point or a frame of a part to a target in ground's frame.
+
+    The solution is one near `q`, if there is one that can be reached from there; else one from other starts, the same
+    ones in every run. Of redundant mechanisms, coordinates move as little as the way there takes.
+
+    >>> from mbd_sim import Kinematics, inverse_kinematics, load_mechanism
+    >>> arm = Kinematics(load_mechanism("six_axis_arm"))
+    >>> target = arm.poses([0.3, 0.4, -0.6, 0.2, 0.5, 0.1])["tool"]
+    >>> inverse_kinematics(arm, "tool", target.position, target.rotation).reached
+    True
+
+    :param frame: a part, or a point `part.point` with its axes.
+    :param position: (3,) in m, where the origin of the frame shall be; None for anywhere.
+    :param rotation: (3, 3), how its axes shall stand in ground's; None for any way.
+    :param q: (nq,) where to begin, by default at the start.
+    :param time: in s, on which drives depend.
+    :param limits: whether the coordinates stay within the `limits` of their joints.
+    :param tries: how many starts are tried.
+    :param tolerance: up to which the target counts as reached, in rad and relative to the size of the mechanism.
+    :raises ValueError: there is no such frame, or numbers do not fit; or no position from q closes the loops.
+    """
+    problem = _Problem(kinematics, frame, _target(position, rotation), time, limits)
+    random, best, alike = np.random.default_rng(0), None, 0
+    start = problem.kinematics.closed(kinematics.start if q is None else q, time)
+    for attempt in range(max(1, tries)):
+        begin = start if attempt == 0 else problem.scattered(random, start)
+        if begin is None:
+            continue
+        found = problem.descended(begin)
+        if best is not None and abs(found.error - best.error) <= ALIKE * best.error:
+            alike += 1
+        if best is None or found.error < best.error:
+            best, alike = found, alike if best and found.error > (1.0 - ALIKE) * best.error else 0
+        if best.error <= tolerance or alike >= MOST_ALIKE:
+            break
+    assert best is not None
+    return problem.answer(best, tolerance)
+
+
+@dataclass(frozen=True)
+class _Target:
+    position: Array | None
+    rotation: Array | None
+
+
+def _target(position: Sequence[float] | Array | None, rotation: Sequence[Sequence[float]] | Array | None) -> _Target:
+    if position is None and rotation is None:
+        raise InputError("there is no target", "Give a position, a rotation or both.")
+    at = None if position is None else np.asarray(position, dtype=float)
+    turned = None if rotation is None else np.asarray(rotation, dtype=float)
+    if at is not None and (at.shape != (3,) or not np.all(np.isfinite(at))):
+        raise InputError("the position must be 3 finite numbers", "Give x, y and z in m.")
+    if turned is not None and (
+        turned.shape != (3, 3)
+        or not np.allclose(turned.T @ turned, np.eye(3), atol=1e-9)
+        or np.linalg.det(turned) < 0.0
+    ):
+        raise InputError("the rotation must be a rotation matrix (3, 3)", "Give one, such as that of a Pose.")
+    return _Target(at, turned)
+
+
+def _is_rotation(matrix: Array) -> bool:
+    if matrix.shape != (3, 3) or not np.allclose(matrix.T @ matrix, np.eye(3), atol=1e-9):
+        return False
+    return float(np.linalg.det(matrix)) > 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A position, its residual in natural units, whose norm is the `error`, and which coordinates limits hold."""
+
+    q: Array
+    residual: Array
+    held: Mask
+
+    @property
+    def error(self) -> float:
+        return float(np.linalg.norm(self.residual))
+
+
+class _Problem:
+    """The residual of a frame and its Jacobian, in natural units, and the loops."""
+
+    def __init__(self, kinematics: Kinematics, frame: str, target: _Target, time: float, limits: bool) -> None:
+        self.kinematics, self.target, self.time = kinematics, target, time
+        self.constraints: ConstraintFunctions = kinematics.constraints
+        part, self.local = _frame(kinematics, frame)
+        traced = kinematics.traced
+        self._pose, self._jacobian = (frame_function(traced, part, quantity) for quantity in ("pose", "jacobian"))
+        self._y = np.zeros(traced.y.numel())
+        self._inputs = np.zeros(traced.inputs.numel())
+        self._inputs[traced.input_layout.values] = traced.parameters.base
+        self.scales = self.constraints.scales
+        self.size = self.constraints.size or 1.0
+        self.names, self.places, self.lower, self.upper = _ranges(kinematics, limits)
+
+    def residual(self, q: Array) -> Array:
+        """How far the frame is from its target: (position / size, rotation vector in ground's axes)."""
+        numbers = self._evaluated(self._pose, q).ravel()
+        parts = []
+        if self.target.position is not None:
+            parts.append((numbers[:3] - self.target.position) / self.size)
+        if self.target.rotation is not None:
+            turned = numbers[3:].reshape(3, 3).T @ self.local.rotation
+            parts.append(rotation_vector(to_quaternion(turned @ self.target.rotation.T)))
+        return np.concatenate(parts)
+
+    def jacobian(self, q: Array) -> Array:
+        """The derivative (n, nv) of the residual along the speeds in natural units, up to the first order of angles."""
+        both = self._evaluated(self._jacobian, q).T * self.scales
+        rows = [both[:3] / self.size] if self.target.position is not None else []
+        return np.vstack([*rows, *([both[3:]] if self.target.rotation is not None else [])])
+
+    def _evaluated(self, function: ca.Function, q: Array) -> Array:
+        self._y[: len(q)] = q
+        return np.array(function(self.time, self._y, self._inputs, self.local.position))
+
+    def descended(self, q: Array) -> _Found:
+        """The nearest position downhill from one with closed loops."""
+        q = self._within(q)
+        found, damping = _Found(q, self.residual(q), np.zeros(len(self.scales), dtype=bool)), DAMPING
+        stalled = 0
+        for _ in range(ITERATIONS):
+            if found.error <= CONVERGED or stalled > MOST_STALLED:
+                break
+            jacobian = self.jacobian(found.q)
+            while damping <= MOST_DAMPING:
+                step, held = self._step(found, jacobian, damping)
+                found = _Found(found.q, found.residual, held)
+                if float(np.max(np.abs(step), initial=0.0)) < LEAST_STEP:
+                    return found
+                following = self._moved(found.q, step, held)
+                if following is not None and np.linalg.norm(residual := self.residual(following)) < found.error:
+                    before, found = found.error, _Found(following, residual, held)
+                    damping = max(LEAST_DAMPING, 0.1 * damping)
+                    stalled = stalled + 1 if found.error > (1.0 - STALLED) * before else 0
+                    break
+                damping *= 10.0
+            else:
+                break
+        return found
+
+    def _step(self, found: _Found, jacobian: Array, damping: float) -> tuple[Array, Mask]:
+        """A step (nv,) in natural units, and the coordinates that limits hold, which would go beyond them."""
+        gradient, sizes = self.constraints.scaled_gradient(self.time, found.q), self.constraints.holonomic
+        held = np.zeros(len(self.scales), dtype=bool)
+        while True:
+            rows = gradient[sizes][:, ~held]
+            free = null_space(rows, rank_of(rows)) if rows.size else np.eye(int(np.sum(~held)))
+            slope = jacobian[:, ~held] @ free
+            damped = slope.T @ slope + damping * np.eye(slope.shape[1])
+            step = np.zeros(len(self.scales))
+            step[~held] = -free @ np.linalg.solve(damped, slope.T @ found.residual)
+            longest = float(np.max(np.abs(step), initial=0.0))
+            step *= min(1.0, LONGEST_STEP / max(longest, 1e-300))
+            beyond = self._beyond(found.q, step) & ~held
+            if not beyond.any():
+                return step, held
+            held |= beyond
+
+    def _beyond(self, q: Array, step: Array) -> Mask:
+        """The coordinates at a limit that a step moves beyond it."""
+        found = np.zeros(len(step), dtype=bool)
+        at, along = q[self.places[1]], step[self.places[0]]
+        near = 1e-9 * self.scales[self.places[0]]
+        found[self.places[0]] = ((at <= self.lower + near) & (along < 0.0)) | (
+            (at >= self.upper - near) & (along > 0.0)
+        )
+        return found
+
+    def _moved(self, q: Array, step: Array, held: Mask) -> Array | None:
+        """The position after a step, with limited coordinates within their limits and closed loops; None if open."""
+        moved = self._within(self.constraints.displaced(q, self.scales * step))
+        if not np.any(self.constraints.holonomic):
+            return moved
+        fixed = held.copy()
+        for _ in range(len(self.places[0]) + 1):
+            closing = close_loops(self.constraints, self.time, moved, ~fixed)
+            if not closing.closed:
+                return None
+            inside = self._within(closing.q)
+            if np.max(np.abs(inside - closing.q), initial=0.0) <= 1e-12:
+                return closing.q
+            fixed[self.places[0]] |= inside[self.places[1]] != closing.q[self.places[1]]
+            moved = inside
+        return None
+
+    def _within(self, q: Array) -> Array:
+        q = q.copy()
+        q[self.places[1]] = np.clip(q[self.places[1]], self.lower, self.upper)
+        return q
+
+    def scattered(self, random: np.random.Generator, start: Array) -> Array | None:
+        """Another start: anywhere within the limits, or near the first where there are none; None if loops are open."""
+        scatter = self.scales * random.uniform(-np.pi, np.pi, len(self.scales))
+        q = self.constraints.displaced(start, scatter)
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        inside = self.lower + random.uniform(size=len(self.lower)) * (self.upper - self.lower)
+        q[self.places[1][bounded]] = inside[bounded]
+        if not np.any(self.constraints.holonomic):
+            return q
+        closing = close_loops(self.constraints, self.time, q, np.ones(len(self.scales), dtype=bool))
+        return closing.q if closing.closed else None
+
+    def answer(self, found: _Found, tolerance: float) -> InverseKinematics:
+        """The result, with what stands in the way."""
+        residual, count = found.residual, 0 if self.target.position is None else 3
+        distance = self.size * float(np.linalg.norm(residual[:count]))
+        angle = float(np.linalg.norm(residual[count:]))
+        if found.error <= tolerance:
+            return InverseKinematics(found.q, True, distance, angle)
+        held = tuple(name for name, place in zip(self.names, self.places[0], strict=True) if found.held[place])
+        parts = [f"{distance:.3g} m" if count else "", f"{angle:.3g} rad" if len(residual) > count else ""]
+        near = f"the nearest position that was found is {' and '.join(filter(None, parts))} from the target"
+        why = f"The limits of {listed(held)} hold it back: " if held else "The target is out of reach: "
+        return InverseKinematics(found.q, False, distance, angle, held, f"{why}{near}.")
+
+
+def _frame(kinematics: Kinematics, name: str) -> tuple[str, Pose]:
+    """The part of a frame, and its pose there."""
+    parts = kinematics.mechanism.parts
+    known = {one.name: one.points for one in parts.values()}
+    try:
+        part, point = split_reference(name, known)
+    except InputError as error:
+        valid = [text for owner, points in known.items() for text in (owner, *(f"{owner}.{p}" for p in points))]
+        raise InputError(f"there is no part or point '{name}'", nearest(name, valid)) from error
+    return part, known[part][point] if point else identity_pose()
+
+
+def _ranges(kinematics: Kinematics, limits: bool) -> tuple[list[str], tuple[Array, Array], Array, Array]:
+    """The names of limited coordinates, their places in u and in q, and their least and greatest values."""
+    names: list[str] = []
+    places: list[tuple[int, int]] = []
+    ends: list[tuple[float, float]] = []
+    for joint in kinematics.mechanism.joints.values() if limits else ():
+        if joint.drive or joint.kind.quaternion is not None:
+            continue
+        for number, name in enumerate(joint.motion_names[: joint.kind.nv]):
+            if (range_of := joint.limits_of(number)) is not None:
+                names.append(name)
+                places.append(
+                    (kinematics.layout.u[joint.name].start + number, kinematics.layout.q[joint.name].start + number)
+                )
+                ends.append((float(range_of.lower), float(range_of.upper)))
+    in_u, in_q = np.array(places, dtype=int).reshape(-1, 2).T
+    lower, upper = np.array(ends, dtype=float).reshape(-1, 2).T
+    return names, (in_u, in_q), lower, upper
