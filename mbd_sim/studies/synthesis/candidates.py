@@ -156,7 +156,11 @@ class Candidates:
         rates = u
         if isinstance(self.goal, EffortGoal):
             u, rates = self._rates(q, evaluated_for_all(self.numbers, given), self.goal.speed)
-            unit = u / self.goal.speed if self.goal.speed else self._rates(q, evaluated_for_all(self.numbers, given), 1.0)[0]
+            unit = (
+                u / self.goal.speed
+                if self.goal.speed
+                else self._rates(q, evaluated_for_all(self.numbers, given), 1.0)[0]
+            )
             efforts = evaluated_for_all(self.quantity, q, u, rates, given)
             return np.sum(unit * efforts, axis=1).reshape(count, places, 1)
         return evaluated_for_all(self.quantity, q, u, rates, given).reshape(count, places, -1)

@@ -148,7 +148,9 @@ class DrivenLinkage:
                 return _Interval(-np.inf, np.inf)
             return _Interval((a * a + d * d - high**2) / (2 * a * d), (a * a + d * d - low**2) / (2 * a * d))
         if follower.kind == "PR":
-            return _Interval(-1.0, 1.0)  # one stretch, between the places where the coupler is normal to the other guide
+            return _Interval(
+                -1.0, 1.0
+            )  # one stretch, between the places where the coupler is normal to the other guide
         height = float(np.imag((follower.center - driver.point) / driver.direction))
         return _Interval(low**2 - height**2, high**2 - height**2)
 

@@ -35,7 +35,9 @@ def poses_text(found: PoseSolutions, most: int) -> str:
         lines.append(f"  {number:>2}  {one.kind:<22}{angle:>11}  {_ends(one.driver)}; {_ends(one.follower)}"
                      f"{f'; {one.defects}' if one.defects else ''}")  # fmt: skip
     if found.linkages:
-        lines.append("The angle is the least transmission angle between the first and the last pose; the driven link is first.")
+        lines.append(
+            "The angle is the least transmission angle between the first and the last pose; the driven link is first."
+        )
     return "\n".join(lines)
 
 
