@@ -19,8 +19,15 @@ from mbd_sim.studies.synthesis.global_search import SearchSettings, global_desig
 from mbd_sim.studies.synthesis.synthesis import MOST_STEPS, design_problem, local_design
 
 BOUNDS = {
-    **{"a": (0.1, 2.0), "b": (0.3, 4.0), "c": (0.3, 4.0), "d": (0.3, 4.0), "px": (-3.0, 3.0), "py": (-3.0, 3.0)},
-    **{"x": (-2.0, 2.0), "y": (-2.0, 2.0), "tilt": (-3.1, 3.1)},  # of the frame
+    "a": (0.1, 2.0),
+    "b": (0.3, 4.0),
+    "c": (0.3, 4.0),
+    "d": (0.3, 4.0),
+    "px": (-3.0, 3.0),
+    "py": (-3.0, 3.0),
+    "x": (-2.0, 2.0),
+    "y": (-2.0, 2.0),
+    "tilt": (-3.1, 3.1),  # of the frame
 }
 ROWS = 9
 RANGE = (0.2, 6.0)  # rad, of the crank

@@ -7,6 +7,7 @@ the normal component ω² r toward the other point, and the tangential one α r 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Literal
 
 from mbd_sim.base.short_repr import record
@@ -56,7 +57,7 @@ def polygons(snapshot: PlaneSnapshot) -> Polygons:
     components = {}
     for name, link in snapshot.links.items():
         own = [index for index, vector in enumerate(vectors) if vector.link == name]
-        edges[name] = tuple(zip(own[:-1], own[1:], strict=True)) + (((own[-1], own[0]),) if len(own) > 2 else ())
+        edges[name] = tuple(pairwise(own)) + (((own[-1], own[0]),) if len(own) > 2 else ())
         for first, second in edges[name]:
             arm = vectors[second].place - vectors[first].place
             components[first, second] = (-(link.omega**2) * arm, 1j * link.alpha * arm)

@@ -100,8 +100,8 @@ def global_design(
         members, energies, trials = _evolved(losses, limits, settings, progress)
     if energies[0] >= UNREACHED:
         raise MbdSimError(
-            f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the drive. "
-            "Give other bounds, or a shorter range."
+            f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the "
+            "drive. Give other bounds, or a shorter range."
         )
     chosen = _different(members[energies < UNREACHED], np.array(limits))
     before = _before(problem)
@@ -242,7 +242,7 @@ def _take_over(candidates: Candidates) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
-    global _candidates  # noqa: PLW0603
+    global _candidates
     _candidates = candidates
 
 

@@ -174,7 +174,7 @@ def straight_point(motion: Displacements, direction: complex) -> Dyad | None:
 
 
 def passing_line(motion: Displacements, direction: complex) -> Dyad | None:
-    """The fixed point through which a line of the body passes, with a given direction in the first pose: three poses."""
+    """The fixed point through which a line of the body passes, given its direction in the first of three poses."""
     found = straight_point(motion.inverse, direction)
     return None if found is None else Dyad("RP", found.point, found.point, found.direction)
 
@@ -182,8 +182,8 @@ def passing_line(motion: Displacements, direction: complex) -> Dyad | None:
 def dyads_of_four(motion: Displacements, rays: int = RAYS) -> list[Dyad]:
     """Links on the circle-point curve of four poses, with their centers, in the order of the angle of the rays.
 
-    The determinant of the three conditions is a cubic in p. Its roots are found on rays through the middle of the poles. The two
-    sliders, one of each kind, follow from the points at infinity.
+    The determinant of the three conditions is a cubic in p. Its roots are found on rays through the middle of the
+    poles. The two sliders, one of each kind, follow from the points at infinity.
     """
     found = list[Dyad]()
     near = np.array([*poles(motion).values(), 0j])

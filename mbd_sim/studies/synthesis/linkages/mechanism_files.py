@@ -1,12 +1,12 @@
 """Linkages as mechanism files that run, and their check by moving them through the poses.
 
-The plane of a linkage is the x-z plane, with angles from +x toward +z, as in the shipped four-bar. The driver moves from
-the first pose to the last one and back, or turns steadily where it can.
+The plane of a linkage is the x-z plane, with angles from +x toward +z, as in the shipped four-bar. The driver moves
+from the first pose to the last one and back, or turns steadily where it can.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
