@@ -37,7 +37,7 @@ def polygons_text(found: Polygons) -> str:
     for (first, second), (normal, tangential) in found.components.items():
         one, other = found.vectors[first], found.vectors[second]
         name = f"{one.link}: {one.joint} to {other.joint}"
-        lines.append(f"  {name:<{HEAD - 2}}normal {abs(normal):.6g} m/s², tangential {abs(tangential):.6g} m/s²")
+        lines.append(f"  {name:<{HEAD - 2}}  normal {abs(normal):.6g} m/s², tangential {abs(tangential):.6g} m/s²")
     return "\n".join(lines)
 
 
