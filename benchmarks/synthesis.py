@@ -1,6 +1,6 @@
 """Global and local search for linkages: seeded problems whose best solution is known, because it made the path.
 
-python -m benchmarks.synthesis [--problems 20] [--generations 60]
+python -m benchmarks.synthesis [--problems 0 1 2] [--generations 40]
 """
 
 from __future__ import annotations
@@ -14,13 +14,22 @@ from mbd_sim import Mechanism, parse_mechanism
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.studies.kinematic_analysis import driven_motion
-from mbd_sim.studies.synthesis import PathGoal, synthesize, synthesize_globally
+from mbd_sim.studies.synthesis import PathGoal
+from mbd_sim.studies.synthesis.global_search import SearchSettings, global_design
+from mbd_sim.studies.synthesis.synthesis import MOST_STEPS, design_problem, local_design
 
 BOUNDS = {
-    **{"a": (0.1, 2.0), "b": (0.3, 4.0), "c": (0.3, 4.0), "d": (0.3, 4.0), "px": (-3.0, 3.0), "py": (-3.0, 3.0)},
-    **{"x": (-2.0, 2.0), "y": (-2.0, 2.0), "tilt": (-3.1, 3.1)},  # of the frame
+    "a": (0.1, 2.0),
+    "b": (0.3, 4.0),
+    "c": (0.3, 4.0),
+    "d": (0.3, 4.0),
+    "px": (-3.0, 3.0),
+    "py": (-3.0, 3.0),
+    "x": (-2.0, 2.0),
+    "y": (-2.0, 2.0),
+    "tilt": (-3.1, 3.1),  # of the frame
 }
-ROWS = 15
+ROWS = 9
 RANGE = (0.2, 6.0)  # rad, of the crank
 EXACT = 1e-9  # m: the linkage that made the path was found, or a cognate of it with the same timing
 
@@ -66,21 +75,19 @@ def path_of(mechanism: Mechanism) -> PathGoal:
     return PathGoal("coupler.tracer", motion.point("coupler.tracer").position, motion.drive)
 
 
-def compared(seed: int, generations: int, workers: int = 1) -> tuple[float, float]:
+def compared(seed: int, settings: SearchSettings) -> tuple[float, float]:
     """The deviation in m of the local search from a random start, and of the global search; nan if one fails."""
     random = np.random.default_rng(seed)
     goal = path_of(crank_rocker(random))
-    start = crank_rocker(random)
+    problem = design_problem(crank_rocker(random), "motor", goal, BOUNDS, "rms")
+    searches = (
+        lambda: local_design(problem, BOUNDS, "motor", "rms", MOST_STEPS),
+        lambda: global_design(problem, BOUNDS, "motor", "rms", settings),
+    )
     found: list[float] = []
-    for search in ("local", "global"):
+    for search in searches:
         try:
-            if search == "local":
-                design = synthesize(start, "motor", goal, BOUNDS)
-            else:
-                design = synthesize_globally(
-                    start, "motor", goal, BOUNDS, seed=seed, generations=generations, workers=workers
-                )
-            found.append(design.rms)
+            found.append(search().rms)
         except MbdSimError:
             found.append(float("nan"))
     return found[0], found[1]
@@ -89,15 +96,16 @@ def compared(seed: int, generations: int, workers: int = 1) -> tuple[float, floa
 def main() -> None:
     """Print a table and the counts."""
     parser = argparse.ArgumentParser(prog="benchmarks.synthesis", description=__doc__)
-    parser.add_argument("--problems", type=int, default=20)
-    parser.add_argument("--generations", type=int, default=60)
+    parser.add_argument("--problems", type=int, nargs="*", default=list(range(20)), help="seeds (default 0 to 19)")
+    parser.add_argument("--generations", type=int, default=40)
+    parser.add_argument("--population", type=int, default=10)
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     print("| problem | local search, rms in m | global search, rms in m | s |\n|--:|--:|--:|--:|", flush=True)
     results: list[tuple[float, float]] = []
-    for seed in range(options.problems):
+    for seed in options.problems:
         began = time.process_time()
-        local, whole = compared(seed, options.generations, options.workers)
+        local, whole = compared(seed, SearchSettings(seed, options.generations, options.population, options.workers))
         results.append((local, whole))
         print(f"| {seed} | {local:.2g} | {whole:.2g} | {time.process_time() - began:.0f} |", flush=True)
     table: Array = np.array(results)

@@ -24,6 +24,8 @@ PACKAGES = {
     "Learning environments": "mbd_sim.many.gym",
     "Kinematic analysis": "mbd_sim.studies.kinematic_analysis",
     "Synthesis of linkages": "mbd_sim.studies.synthesis",
+    "Linkages for poses": "mbd_sim.studies.synthesis.linkages",
+    "Plane motion": "mbd_sim.studies.plane_motion",
     "Linear analysis": "mbd_sim.studies.linear_analysis",
     "Optimization": "mbd_sim.studies.optimization",
 }

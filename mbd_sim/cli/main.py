@@ -146,6 +146,10 @@ COMMANDS = {  # in the order of --help: the module, and what the command does
         "move drives through ranges: positions, velocities, accelerations, dead points, loads",
     ),
     "size": ("studies.size", "choose motors, gears, flywheels and springs for a motion and its loads"),
+    "centers": (
+        "studies.centers",
+        "instant centers, velocity and acceleration polygons, centrodes of planar mechanisms",
+    ),
     "optimize": ("studies.kinematics", "find parameters for a path, a function, or the least effort of the drive"),
     "synthesize": ("studies.synthesize", "find linkages for poses, dead centers or functions, from nothing but these"),
     "linearize": (

@@ -17,6 +17,7 @@ PAGES = [
     ROOT / "docs/kinematic_analysis.md",
     ROOT / "docs/linear_analysis.md",
     ROOT / "docs/mjcf_sdf.md",
+    ROOT / "docs/synthesis.md",
     *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md"),
 ]
 

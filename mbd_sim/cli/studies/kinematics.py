@@ -241,7 +241,11 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=seed_number, default=0, help="of the search with --global (default 0)")
     parser.add_argument(
-        "--generations", type=int, default=GENERATIONS, metavar="N", help=f"with --global, at most (default {GENERATIONS})"
+        "--generations",
+        type=int,
+        default=GENERATIONS,
+        metavar="N",
+        help=f"with --global, at most (default {GENERATIONS})",
     )
     parser.add_argument(
         "--population",
@@ -251,7 +255,10 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
         help=f"with --global, members for each parameter (default {POPULATION})",
     )
     parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes with --global, without influence on the result (default: all)"
+        "--workers",
+        type=int,
+        metavar="N",
+        help="processes with --global, without influence on the result (default: all)",
     )
     add_quiet(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the mechanism with the values found: .yaml")

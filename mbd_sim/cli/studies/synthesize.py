@@ -69,7 +69,9 @@ def _add(parser: argparse.ArgumentParser) -> None:
     function.add_argument("--positions", type=int, default=5, metavar="N", help="precision positions (default 5)")
     function.add_argument("--input-start", default="0", metavar="ANGLE", help="of the crank: with 3 or 4 positions")
     function.add_argument("--output-start", default="0", metavar="ANGLE", help="of the follower: with 3 positions")
-    parser.add_argument("--take", type=int, default=1, metavar="N", help="the solution for --out and --plot (default 1)")
+    parser.add_argument(
+        "--take", type=int, default=1, metavar="N", help="the solution for --out and --plot (default 1)"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the mechanism file: .yaml")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="of poses: draw the solution: .png, .svg or .pdf")
 
@@ -122,7 +124,11 @@ def _dead_center(options: argparse.Namespace) -> int:
         found = slider_cranks(options.stroke, options.time_ratio, **limits)
         what = f"A slider-crank with a stroke of {options.stroke:.6g} m"
     print(dead_center_text(found))
-    about, name, best = f"{what} and a time ratio of {options.time_ratio:.6g}.", _name(options.out, "dead_center"), found.best
+    about, name, best = (
+        f"{what} and a time ratio of {options.time_ratio:.6g}.",
+        _name(options.out, "dead_center"),
+        found.best,
+    )
     if isinstance(best, DeadCenterFourBar):
         lengths = (best.crank, best.coupler, best.rocker, best.base)
         text = four_bar_text(name, lengths, np.zeros(1), 1.0, about)

@@ -8,6 +8,7 @@ the drive on, in small steps, from every assembly mode; of the modes, the one th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -156,7 +157,11 @@ class Candidates:
         rates = u
         if isinstance(self.goal, EffortGoal):
             u, rates = self._rates(q, evaluated_for_all(self.numbers, given), self.goal.speed)
-            unit = u / self.goal.speed if self.goal.speed else self._rates(q, evaluated_for_all(self.numbers, given), 1.0)[0]
+            unit = (
+                u / self.goal.speed
+                if self.goal.speed
+                else self._rates(q, evaluated_for_all(self.numbers, given), 1.0)[0]
+            )
             efforts = evaluated_for_all(self.quantity, q, u, rates, given)
             return np.sum(unit * efforts, axis=1).reshape(count, places, 1)
         return evaluated_for_all(self.quantity, q, u, rates, given).reshape(count, places, -1)
@@ -232,7 +237,7 @@ def _grid(goal: Goal, stride: float) -> tuple[Array, NDArray[np.intp]]:
         least = FREE_POSITIONS * len(goal.drives)
         wanted = np.union1d(wanted, np.linspace(wanted[0], wanted[-1], least))
     pieces = [wanted[:1]]
-    for low, high in zip(wanted[:-1], wanted[1:], strict=True):
+    for low, high in pairwise(wanted):
         pieces.append(np.linspace(low, high, int(np.ceil((high - low) / stride)) + 1)[1:])
     grid = np.concatenate(pieces)
     return grid, np.searchsorted(grid, goal.drives)

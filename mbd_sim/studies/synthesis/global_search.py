@@ -100,8 +100,8 @@ def global_design(
         members, energies, trials = _evolved(losses, limits, settings, progress)
     if energies[0] >= UNREACHED:
         raise MbdSimError(
-            f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the drive. "
-            "Give other bounds, or a shorter range."
+            f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the "
+            "drive. Give other bounds, or a shorter range."
         )
     chosen = _different(members[energies < UNREACHED], np.array(limits))
     before = _before(problem)
@@ -165,29 +165,32 @@ def _polished(
     :raises MbdSimError: none of them can move through the positions of the drive.
     """
     variables, drive, norm = wanted
-    best: Design | None = None
-    failure: MbdSimError | None = None
     losses, configurations, drives = candidates.best(members)
-    for member, loss, first, places in zip(members, losses, configurations, drives, strict=True):
+    optima: list[tuple[float, int, Array, Array, int, bool]] = []
+    for number, (member, first, places) in enumerate(zip(members, configurations, drives, strict=True)):
         start = _unknowns(problem, member, first, places)
         problem.begin(first, start)
         if not np.all(np.isfinite(problem.deviations(start))):
             continue
         bounds = bounds_of_unknowns(problem, variables, start, around=False)
-        inside = np.clip(start, bounds[0], bounds[1])
+        x, steps, converged = local_optimum(problem, np.clip(start, *bounds), bounds, norm, MOST_STEPS)
+        loss = _size(problem.deviations(x), norm)
+        problem.jacobian(x)
+        optima.append((loss, number, x, problem.configurations().copy(), steps, converged))
+        if loss <= EXACT * losses[0]:
+            break
+    failure: MbdSimError | None = None
+    for _, _, x, places, steps, converged in sorted(optima, key=lambda one: one[:2]):
+        problem.begin(places, x)
         try:
-            x, steps, converged = local_optimum(problem, inside, bounds, norm, MOST_STEPS)
-            found = design_of(problem, variables, drive, x, before, steps, converged=converged, trials=trials)
+            return design_of(problem, variables, drive, x, before, steps, converged=converged, trials=trials)
         except MbdSimError as error:
             failure = failure or error
-            continue
-        if best is None or getattr(found, norm) < getattr(best, norm):
-            best = found
-        if getattr(best, norm) <= EXACT * loss:
-            break
-    if best is None:
-        raise failure or MbdSimError(f"{problem.mechanism.name}: no optimum can be reached from the best members.")
-    return best
+    raise failure or MbdSimError(f"{problem.mechanism.name}: no optimum can be reached from the best members.")
+
+
+def _size(deviations: Array, norm: Norm) -> float:
+    return float(np.sqrt(np.mean(deviations**2)) if norm == "rms" else np.max(np.abs(deviations)))
 
 
 def _unknowns(problem: DesignProblem, member: Array, configurations: Array, drives: Array) -> Array:
@@ -239,7 +242,7 @@ def _take_over(candidates: Candidates) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
-    global _candidates  # noqa: PLW0603
+    global _candidates
     _candidates = candidates
 
 

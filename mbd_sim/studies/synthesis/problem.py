@@ -83,7 +83,7 @@ class DesignProblem:
 
     @property
     def value_function(self) -> ca.Function:
-        """What the goal is about, as a CasADi function of q, u, u' and the parameters; of efforts, those of the tree."""
+        """What the goal is about, as a CasADi function of q, u, u' and parameters; of efforts, those of the tree."""
         match self.goal:
             case PathGoal(point=point):
                 return self.parametric.place_function(point)

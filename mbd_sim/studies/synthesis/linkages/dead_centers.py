@@ -112,7 +112,9 @@ def imbalance(time_ratio: float) -> float:
     :raises InputError: the ratio is not at least 1.
     """
     if not 1.0 <= time_ratio < np.inf:
-        raise InputError(f"a time ratio of {time_ratio:.6g} is not possible", "Give that of the slow to the fast stroke.")
+        raise InputError(
+            f"a time ratio of {time_ratio:.6g} is not possible", "Give that of the slow to the fast stroke."
+        )
     return float(np.pi * (time_ratio - 1.0) / (time_ratio + 1.0))
 
 
@@ -138,7 +140,9 @@ def _best(
         for _ in range(6):  # closer and closer samples around the best place
             if not family:
                 break
-            quality = [max((one.transmission for one in at(places[k : k + 1])), default=-1.0) for k in range(len(places))]
+            quality = [
+                max((one.transmission for one in at(places[k : k + 1])), default=-1.0) for k in range(len(places))
+            ]
             index = int(np.argmax(quality))
             places = np.linspace(places[max(index - 1, 0)], places[min(index + 1, len(places) - 1)], 41)
             family += at(places)

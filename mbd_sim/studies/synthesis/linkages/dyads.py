@@ -30,7 +30,7 @@ REAL = 1e-6  # imaginary part of a root that is real to round-off, relative to i
 EXACT = 1e-9  # residual of a dyad, relative to the squared size
 SAME = 1e-6  # distance of two solutions that are one, relative to the size
 ITERATIONS = 20  # of Newton's method
-RAYS = 180  # through the middle of the poses, on which the curves for four poses are searched
+RAYS = 180  # through the middle of the poles, on which the curves for four poses are searched
 TINY = 1e-12
 
 
@@ -137,7 +137,9 @@ def residual(motion: Displacements, dyad: Dyad) -> float:
         case "PR":
             return float(np.max(np.abs(np.imag((motion.of(dyad.point) - dyad.point) / dyad.direction))))
         case "RP":
-            return float(np.max(np.abs(np.imag((dyad.center - motion.of(dyad.center)) / (motion.turns * dyad.direction)))))
+            return float(
+                np.max(np.abs(np.imag((dyad.center - motion.of(dyad.center)) / (motion.turns * dyad.direction))))
+            )
 
 
 def circle_point(motion: Displacements, center: complex) -> Dyad | None:
@@ -172,7 +174,7 @@ def straight_point(motion: Displacements, direction: complex) -> Dyad | None:
 
 
 def passing_line(motion: Displacements, direction: complex) -> Dyad | None:
-    """The fixed point through which a line of the body passes, with a given direction in the first pose: three poses."""
+    """The fixed point through which a line of the body passes, given its direction in the first of three poses."""
     found = straight_point(motion.inverse, direction)
     return None if found is None else Dyad("RP", found.point, found.point, found.direction)
 
@@ -180,11 +182,12 @@ def passing_line(motion: Displacements, direction: complex) -> Dyad | None:
 def dyads_of_four(motion: Displacements, rays: int = RAYS) -> list[Dyad]:
     """Links on the circle-point curve of four poses, with their centers, in the order of the angle of the rays.
 
-    The determinant of the three conditions is a cubic in p. Its roots are found on rays through the middle. The two
-    sliders, one of each kind, follow from the points at infinity.
+    The determinant of the three conditions is a cubic in p. Its roots are found on rays through the middle of the
+    poles. The two sliders, one of each kind, follow from the points at infinity.
     """
     found = list[Dyad]()
-    middle = complex(np.mean(motion.of(0j) + 0.5 * motion.size * motion.turns))
+    near = np.array([*poles(motion).values(), 0j])
+    middle = complex(np.median(near.real), np.median(near.imag))  # the curve winds around the poles
     for angle in (np.arange(rays) + 0.5) * np.pi / rays:
         ray = complex(np.exp(1j * angle)) * motion.size
         places = np.array([-1.5, -0.5, 0.5, 1.5])

@@ -1,10 +1,10 @@
 """Linkages of two dyads that carry a body: how they move when one dyad is driven, and the defects of this motion.
 
-The driver turns a link ("RR") or moves a slider ("PR"); its value u is the angle of the link in rad or the displacement
-of the slider in m from the first pose. For each u the body has at most two positions, which differ in a sign. Where they
-exist is a condition on the cosine of the link's angle, or on the square of the displacement, so that intervals are known
-exactly. Two signs over one interval meet at dead points: they are branches of one circuit. Over a full turn they are
-circuits of their own, between which the linkage would have to be taken apart.
+The driver turns a link ("RR") or moves a slider ("PR"); its value u is the angle of the link in rad or the
+displacement of the slider in m from the first pose. For each u the body has at most two positions, which differ in a
+sign. Where they exist is a condition on the cosine of the link's angle, or on the square of the displacement, so that
+intervals are known exactly. Two signs over one interval meet at dead points: they are branches of one circuit. Over a
+full turn they are circuits of their own, between which the linkage would have to be taken apart.
 """
 
 from __future__ import annotations
@@ -148,7 +148,9 @@ class DrivenLinkage:
                 return _Interval(-np.inf, np.inf)
             return _Interval((a * a + d * d - high**2) / (2 * a * d), (a * a + d * d - low**2) / (2 * a * d))
         if follower.kind == "PR":
-            return _Interval(-1.0, 1.0)  # one stretch, between the places where the coupler is normal to the other guide
+            return _Interval(
+                -1.0, 1.0
+            )  # one stretch, between the places where the coupler is normal to the other guide
         height = float(np.imag((follower.center - driver.point) / driver.direction))
         return _Interval(low**2 - height**2, high**2 - height**2)
 

@@ -1,12 +1,12 @@
 """Linkages as mechanism files that run, and their check by moving them through the poses.
 
-The plane of a linkage is the x-z plane, with angles from +x toward +z, as in the shipped four-bar. The driver moves from
-the first pose to the last one and back, or turns steadily where it can.
+The plane of a linkage is the x-z plane, with angles from +x toward +z, as in the shipped four-bar. The driver moves
+from the first pose to the last one and back, or turns steadily where it can.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,11 @@ def pose_linkage_data(name: str, poses: Sequence[PlanePose], linkage: PoseLinkag
         return (point - first.origin) / first.turn
 
     size = linkage.size
-    pins = {"driver_pin": in_body(driver.point), "follower_pin": in_body(follower.point), "heading": complex(0.3 * size)}
+    pins = {
+        "driver_pin": in_body(driver.point),
+        "follower_pin": in_body(follower.point),
+        "heading": complex(0.3 * size),
+    }
     ends = [pins["driver_pin"], pins["follower_pin"], 0j]
     shapes = [{"type": "rod", "from": at(one), "to": at(other)} for one, other in _edges(ends)]
     parts: dict[str, Any] = {
@@ -88,9 +92,7 @@ def pose_linkage_data(name: str, poses: Sequence[PlanePose], linkage: PoseLinkag
     return {"mechanism": name, "ground": {"points": pivots}, "parts": parts, "joints": joints}
 
 
-def _add_follower(
-    parts: dict[str, Any], joints: dict[str, Any], follower: Dyad, first: PlanePose, size: float
-) -> None:
+def _add_follower(parts: dict[str, Any], joints: dict[str, Any], follower: Dyad, first: PlanePose, size: float) -> None:
     match follower.kind:
         case "RR":
             parts["follower_link"] = link(follower.length)
@@ -139,7 +141,9 @@ def _marks(poses: Sequence[PlanePose], size: float) -> dict[str, Any]:
 
 def _drive(linkage: PoseLinkage) -> str:
     first, last = float(linkage.drives[0]), float(linkage.drives[-1])
-    rotates = linkage.driver.kind == "RR" and DrivenLinkage(linkage.motion, linkage.driver, linkage.follower).turns_fully
+    rotates = (
+        linkage.driver.kind == "RR" and DrivenLinkage(linkage.motion, linkage.driver, linkage.follower).turns_fully
+    )
     if rotates and not linkage.defects:
         return f"{first!r} {'+' if last > first else '-'} 2*pi*t/{PERIOD!r}"
     return f"{first!r} + {0.5 * (last - first)!r}*(1 - cos(2*pi*t/{PERIOD!r}))"
@@ -171,9 +175,7 @@ def verified(mechanism: Mechanism, poses: Sequence[PlanePose], linkage: PoseLink
     return ("" if largest < 1e-6 else "it moves through another branch"), largest
 
 
-def four_bar_text(
-    name: str, lengths: tuple[float, float, float, float], drives: Array, mode: float, about: str
-) -> str:
+def four_bar_text(name: str, lengths: tuple[float, float, float, float], drives: Array, mode: float, about: str) -> str:
     """The mechanism file of a four-bar (crank, coupler, rocker, base) in m.
 
     :param drives: angles of the crank in rad, the first of which is the start; it moves from there to the last one and

@@ -40,7 +40,8 @@ def draw_poses(path: Path, found: PoseSolutions, linkage: PoseLinkage | None) ->
     _dots(axes, np.array([one.center for one in links]), CENTERS, "centers", few)
     _dots(axes, np.array([one.point for one in links]), POINTS, "circle points, in the first pose", few)
     if linkage is not None:
-        shown += [linkage.driver.center, linkage.driver.point, linkage.follower.center, linkage.follower.point]
+        shown += [linkage.driver.center, linkage.follower.center]
+        shown += [*found.motion.of(linkage.driver.point), *found.motion.of(linkage.follower.point)]
         _draw_linkage(axes, found, linkage)
     for number, pose in enumerate(found.poses, 1):
         tip = pose.origin + 0.3 * size * pose.turn
@@ -80,7 +81,9 @@ def _draw_linkage(axes: Any, found: PoseSolutions, linkage: PoseLinkage) -> None
     for index, turn in enumerate(motion.turns):
         place = turn * corners + motion.shifts[index]
         axes.fill(place.real, place.imag, color=BODY, alpha=0.25 if index == 0 else 0.08, lw=0)
-        axes.plot(place.real, place.imag, color=BODY, lw=1.8 if index == 0 else 0.6, label="body" if index == 0 else None)
+        axes.plot(
+            place.real, place.imag, color=BODY, lw=1.8 if index == 0 else 0.6, label="body" if index == 0 else None
+        )
     if not linkage.defects:
         driven = DrivenLinkage(motion, linkage.driver, linkage.follower)
         path = np.linspace(linkage.drives[0], linkage.drives[-1], 181)
@@ -95,8 +98,17 @@ def _draw_dyad(axes: Any, found: PoseSolutions, dyad: Dyad, color: str, name: st
         axes.plot(ends.real, ends.imag, "-o", color=color, lw=2.4, ms=5, label=name)
         axes.plot(dyad.center.real, dyad.center.imag, "^", color=color, ms=11)
         return
-    reach = np.real((found.motion.of(dyad.point) - dyad.point) / dyad.direction) if dyad.kind == "PR" else np.array([0.0])
+    reach = (
+        np.real((found.motion.of(dyad.point) - dyad.point) / dyad.direction) if dyad.kind == "PR" else np.array([0.0])
+    )
     length = max(float(np.ptp(reach)), 0.5 * found.motion.size)
     line = dyad.point + dyad.direction * (float(reach.mean()) + np.array([-0.7, 0.7]) * length)
-    axes.plot(line.real, line.imag, color=color, lw=1.2, ls="-.", label=f"{name}: {'guide' if dyad.kind == 'PR' else 'line of the body'}")
+    axes.plot(
+        line.real,
+        line.imag,
+        color=color,
+        lw=1.2,
+        ls="-.",
+        label=f"{name}: {'guide' if dyad.kind == 'PR' else 'line of the body'}",
+    )
     axes.plot(dyad.center.real, dyad.center.imag, "s" if dyad.kind == "PR" else "^", color=color, ms=10)

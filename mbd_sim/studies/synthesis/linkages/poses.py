@@ -128,7 +128,10 @@ def _of_three(poses: Sequence[PlanePose], motion: Displacements, given: Given, r
         *((f"center {_text(one)}", circle_point(motion, one)) for one in given.centers),
         *((f"point {_text(one)}", center_point(motion, first.origin + first.turn * one)) for one in given.points),
         *((f"guide {np.degrees(one):.6g} deg", straight_point(motion, np.exp(1j * one))) for one in given.guides),
-        *((f"line {np.degrees(one):.6g} deg", passing_line(motion, first.turn * np.exp(1j * one))) for one in given.lines),
+        *(
+            (f"line {np.degrees(one):.6g} deg", passing_line(motion, first.turn * np.exp(1j * one)))
+            for one in given.lines
+        ),
     ]
     for name, dyad in tried:
         if dyad is None:

@@ -35,7 +35,9 @@ def poses_text(found: PoseSolutions, most: int) -> str:
         lines.append(f"  {number:>2}  {one.kind:<22}{angle:>11}  {_ends(one.driver)}; {_ends(one.follower)}"
                      f"{f'; {one.defects}' if one.defects else ''}")  # fmt: skip
     if found.linkages:
-        lines.append("The angle is the least transmission angle between the first and the last pose; the driven link is first.")
+        lines.append(
+            "The angle is the least transmission angle between the first and the last pose; the driven link is first."
+        )
     return "\n".join(lines)
 
 
@@ -44,7 +46,8 @@ def _dyad(dyad: Dyad, found: PoseSolutions) -> str:
     body = (dyad.point - first.origin) / first.turn
     match dyad.kind:
         case "RR":
-            return f"link    center ({_plain(dyad.center)}), point of the body ({_plain(body)}), length {dyad.length:.6g} m"
+            ends = f"center ({_plain(dyad.center)}), point of the body ({_plain(body)})"
+            return f"link    {ends}, length {dyad.length:.6g} m"
         case "PR":
             return f"guide   at {np.degrees(np.angle(dyad.direction)):.6g} deg, point of the body ({_plain(body)})"
         case _:
@@ -86,8 +89,8 @@ def functions_text(found: Sequence[FunctionFourBar], most: int) -> str:
     for number, one in enumerate(found[:most], 1):
         error = np.degrees(np.max(np.abs(one.deviations)))
         lines.append(
-            f"  {number:>2}  crank {one.crank:.6g} m, coupler {one.coupler:.6g} m, follower {one.follower:.6g} m; start "
-            f"{np.degrees(one.theta[0]):.6g} deg, {np.degrees(one.phi[0]):.6g} deg; transmission angle "
+            f"  {number:>2}  crank {one.crank:.6g} m, coupler {one.coupler:.6g} m, follower {one.follower:.6g} m; "
+            f"start {np.degrees(one.theta[0]):.6g} deg, {np.degrees(one.phi[0]):.6g} deg; transmission angle "
             f"{np.degrees(one.transmission):.4g} deg; largest deviation {error:.2g} deg"
             f"{f'; {one.defects}' if one.defects else ''}"
         )
