@@ -174,7 +174,7 @@ def _cyclic_stencils(times: Array, duration: float) -> tuple[NDArray[np.intp], A
     turns, rows = numbers // count, np.asarray(numbers % count, dtype=np.intp)
     steps = np.diff(times)
     places = (times[rows] + duration * turns - times[:-1, None]) / steps[:, None]
-    return rows, np.linalg.inv(places[:, :, None] ** np.arange(_POINTS))
+    return rows, np.asarray(np.linalg.inv(places[:, :, None] ** np.arange(_POINTS)), dtype=float)
 
 
 def _root(piece: Array) -> float:
