@@ -29,6 +29,7 @@ EXTRAS = {
     "cad": ["cadquery-ocp-novtk>=8.0,<9", "lxml>=5.0", "networkx>=3.2", "trimesh>=4.6"],  # reads STEP and 3MF
     "completion": ["argcomplete>=3.1"],  # of commands in a shell
     "control": ["control>=0.10"],  # linear systems as objects of python-control
+    "dxf": ["ezdxf>=1.3"],  # drawings from and for CAD
     "gym": ["gymnasium>=1.1"],
     "html": ["plotly>=5.20"],  # plots as pages
     "lab": ["viser>=1.1,<2"],  # the mechanism on a page in the browser
@@ -152,6 +153,7 @@ setup(
             "nox[uv]>=2024.4",
             "playwright>=1.50",
             "psutil>=5.9",
+            "pypdf>=4",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
             "pytest-xdist>=3.5",

@@ -22,7 +22,7 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "yaml": "pyyaml",
 }
 NEEDED = (  # by this package; any of them may be missing where pip has not installed it
-    *("av", "casadi", "control", "gymnasium", "llvmlite", "matplotlib", "mcap", "numpy", "pandas", "plotly"),
+    *("av", "casadi", "control", "ezdxf", "gymnasium", "llvmlite", "matplotlib", "mcap", "numpy", "pandas", "plotly"),
     *("pyarrow", "pydantic", "rich", "rosbags", "scipy", "sympy", "viser", "xacro", "zstandard"),
     *DISTRIBUTIONS,
 )

@@ -167,6 +167,7 @@ COMMANDS = {  # in the order of --help: the module, and what the command does
     "view": ("runs.view", "show a run in Rerun"),
     "plot": ("runs.view", "plot energies, joints, residual, measurements and phase portrait of a run"),
     "export": ("runs.view", "export a run as a table, for example for pandas"),
+    "layout": ("runs.layout", "write a layout of plots of a mechanism for Foxglove or PlotJuggler"),
     "urdf": ("mechanisms.convert", "print the spanning tree of a mechanism as URDF"),
     "convert": (
         "mechanisms.convert",

@@ -127,6 +127,10 @@ def _source(text: str, file: str, base: Base | None, hulls: bool) -> Source:
         from mbd_sim.files.urdf.overlay import with_urdf
 
         source = with_urdf(source, base)
+    if "dxf" in text:
+        from mbd_sim.files.dxf.source import with_dxf
+
+        source = with_dxf(source)
     if not any(word in text for word in ("mesh", "hull")) and source.text is not None:
         return source
     from mbd_sim.files.text.mesh_solids import with_mesh_solids

@@ -9,7 +9,8 @@ from typing import Any
 from mbd_sim.base.errors import CommandError, NoInertiaError, listed
 from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
-from mbd_sim.cli.shared.common import add_mechanism, print_undrawn_meshes
+from mbd_sim.cli.shared.common import add_mechanism
+from mbd_sim.cli.shared.drawing import add_drawing, draw_requested, require_drawing
 from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.report.text import cached_report, kinematic_text, report_text
@@ -25,7 +26,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="add the center of mass, inertia tensor and principal axes of each part and of the whole mechanism",
     )
-    parser.add_argument("--draw", metavar="PICTURE", help="draw the initial configuration to a .png, .svg or .pdf file")
+    add_drawing(parser)
     parser.add_argument(
         "--latex",
         action="store_true",
@@ -57,6 +58,7 @@ def _execute(options: argparse.Namespace) -> int:
         raise CommandError("--numbers and --symbols choose what --latex prints", "Give one of them, with --latex.")
     if options.no_linearization and not options.latex:
         raise CommandError("--no-linearization chooses what --latex prints", "Give it with --latex.")
+    require_drawing(options)
     mechanism = changed_mechanism(options)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):
@@ -70,12 +72,7 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
     from mbd_sim.simulation.run.simulation import BaseSimulation
 
     simulation = BaseSimulation(mechanism)
-    if options.draw:
-        from mbd_sim.pictures.drawing.picture import draw
-        from mbd_sim.pictures.shapes.touching import touching_now
-
-        draw(simulation.mechanism, simulation.poses(), options.draw, contacts=touching_now(simulation))
-        print_undrawn_meshes(simulation.mechanism)
+    draw_requested(options, simulation)
     if options.latex:
         print_file(_latex(simulation.mechanism, options))
         return 0
@@ -138,11 +135,7 @@ def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argp
     if options.latex or options.cost:
         raise error
     kinematics = Kinematics(mechanism)
-    if options.draw:
-        from mbd_sim.pictures.drawing.picture import draw
-
-        draw(mechanism, kinematics.poses(), options.draw)
-        print_undrawn_meshes(mechanism)
+    draw_requested(options, mechanism, kinematics.poses())
     content = kinematic_report(kinematics, error.problems)
     if options.inertia:
         content["inertia"] = inertia_report(mechanism.parts, kinematics.poses())

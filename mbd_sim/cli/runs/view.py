@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import threading
 import webbrowser
 from pathlib import Path
@@ -22,6 +23,7 @@ from mbd_sim.cli.shared.common import (
     positive_in,
     print_notes,
     shown_plots,
+    text_table,
 )
 from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
 from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
@@ -29,7 +31,8 @@ from mbd_sim.recordings.run.reader import Recording, open_recording
 from mbd_sim.recordings.run.recomputation import Recomputation, RecomputeError
 from mbd_sim.recordings.views import plots
 from mbd_sim.recordings.views.panels import panels, require_names
-from mbd_sim.recordings.views.table import export, read_table, require_table
+from mbd_sim.recordings.views.resampling import interpolation_table, resampled
+from mbd_sim.recordings.views.table import export, read_table, require_table, write_columns
 
 RATE = 200.0  # states per second shown by default
 
@@ -184,6 +187,9 @@ def _lab(options: argparse.Namespace) -> int:
 def _add_export(parser: argparse.ArgumentParser) -> None:
     add_run(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .csv, .parquet or .npz")
+    parser.add_argument(
+        "--rate", type=positive_in("Hz"), metavar="HZ", help="rows at equal steps of time, interpolated as printed"
+    )
     add_quiet(parser)
 
 
@@ -192,6 +198,14 @@ def _export(options: argparse.Namespace) -> int:
     require_table(options.out)
     with recorded_run(options.recording, options) as path:
         table = read_run_table(path, options.quiet, options.recording)
+    if options.rate:
+        found, ways = resampled(table, options.rate)
+        about = {**table.about, "recording": str(table.path), "interpolation": json.dumps(ways)}
+        write_columns(options.out, found, about)
+        for line in text_table(interpolation_table(ways), len(ways)):
+            print(line)
+        print(f"wrote {options.out}: {counted(len(found['time_s']), 'row')} of {counted(len(found), 'column')}")
+        return 0
     columns = export(options.out, table)
     print(f"wrote {options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
     return 0

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.pose import Pose
@@ -28,6 +29,9 @@ from mbd_sim.mechanism.values.names import split_names
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.touching import Touching, touching_now
 from mbd_sim.simulation.run.simulation import BaseSimulation
+
+if TYPE_CHECKING:
+    from mbd_sim.recordings.run.ring import RingRecorder
 
 RECORDING = ".mcap"
 SIZE = 600, 400  # px, of an animation
@@ -65,6 +69,21 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="recorded states per simulated second (default 100, but at most one per step)",
     )
+    group.add_argument(
+        "--last",
+        type=positive_in("s"),
+        metavar="S",
+        help="with --out FILE.mcap: keep only the last S seconds, and up to twice that",
+    )
+    group.add_argument(
+        "--when",
+        metavar="EVENT",
+        default="",
+        help="with --last: write them after an event only: impact, or a condition such as 'abs(elbow.velocity) > 3'",
+    )
+    group.add_argument(
+        "--after", type=positive_in("s"), metavar="S", help="with --when: seconds after the event (default 0)"
+    )
     group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
     group.add_argument(
         "--contact-forces", action="store_true", help="also record the point, the normal and the force of each contact"
@@ -79,6 +98,19 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         default="",
         help="also record the accelerations of coordinates, parts and points (part.point), separated by commas; *: all",
     )
+
+
+def _require_ring(options: argparse.Namespace) -> None:
+    """Refuse options of a ring without one.
+
+    :raises InputError: an option has no effect.
+    """
+    if (options.when or options.after) and not options.last:
+        raise InputError("--when, --after: everything is recorded", "Give --last too.")
+    if options.after and not options.when:
+        raise InputError("--after: there is no event", "Give --when too.")
+    if options.last and (options.out is None or options.out.suffix != RECORDING or options.plot):
+        raise InputError("--last is of a recording", "Give --out FILE.mcap, without --plot.")
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -101,6 +133,7 @@ class RunOutputs:
         self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
         self._contacts: list[Touching] = []
         self.written: list[str] = []
+        self._ring: RingRecorder | None = None
         self._shown, self._coordinates = shown_plots(options, options.plot), plotted_coordinates(options, options.plot)
         require_styled(options, options.plot)
         if self.records:
@@ -120,6 +153,7 @@ class RunOutputs:
         elif unused := [name for name in ("trace", "pace", "size") if getattr(options, name)]:
             raise InputError(f"--{unused[0]}: nothing is drawn", "Give --animate too.")
         self._pace, self._size = options.pace or 1.0, options.size or SIZE
+        _require_ring(options)
         if not self.records:
             unused = [
                 name.replace("_", "-")
@@ -184,24 +218,37 @@ class RunOutputs:
         options = self._options
         if not self.records:
             return nullcontext()
-        poses, accelerations = split_names(options.poses), split_names(options.accelerations)
-        return RunRecorder(
-            simulation,
-            path,
-            rate=options.rate,
-            contact_forces=options.contact_forces,
-            reactions=options.reactions or "reactions" in self._shown,
-            violation=options.violation,
-            poses=poses,
-            accelerations=accelerations,
-        )
+        recorded: dict[str, Any] = {
+            "rate": options.rate,
+            "contact_forces": options.contact_forces,
+            "reactions": options.reactions or "reactions" in self._shown,
+            "violation": options.violation,
+            "poses": split_names(options.poses),
+            "accelerations": split_names(options.accelerations),
+        }
+        if options.last:
+            from mbd_sim.recordings.run.ring import RingRecorder
+
+            self._ring = RingRecorder(
+                simulation, path, options.last, when=options.when, after=options.after or 0.0, **recorded
+            )
+            return self._ring
+        return RunRecorder(simulation, path, **recorded)
 
     def _write(self, simulation: BaseSimulation, path: Path) -> None:
         options = self._options
-        if self.records:
+        if self._ring is not None:
+            self._say_ring(self._ring)
+        elif self.records:
             self._write_table_and_plot(path)
         if options.animate is not None:
             self._animate(simulation)
+
+    def _say_ring(self, ring: RingRecorder) -> None:
+        if not ring.written:
+            self.written.append(f"nothing to {ring.path}: there was no {self._options.when}")
+        for number, path in enumerate(ring.written):
+            self.written.append(f"{path}" + (f": {ring.cause}" if number == 0 else ", which continues it"))
 
     def _write_table_and_plot(self, path: Path) -> None:
         from mbd_sim.cli.shared.recorded_run import read_run_table

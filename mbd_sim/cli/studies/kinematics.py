@@ -26,7 +26,7 @@ from mbd_sim.many.sweep.plan import bare_variation_remark
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.recordings.views.table import require_table, write_columns
 from mbd_sim.studies.kinematic_analysis.loads import coupler_and_follower, couplers_and_followers, drive_loads
-from mbd_sim.studies.kinematic_analysis.motion import POSITIONS, DrivenMotion, driven_motion
+from mbd_sim.studies.kinematic_analysis.motion import POSITIONS, DrivenMotion, PointFunctions, driven_motion
 from mbd_sim.studies.kinematic_analysis.picture import draw_motion, require_groups, require_picture_suffix
 from mbd_sim.studies.kinematic_analysis.system import (
     DriveRange,
@@ -47,6 +47,7 @@ from mbd_sim.studies.synthesis.global_search import GENERATIONS, POPULATION, all
 from mbd_sim.studies.synthesis.problem import Goal, bounds_of, goal_of
 from mbd_sim.studies.synthesis.synthesis import Design, Norm, design_text, draw_design, synthesize, write_mechanism
 
+DXF = ".dxf"
 CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
 
 
@@ -109,7 +110,12 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         "a limit of the magnitude of a column, in its unit, such as reaction.crank_pin.force_N=500; the status is "
         "1 if it is exceeded; repeatable",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write a table: .csv, .parquet or .npz; or the paths of the points as a drawing: .dxf",
+    )
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the motion: .png, .svg or .pdf")
     add_show(parser, ("mechanism", *CURVES))
 
@@ -121,7 +127,9 @@ def _kinematics(options: argparse.Namespace) -> int:
     require_groups(show)
     if options.plot is not None:
         require_picture_suffix(options.plot)
-    require_table(options.out)
+    require_table(options.out, DXF)
+    if is_drawing(options.out) and not options.point:
+        raise InputError(f"{options.out}: there are no paths to draw", "Name points with --point.")
     mechanism = changed_mechanism(options)
     given = _ranges(options.drive, mechanism)
     drives = {one.name: (one.start, one.stop) for one, _ in given}
@@ -149,13 +157,27 @@ def _kinematics(options: argparse.Namespace) -> int:
     if options.column:
         chosen = columns = chosen_columns(columns, options.column)
     print(motion_text(motion, options.point, pins, loads, lines, chosen))
-    if options.out is not None:
+    if is_drawing(options.out):
+        _write_paths(options.out, motion, options.point)
+    elif options.out is not None:
         about = {"mechanism": mechanism.name, "drives": ", ".join(options.drive), "speed": str(motion.speed)}
         write_columns(options.out, columns, about)
     if options.plot is not None:
         draw_motion(options.plot, motion, options.point, pins, loads, show=show)
     print_written(options.out, options.plot)
     return 1 if exceeded else 0
+
+
+def is_drawing(path: Path | None) -> bool:
+    """Whether a file is a DXF drawing."""
+    return path is not None and path.suffix == DXF
+
+
+def _write_paths(path: Path, motion: DrivenMotion, points: Sequence[str]) -> None:
+    from mbd_sim.pictures.technical.dxf import write_curves
+
+    poses = {name: PointFunctions(motion.system, name).pose(motion.q[0]) for name in motion.mechanism.parts}
+    write_curves(path, motion.mechanism, poses, {name: motion.point(name).position for name in points})
 
 
 def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:

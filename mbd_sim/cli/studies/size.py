@@ -239,8 +239,8 @@ def _gear(name: str, catalog: Catalog, load: LoadCycle, motor: MotorType, effici
 
 COMMANDS = {
     "size": Command(
-        "Size the drive of a joint for a motion and its loads: of a mechanism whose drives move through ranges, of a run,"
-        " of a recording or a table. Prints peak and RMS efforts and energies, the torque, current, temperature and "
+        "Size the drive of a joint for a motion and its loads: of a mechanism whose drives move through ranges, of a "
+        "run, a recording or a table. Prints peak and RMS efforts and energies, the torque, current, temperature and "
         "limits of each motor of a catalog with each gear, the gear of least RMS torque, a balancing spring and a "
         "flywheel. The status is 1 if no motor suffices.",
         _add_arguments,

@@ -12,13 +12,14 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Discriminator,
+    Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     StringConstraints,
@@ -354,10 +355,18 @@ class RotationSpec(Spec):
 
 
 class PointSpec(Spec):
-    """A named point of a part, with an orientation if a joint needs one."""
+    """A named point of a part, with an orientation if a joint needs one.
+
+    In place of `at`, a `dxf` drawing can have it: as the only point, circle or block on a `layer`.
+    """
 
     at: Vector = (0.0, 0.0, 0.0)
     rotate: RotationSpec | None = None
+    dxf: str = Field("", description="path of a drawing, relative to this file")
+    layer: str = ""
+    unit: str = Field("", description="of the drawing, such as mm, if it does not say it itself")
+    origin: tuple[float, float] | str = Field((0.0, 0.0), description="of the part in the drawing, or its layer")
+    plane: Literal["xy", "xz", "yz"] = "xy"
 
 
 def written_as(value: Any) -> str:

@@ -152,12 +152,15 @@ class EllipsoidSpec(PlacedShapeSpec):
     density: PositiveDensity | None = None
 
 
+FileName = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+
+
 class HullSpec(PlacedShapeSpec):
     """A uniform solid, the convex hull of points or of the mesh in a file, which are given in a frame at `at`."""
 
     type: Literal["hull"]
     points: list[Vector] | None = Field(None, min_length=1, max_length=1000, description="those inside do not count")
-    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)] | None = None
+    file: FileName | None = None
     scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
     density: PositiveDensity | None = None
 
@@ -228,8 +231,22 @@ PlanePointOrStroke = Annotated[
 ]
 
 
+class ProfileSpec(Spec):
+    """The closed outline on a layer of a DXF drawing; further outlines within it are holes.
+
+    The `origin` of the drawing is given in its unit, or by the layer of a point or a circle.
+    """
+
+    dxf: FileName = Field(description="path of the drawing, relative to this file")
+    layer: Name
+    unit: str = Field("", description="of the drawing, such as mm, if it does not say it itself")
+    origin: tuple[float, float] | str = (0.0, 0.0)
+
+
 class OutlineSpec(PlacedShapeSpec):
     """A uniform body with the outline of a chain of lines and curves, in a plane through `at`.
+
+    The chain is given by `points`, or by the `profile` of a drawing.
 
     Without a `thickness` it is a thin plate, and if it is not `closed` a wall
     without mass, whose material is on the left. The chain can be repeated around the origin of its plane.
@@ -237,7 +254,8 @@ class OutlineSpec(PlacedShapeSpec):
 
     type: Literal["outline"]
     plane: Literal["xy", "xz", "yz"] = "xy"
-    points: list[PlanePointOrStroke] = Field(min_length=2)
+    points: list[PlanePointOrStroke] = Field([], description="or a profile")
+    profile: ProfileSpec | None = Field(None, description="outline of a DXF drawing, in place of the points")
     closed: bool = True
     repeat: WholeNumber = Field(1.0, description="how often the chain is passed, each time turned further by 1/repeat")
     thickness: PositiveLength | None = None
@@ -245,6 +263,8 @@ class OutlineSpec(PlacedShapeSpec):
 
     @model_validator(mode="after")
     def _consistent(self) -> OutlineSpec:
+        if len(self.points) < 2 and self.profile is None:
+            raise InputError("needs at least two 'points', or a 'profile'", "Write points: [[0, 0], [1, 0], [0, 1]].")
         if not float(self.repeat).is_integer():
             raise InputError("repeat must be a whole number", "Write for example 12.", self.repeat)
         if not self.closed and self.mass != 0.0:

@@ -161,9 +161,8 @@ def compose(
         scale = min(scale, MAX_ENLARGEMENT * float(np.max(MAX_SIZE)) / size)  # the mechanism may be a single dot
     page = ScaledView(view, scale)
     sheet = mechanism_sheet(page, mechanism, poses, size, curves)
-    joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     sheet.add(*contact_paths(page, contacts, size, weight(mechanism, size)))
-    sheet.texts += place_labels(sheet, _joint_and_part_labels(page, mechanism, poses, joints, size))
+    sheet.texts += place_labels(sheet, named_joints_and_parts(page, mechanism, poses, size))
     low, high = sheet.bounds()
     width = max(float((high - low)[0]) + 2.0 * MARGIN, MIN_WIDTH)
     base = HEIGHT + 0.5 * MARGIN
@@ -196,11 +195,12 @@ def mechanism_sheet(
     for name, part in mechanism.parts.items():
         sheet.add(*part_paths(page, mechanism, part, poses[name], colors[name]))
     sheet.add(*pin_bar_paths(page, mechanism, poses, colors))
+    sheet.paths = [replace(path, group="PARTS") for path in sheet.paths]
     occupied = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.particle]
     sheet.add(*curve_paths(page, curves))
     sheet.add(*two_point_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size))
     for joint in joints:
-        sheet.add(*joint_paths(page, joint, size))
+        sheet.add(*(replace(path, group="JOINTS") for path in joint_paths(page, joint, size)))
     if page.view.planar:
         sheet.paths = [_without_depth(path) for path in sheet.paths]
     round_joints = [joint for joint in joints if joint.joint.kind.keeps_point and joint.joint.kind.connects]
@@ -224,10 +224,11 @@ def _without_depth(path: SheetPath) -> SheetPath:
     return replace(path, depth=0.0, layer=FRONT if path.particle else path.layer)
 
 
-def _joint_and_part_labels(
-    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], joints: Sequence[PlacedJoint], size: float
+def named_joints_and_parts(
+    page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], size: float
 ) -> list[tuple[SheetText, float]]:
     """The names of the parts, and of the joints that move where there is room, each with the most it may cover."""
+    joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     colors = part_colors(mechanism)
     names = [
         (
@@ -303,20 +304,23 @@ def draw(
             f"Use a file name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.",
         )
     require_packages("matplotlib", purpose="A drawing")
-    picture = compose(mechanism, poses, title, contacts)
+    write_picture(compose(mechanism, poses, title, contacts), path)
+
+
+def write_picture(picture: Composition, path: Path) -> None:
+    """Write a drawing by the suffix of the file.
+
+    :raises DrawingError: it cannot be written.
+    """
     try:
         path.open("ab").close()  # fails before Matplotlib is loaded
-        _write(picture, path)
+        with _figure(picture, RESOLUTION) as figure:
+            figure.savefig(path, dpi=RESOLUTION, metadata=METADATA[path.suffix.lower()])
     except OSError as error:
         raise DrawingError(
             f"cannot write {quoted(str(path))}: {error.strerror or error}",
             "Choose a file in a folder that you may write to.",
         ) from error
-
-
-def _write(picture: Composition, path: Path) -> None:
-    with _figure(picture, RESOLUTION) as figure:
-        figure.savefig(path, dpi=RESOLUTION, metadata=METADATA[path.suffix.lower()])
 
 
 def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8]:

@@ -36,7 +36,8 @@ AXIS_DASH = (9.0, 2.5, 1.5, 2.5)  # pt, of axes and pitch lines
 class SheetPath:
     """A line through `points` (n, 2), in points; `depth` in m grows toward the eye.
 
-    `particle` marks the dots of particles, which lie on top in planar views.
+    `particle` marks the dots of particles, which lie on top in planar views. `group` says what it draws: `PARTS`,
+    `JOINTS`, or "" for anything else.
     """
 
     points: Array
@@ -48,6 +49,7 @@ class SheetPath:
     layer: int = BODIES
     depth: float = 0.0
     particle: bool = False
+    group: str = ""
 
 
 @dataclass(frozen=True, eq=False)

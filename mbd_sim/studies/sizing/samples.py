@@ -171,10 +171,10 @@ def _cyclic_stencils(times: Array, duration: float) -> tuple[NDArray[np.intp], A
     """The same in a cycle whose last sample is its first one again."""
     count = len(times) - 1
     numbers = np.arange(count)[:, None] + np.arange(-_BEFORE, _POINTS - _BEFORE)
-    turns, rows = np.divmod(numbers, count)
+    turns, rows = numbers // count, np.asarray(numbers % count, dtype=np.intp)
     steps = np.diff(times)
     places = (times[rows] + duration * turns - times[:-1, None]) / steps[:, None]
-    return rows, np.linalg.inv(places[:, :, None] ** np.arange(_POINTS))
+    return rows, np.asarray(np.linalg.inv(places[:, :, None] ** np.arange(_POINTS)), dtype=float)
 
 
 def _root(piece: Array) -> float:

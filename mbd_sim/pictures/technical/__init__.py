@@ -1,0 +1,16 @@
+"""Drawings to scale on a sheet of paper, with dimensions and a title block, as SVG, PDF, PNG and DXF.
+
+| module | contents |
+|---|---|
+| `paper` | sheets and scales |
+| `dimensions` | lengths, offsets and angles: which ones, and how they are drawn |
+| `plan` | the layout: mechanism, dimensions, names, frame and title block |
+| `dxf` | a plan, or the paths of points, as DXF |
+"""
+
+from __future__ import annotations
+
+from mbd_sim.pictures.technical.dxf import write_curves
+from mbd_sim.pictures.technical.plan import Plan, draw_plan, make_plan
+
+__all__ = ["Plan", "draw_plan", "make_plan", "write_curves"]
