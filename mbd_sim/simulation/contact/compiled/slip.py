@@ -44,6 +44,7 @@ SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNI
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
+UNHELD = 1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
 FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8
@@ -188,8 +189,15 @@ def find_sliding(c: Contacts, inputs: Array, s: Sliding, left_out: Integers) -> 
 
 
 def not_finite(c: Contacts, m: TrialPart) -> bool:
-    """Whether a state or a guard was not finite."""
-    return has_failed(m) or any(not math.isfinite(m.after[guard_at(c, k)]) for k in range(c.guards))
+    """Whether a state or a guard was not finite, or bodies that touch have been pressed into each other."""
+    if has_failed(m) or any(not math.isfinite(m.after[guard_at(c, k)]) for k in range(c.guards)):
+        return True
+    return any(is_closed_gap(c, m, gap) and m.after[1 + gap] < -UNHELD * c.gap_units[gap] for gap in range(c.gaps))
+
+
+def is_closed_gap(c: Contacts, m: TrialPart, gap: int) -> bool:
+    """Whether a gap, which is a position, is closed."""
+    return m.inputs[c.first_mode + gap] != 0.0 and not c.clutches[gap]
 
 
 def was_positive(c: Contacts, m: TrialPart, start: Array, left_out: Integers, cause: int) -> bool:
