@@ -74,6 +74,19 @@ def test_a_half_turn_has_its_axis_as_quaternion(axis):
     assert close(abs(quaternion[0]), 0.0, 1e-9) and close(np.cross(quaternion[1:], unit), 0.0, 1e-9)
 
 
+def test_a_product_is_the_second_rotation_followed_by_the_first():
+    first, second = rot.of_vector(np.array([0.3, -0.5, 0.9])), rot.of_vector(np.array([-1.1, 0.2, 0.4]))
+    assert close(
+        rot.from_quaternion(rot.product(first, second)), rot.from_quaternion(first) @ rot.from_quaternion(second)
+    )
+
+
+def test_a_rotation_vector_is_the_axis_times_the_angle():
+    vector = np.array([0.3, -0.5, 0.9])
+    assert close(rot.from_quaternion(rot.of_vector(vector)), rot.about(rot.unit(vector), float(np.linalg.norm(vector))))
+    assert close(rot.of_vector(np.zeros(3)), [1.0, 0.0, 0.0, 0.0])
+
+
 @given(angles, st.floats(-QUARTER + 1e-3, QUARTER - 1e-3), angles)
 def test_roll_pitch_and_yaw_give_their_rotation_back(roll, pitch, yaw):
     matrix = rot.from_rpy(roll, pitch, yaw)

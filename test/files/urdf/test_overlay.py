@@ -153,7 +153,7 @@ joints: {left_hip: {type: revolute, limits: {upper: 3}, friction: {coulomb: 1}, 
 constraints: {rod: {type: distance, between: [left_rod, right_rod], length: 1}}
 """
     words = list(re.finditer(r"[\w.]+|\{[^{}]*\}|\[[^\[\]]*\]", whole))
-    for _ in range(80):
+    for _ in range(40):
         word = words[rng.integers(len(words))]
         put = str(rng.choice(["", "3", "[]", "{}", "x", "[1, x]", "{a: {}}", "base", "left_rod"]))
         try:

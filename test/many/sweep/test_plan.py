@@ -49,6 +49,7 @@ def test_variations_are_read_with_units(rods):
         ("l=uniform(2, 1)", "uniform needs low <= high"),
         ("l=uniform(0, inf)", "must be finite"),
         ("l=loguniform(-1, 2)", "0 < low"),
+        ("l=loguniform(0, 2)", "0 < low"),
         ("l=normal(1, -2)", "must not be negative"),
         ("joints.elbw.damping=1", "elbow"),
         ("joints.elbow.type=1", "not a number"),

@@ -88,6 +88,12 @@ def test_the_triangles_of_a_hollow_polygon_cover_it_once(seed):
     assert np.sum(found) == pytest.approx(area_of(outline).area, rel=2e-3)
 
 
+def test_a_corner_between_whose_neighbors_a_notch_ends_is_not_cut_off():
+    half = [(0.3, 1.0), (2.0, 1.5), (2.0, 3.0), (0.05, 3.0)]
+    points = np.array([(0.0, 0.0), *half, (0.0, 0.2), *((-x, y) for x, y in reversed(half))])
+    assert np.all(areas(points, polygon_triangles(points)) > 0.0)
+
+
 def test_a_prism_is_closed_and_has_its_volume():
     points = polyline(built([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], {"to": [0.0, 1.0], "through": [1.0, 0.3]}]))
     corners, triangles = prism_mesh(Prism(tuple(map(tuple, points)), 0.5))
