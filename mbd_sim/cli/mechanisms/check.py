@@ -72,7 +72,7 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
     from mbd_sim.simulation.run.simulation import BaseSimulation
 
     simulation = BaseSimulation(mechanism)
-    draw_requested(options, simulation)
+    draw_requested(options, simulation.mechanism, simulation.poses(), simulation)
     if options.latex:
         print_file(_latex(simulation.mechanism, options))
         return 0

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from mbd_sim.base.errors import InputError
+from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.cli.shared.common import add_repeatable, print_undrawn_meshes
+from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.run.simulation import BaseSimulation
@@ -44,14 +47,18 @@ def require_drawing(options: argparse.Namespace) -> None:
         raise InputError(f"{', '.join(given)}: nothing is drawn", "Give --draw too.")
 
 
-def draw_requested(options: argparse.Namespace, simulation: BaseSimulation) -> None:
-    """Draw the mechanism if that is requested: on a sheet to scale, or as large as it fits.
+def draw_requested(
+    options: argparse.Namespace,
+    mechanism: Mechanism,
+    poses: Mapping[str, Pose],
+    simulation: BaseSimulation | None = None,
+) -> None:
+    """Draw the mechanism if that is requested: on a sheet to scale, or as large as it fits, with the contacts of a simulation.
 
     :raises InputError: the drawing is not possible.
     """
     if not options.draw:
         return
-    mechanism, poses = simulation.mechanism, simulation.poses()
     if options.draw.lower().endswith(".dxf") or any(getattr(options, name) for name in _OF_PLANS):
         from mbd_sim.pictures.technical.plan import draw_plan, make_plan
 
@@ -66,7 +73,7 @@ def draw_requested(options: argparse.Namespace, simulation: BaseSimulation) -> N
         draw_plan(plan, options.draw)
     else:
         from mbd_sim.pictures.drawing.picture import draw
-        from mbd_sim.pictures.shapes.touching import touching_now
+        from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, touching_now
 
-        draw(mechanism, poses, options.draw, contacts=touching_now(simulation))
+        draw(mechanism, poses, options.draw, contacts=touching_now(simulation) if simulation else NONE_TOUCHING)
     print_undrawn_meshes(mechanism)
