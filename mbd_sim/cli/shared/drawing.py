@@ -53,7 +53,9 @@ def draw_requested(
     poses: Mapping[str, Pose],
     simulation: BaseSimulation | None = None,
 ) -> None:
-    """Draw the mechanism if that is requested: on a sheet to scale, or as large as it fits, with the contacts of a simulation.
+    """Draw the mechanism if that is requested: on a sheet to scale, or as large as it fits.
+
+    The closed contacts of a simulation are drawn with their forces.
 
     :raises InputError: the drawing is not possible.
     """
