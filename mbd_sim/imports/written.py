@@ -202,8 +202,8 @@ def _joint_lines(assembly: CadAssembly, candidates: Sequence[Candidate], choice:
         used.add(name)
         if number:
             yield "  # No joint that was chosen connects it: held until one is.\n"
-        kind = "free" if choice.is_free and not number else "fixed"
-        yield _entry(name, {"type": kind, "between": [reference(GROUND, part), reference(part)]})
+        mount = "free" if choice.is_free and not number else "fixed"
+        yield _entry(name, {"type": mount, "between": [reference(GROUND, part), reference(part)]})
     order = _from_ground(assembly, candidates, choice)
     for candidate in candidates:
         if candidate.number in choice.types:
