@@ -17,7 +17,7 @@ ON_LIGHT = (196, 138, 0)
 POINT, NORMAL_WIDTH = 0.013, 0.5 * LINE_WIDTH  # relative to the mechanism's size
 
 
-class Contacts:
+class ContactNodes:
     """The nodes of contacts; an arrow of a `full` force in N has full length."""
 
     def __init__(self, scene: Any, extent: Extent, full: float, *, dark: bool) -> None:

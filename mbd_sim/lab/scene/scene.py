@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, identity_pose, pack_poses, unpack_poses
 from mbd_sim.lab.scene.arrows import NOWHERE, Arrows
 from mbd_sim.lab.scene.bodies import Bodies, Dragged
-from mbd_sim.lab.scene.contacts import Contacts
+from mbd_sim.lab.scene.contacts import ContactNodes
 from mbd_sim.lab.scene.ground import add_ground
 from mbd_sim.lab.scene.traces import Traces
 from mbd_sim.lab.scene.vectors import VIEWS, Vectors
@@ -180,7 +180,7 @@ class Scene:
         """Contact forces, the force of a hand, and what the views read."""
         mechanism, size = self._mechanism, self._extent.size
         force = weight(mechanism, size), 1.0
-        self._contacts = Contacts(self._scene, self._extent, force[0], dark=dark)
+        self._contacts = ContactNodes(self._scene, self._extent, force[0], dark=dark)
         self._pull = Arrows(self._scene, "pull", palette.APPLIED, size, force)
         self._string = self._scene.add_line_segments(
             "/string", NOWHERE, palette.APPLIED, thickness=0.5 * LINE_WIDTH * size
