@@ -20,7 +20,7 @@ WORK = 0.01  # s that a piece of work takes at most, if a step is shorter
 
 
 @dataclass(eq=False)
-class _Active:
+class _ActiveSteps:
     """A goal that is being executed: its handle, what tells that it has ended, and how far it is."""
 
     handle: Any
@@ -34,7 +34,7 @@ class StepAction:
     def __init__(self, node: Node, stepping_thread: SteppingThread, messages: ModuleType, actions: ModuleType) -> None:
         self._kind, self._codes = actions.SimulateSteps, messages.Result
         self._stepping_thread = stepping_thread
-        self._active: list[_Active] = []
+        self._active: list[_ActiveSteps] = []
         self._chunk = 1  # steps in a piece
         self._server = ActionServer(
             node,
@@ -46,7 +46,7 @@ class StepAction:
         node.create_timer(PERIOD, self._continue, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     async def _execute(self, handle: Any) -> Any:
-        active = _Active(handle, Future())
+        active = _ActiveSteps(handle, Future())
         self._active.append(active)
         return await active.result
 
@@ -81,7 +81,7 @@ class StepAction:
         if active.completed >= steps:
             self._end(active, handle.succeed, self._codes.RESULT_OK, "")
 
-    def _end(self, active: _Active, change_state: Any, code: int, text: str) -> None:
+    def _end(self, active: _ActiveSteps, change_state: Any, code: int, text: str) -> None:
         """End a goal; whoever waits for its result gets it even if the change of its state could not be published."""
         self._active.remove(active)
         try:
