@@ -201,9 +201,9 @@ def test_entities_their_kinds_and_sizes_steps_by_an_action_and_what_is_refused(
         static = EntityCategory(category=EntityCategory.CATEGORY_STATIC_OBJECT)
         assert entities(categories=[static]) == ["board"]
         assert entities(tags=TagsFilter(tags=["red"])) == []
-        sphere = Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=0.5, z=1.5), Vector3(x=0.52)])
-        assert entities(bounds=sphere) == []  # 0.52 from a corner of the ball's box, (0.2, 0, 1.2), it is not
-        sphere.points[1].x = 0.6
+        sphere = Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=0.5, z=1.5), Vector3(x=0.42)])
+        assert entities(bounds=sphere) == []  # 0.424 from an edge of the ball's box, at (0.2, 0, 1.2)
+        sphere.points[1].x = 0.43
         assert entities(bounds=sphere) == ["ball_1"]
         box = Bounds(type=Bounds.TYPE_BOX, points=[Vector3(x=3.0, y=1.0, z=1.0), Vector3(x=0.9, z=0.04)])
         assert entities(bounds=box) == ["board"]

@@ -92,7 +92,7 @@ class EntityServices:
         kinds = {one.category for one in filters.categories}
         names = [
             name
-            for name in self._model.part_names
+            for name in self._model.mechanism.parts
             if tags_allow(filters.tags) and fits(name) and (not kinds or self._category(name) in kinds)
         ]
         if overlaps is None:
