@@ -16,7 +16,8 @@ from mbd_sim.ros.stepping.thread import SteppingThread
 
 ACTION = "simulate_steps"
 PERIOD = 0.02  # s between two pieces of work, between which the node answers other requests
-WORK = 0.01  # s that a piece of work takes at most, if a step is shorter
+WORK = 0.01  # s after which no further piece begins
+MOST_WORK = 0.1  # s of a piece, beyond which the next ones are smaller; a loaded machine needs some of it to switch
 
 
 @dataclass(eq=False)
@@ -71,9 +72,10 @@ class StepAction:
                 return
             active.completed += chunk
             took = time.monotonic() - begin
-            self._chunk = (
-                max(1, self._chunk // 2) if took > WORK else self._chunk * 2 if took < WORK / 4 else self._chunk
-            )
+            if took > MOST_WORK:
+                self._chunk = max(1, self._chunk // 2)
+            elif took < MOST_WORK / 4:
+                self._chunk *= 2
             if time.monotonic() >= until:
                 break
         feedback = self._kind.Feedback(completed_steps=active.completed, remaining_steps=steps - active.completed)
