@@ -89,7 +89,7 @@ def inverse_kinematics(
     :param tolerance: up to which the target counts as reached, in rad and relative to the size of the mechanism.
     :raises ValueError: there is no such frame, or numbers do not fit; or no position from q closes the loops.
     """
-    problem = _Problem(kinematics, frame, _target(position, rotation), time, limits)
+    problem = _Reaching(kinematics, frame, _target(position, rotation), time, limits)
     random, best, alike = np.random.default_rng(0), None, 0
     start = problem.kinematics.closed(kinematics.start if q is None else q, time)
     for attempt in range(max(1, tries)):
@@ -148,7 +148,7 @@ class _Found:
         return float(np.linalg.norm(self.residual))
 
 
-class _Problem:
+class _Reaching:
     """The residual of a frame and its Jacobian, in natural units, and the loops."""
 
     def __init__(self, kinematics: Kinematics, frame: str, target: _Target, time: float, limits: bool) -> None:

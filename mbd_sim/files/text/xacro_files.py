@@ -60,11 +60,11 @@ def expanded_xacro(text: str, file: str, arguments: Mapping[str, str]) -> str:
     import xacro
 
     with _LOCK:
-        expansion = _Expansion(xacro, file, arguments)
+        expansion = _XacroRun(xacro, file, arguments)
         return expansion.text(text)
 
 
-class _Expansion:
+class _XacroRun:
     """One run of xacro."""
 
     def __init__(self, xacro: Any, file: str, arguments: Mapping[str, str]) -> None:

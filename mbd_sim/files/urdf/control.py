@@ -51,7 +51,7 @@ def with_control(source: Source, preferred: Interface | None) -> Source:
         blocks = parse_elements(str(text), KEY)
     except InputError:
         return source  # the same
-    reader = _Blocks(source, chosen)
+    reader = _ControlBlocks(source, chosen)
     for block in blocks:
         reader.read(block)
     return reader.result()
@@ -67,7 +67,7 @@ class _Limits:
 
 
 @dataclass
-class _Blocks:
+class _ControlBlocks:
     """The blocks of a file while they are read."""
 
     source: Source

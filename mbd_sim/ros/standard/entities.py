@@ -21,7 +21,7 @@ from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.touching import first_of, welded
 from mbd_sim.pictures.shapes.extent import bounding_points
-from mbd_sim.ros.standard.filters import Box, UnsupportedError, name_filter, overlap_filter, tags_allow
+from mbd_sim.ros.standard.filters import EntityBox, UnsupportedError, name_filter, overlap_filter, tags_allow
 from mbd_sim.ros.standard.messages import (
     acceleration_message,
     array,
@@ -92,7 +92,7 @@ class EntityServices:
         kinds = {one.category for one in filters.categories}
         names = [
             name
-            for name in self._model.part_names
+            for name in self._model.mechanism.parts
             if tags_allow(filters.tags) and fits(name) and (not kinds or self._category(name) in kinds)
         ]
         if overlaps is None:
@@ -113,11 +113,11 @@ class EntityServices:
         points = bounding_points(mechanism.parts[part], mechanism.source.file)
         return (points.min(axis=0), points.max(axis=0)) if len(points) else None
 
-    def _box(self, part: str, pose: Pose) -> Box:
+    def _box(self, part: str, pose: Pose) -> EntityBox:
         """The box of a part where it is now; its origin where it has no shape."""
         lower, upper = self._corners(part) or (np.zeros(3), np.zeros(3))
         middle = pose.position + pose.rotation @ (0.5 * (lower + upper))
-        return Box(Pose(middle, pose.rotation), 0.5 * (upper - lower))
+        return EntityBox(Pose(middle, pose.rotation), 0.5 * (upper - lower))
 
     def _on_info(self, request: Any, response: Any) -> Any:
         if problem := self._unknown(request.entity):

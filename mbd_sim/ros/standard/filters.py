@@ -51,14 +51,14 @@ def tags_allow(tags: Any) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class EntityBox:
     """A box with half sizes (3,) around a center in the axes of a pose."""
 
     pose: Pose
     half: Array
 
 
-def overlap_filter(bounds: Any, kinds: ModuleType) -> Callable[[Box], bool] | None:
+def overlap_filter(bounds: Any, kinds: ModuleType) -> Callable[[EntityBox], bool] | None:
     """Whether a box overlaps the bounds of a request, in ground's axes; None if these are empty.
 
     :raises InputError: the points do not fit the type of the bounds; `UnsupportedError` for a convex hull.
@@ -75,17 +75,17 @@ def overlap_filter(bounds: Any, kinds: ModuleType) -> Callable[[Box], bool] | No
         center, radius = points[0], float(points[1, 0])
         return lambda box: _distance(box, center) <= radius
     lower, upper = points.min(axis=0), points.max(axis=0)
-    given = Box(Pose(0.5 * (lower + upper), np.eye(3)), 0.5 * (upper - lower))
+    given = EntityBox(Pose(0.5 * (lower + upper), np.eye(3)), 0.5 * (upper - lower))
     return lambda box: _overlap(box, given)
 
 
-def _distance(box: Box, point: Array) -> float:
+def _distance(box: EntityBox, point: Array) -> float:
     """From a point to a box; 0 inside."""
     local = box.pose.rotation.T @ (point - box.pose.position)
     return float(np.linalg.norm(np.maximum(np.abs(local) - box.half, 0.0)))
 
 
-def _overlap(one: Box, other: Box) -> bool:
+def _overlap(one: EntityBox, other: EntityBox) -> bool:
     """Whether two boxes overlap: no normal of a face, and no product of two edges, separates them."""
     axes = [*one.pose.rotation.T, *other.pose.rotation.T]
     axes += [np.cross(a, b) for a in one.pose.rotation.T for b in other.pose.rotation.T]

@@ -14,16 +14,14 @@ from rclpy.node import Node
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.ros.standard.entities import EntityServices
 from mbd_sim.ros.standard.messages import fail, serve
-from mbd_sim.ros.standard.step_action import StepAction
 from mbd_sim.ros.stepping.thread import SteppingThread
 
-STEP_ACTION = "STEP_SIMULATION_ACTION"
 FEATURES = (
     "SIMULATION_RESET", "SIMULATION_RESET_TIME", "SIMULATION_RESET_STATE",
     "ENTITY_STATE_GETTING", "ENTITY_STATE_SETTING", "ENTITY_INFO_GETTING", "ENTITY_CATEGORIES",
     "ENTITY_BOUNDS", "ENTITY_BOUNDS_BOX", "NAMED_POSES", "WORLD_INFO_GETTING",
     "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
-    "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE", STEP_ACTION,
+    "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE",
 )  # fmt: skip
 UNSUPPORTED = {
     **dict.fromkeys(("SpawnEntity", "SpawnEntities", "DeleteEntity"), "the parts are those of the mechanism's file"),
@@ -48,13 +46,7 @@ def serve_simulation_interfaces(
     except ImportError:
         return None
     EntityServices(node, stepping_thread, messages, services, frame_prefix)
-    try:
-        actions = importlib.import_module("simulation_interfaces.action")
-    except ImportError:  # generated without it
-        actions = None
-    if actions is not None:
-        StepAction(node, stepping_thread, messages, actions)
-    return SimulationServices(node, stepping_thread, end, messages, services, acts=actions is not None)
+    return SimulationServices(node, stepping_thread, end, messages, services)
 
 
 class SimulationServices:
@@ -67,11 +59,7 @@ class SimulationServices:
         end: Callable[[], None],
         messages: ModuleType,
         services: ModuleType,
-        *,
-        acts: bool,
     ) -> None:
-        """:param acts: whether the steps can also be taken by an action."""
-        self._features = [name for name in FEATURES if acts or name != STEP_ACTION]
         self._node = node
         self._stepping_thread, self._end, self._messages = stepping_thread, end, messages
         self._result, self._states = messages.Result, messages.SimulationState
@@ -110,7 +98,7 @@ class SimulationServices:
 
     def _on_get_features(self, request: Any, response: Any) -> Any:
         known = self._messages.SimulatorFeatures
-        response.features.features = [getattr(known, name) for name in self._features if hasattr(known, name)]
+        response.features.features = [getattr(known, name) for name in FEATURES if hasattr(known, name)]
         response.features.custom_info = f"mbd_sim: {self._stepping_thread.simulation.mechanism.name}"
         return response
 
