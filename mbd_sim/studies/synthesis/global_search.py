@@ -64,7 +64,8 @@ def synthesize_globally(
 
     :param generations: at most; the search ends earlier when all members are alike.
     :param population: the number of members for each parameter.
-    :param workers: processes that evaluate candidates; the result is the same for any number.
+    :param workers: processes that evaluate candidates; the result is the same for any number. With several, a script
+        needs `if __name__ == "__main__":` around its calls, as all processes of Python do.
     :param progress: called after each generation with the part of the generations that is done, and the least loss.
     :raises MbdSimError: no candidate can be assembled at all positions, or the best ones cannot move through them.
     :raises InputError: see `synthesize`.
@@ -115,18 +116,24 @@ def _evolved(
     progress: Progress | None,
 ) -> tuple[Array, Array, int]:
     """The last population (n, np) in the order of its losses (n,), and the number of evaluations."""
-    from scipy.optimize import OptimizeResult, differential_evolution
+    from scipy.optimize import differential_evolution
 
-    done = 0
+    done, least = 0, np.inf
 
-    def report(intermediate_result: OptimizeResult) -> None:
+    def of_columns(x: Array) -> Array:
+        nonlocal least
+        found = losses(np.ascontiguousarray(x.T))
+        least = min(least, float(np.min(found)))
+        return found
+
+    def report(best: Array, convergence: float) -> None:
         nonlocal done
         done += 1
         if progress is not None:
-            progress(done / settings.generations, float(intermediate_result.fun))
+            progress(done / settings.generations, least)
 
     found: Any = differential_evolution(
-        lambda x: losses(np.ascontiguousarray(x.T)),
+        of_columns,
         limits,
         strategy="rand1bin",
         maxiter=settings.generations,
@@ -134,7 +141,7 @@ def _evolved(
         tol=1e-3,
         mutation=(0.4, 0.9),
         recombination=0.9,
-        rng=np.random.default_rng(settings.seed),
+        seed=np.random.default_rng(settings.seed),
         polish=False,
         init="sobol",
         updating="deferred",
