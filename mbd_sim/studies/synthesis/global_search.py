@@ -21,7 +21,7 @@ from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.synthesis.candidates import UNREACHED, Candidates, candidates_of
+from mbd_sim.studies.synthesis.candidates import UNREACHED, ParameterCandidates, candidates_of
 from mbd_sim.studies.synthesis.problem import DesignProblem, FunctionGoal, Goal, PathGoal
 from mbd_sim.studies.synthesis.synthesis import (
     MOST_STEPS,
@@ -164,7 +164,7 @@ def _different(members: Array, limits: Array) -> Array:
 
 
 def _polished(
-    problem: DesignProblem, candidates: Candidates, members: Array,
+    problem: DesignProblem, candidates: ParameterCandidates, members: Array,
     wanted: tuple[Mapping[str, tuple[float, float]], str, Norm], before: Array, trials: int,
 ) -> Design:  # fmt: skip
     """The best design near one of the members.
@@ -220,11 +220,11 @@ def _before(problem: DesignProblem) -> Array:
     return problem.deviations(problem.start)
 
 
-_candidates: Candidates | None = None  # of a worker process
+_candidates: ParameterCandidates | None = None  # of a worker process
 
 
 @contextmanager
-def _evaluator(candidates: Candidates, workers: int) -> Iterator[Callable[[Array], Array]]:
+def _evaluator(candidates: ParameterCandidates, workers: int) -> Iterator[Callable[[Array], Array]]:
     """The losses of rows of parameters, computed in chunks of fixed size."""
 
     def chunks(parameters: Array) -> list[Array]:
@@ -245,7 +245,7 @@ def _evaluator(candidates: Candidates, workers: int) -> Iterator[Callable[[Array
         pool.shutdown(cancel_futures=True)
 
 
-def _take_over(candidates: Candidates) -> None:
+def _take_over(candidates: ParameterCandidates) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
