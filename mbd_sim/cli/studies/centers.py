@@ -27,7 +27,7 @@ from mbd_sim.studies.plane_motion.centrodes import centrodes, inflection_circle
 from mbd_sim.studies.plane_motion.pictures import draw_plane_motion
 from mbd_sim.studies.plane_motion.polygons import polygons
 from mbd_sim.studies.plane_motion.reports import centers_text, centrode_columns, inflection_text, polygons_text
-from mbd_sim.studies.plane_motion.snapshot import PlaneMotion
+from mbd_sim.studies.plane_motion.snapshot import PlanarDrive
 
 SMALL = 1e-4  # rad or m: a range that begins where only one position is wanted
 
@@ -70,7 +70,7 @@ def _centers(options: argparse.Namespace) -> int:
     motion = _moved(mechanism, ranges, position_count(given, POSITIONS), speed)
     if options.centrodes and all(start == stop for start, stop in ranges.values()):
         raise InputError("centrodes need a range of the drive", "Give for example --drive crank=0:360deg.")
-    plane = PlaneMotion(motion)
+    plane = PlanarDrive(motion)
     snapshot = plane.at(0)
     centers = list(instant_centers(snapshot).values())
     print(centers_text(centers))

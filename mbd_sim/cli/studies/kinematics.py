@@ -255,6 +255,13 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
         "(default: rms; peak with --least-effort)",
     )
     parser.add_argument("--speed", default="1", metavar="V", help="of the drive: rad/s, m/s, or 60rpm (default 1)")
+    _add_global(parser)
+    add_quiet(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the mechanism with the values found: .yaml")
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw its motion: .png, .svg or .pdf")
+
+
+def _add_global(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--global",
         dest="everywhere",
@@ -282,9 +289,6 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="processes with --global, without influence on the result (default: all)",
     )
-    add_quiet(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the mechanism with the values found: .yaml")
-    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw its motion: .png, .svg or .pdf")
 
 
 def _optimize(options: argparse.Namespace) -> int:

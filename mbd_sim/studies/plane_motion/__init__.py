@@ -2,7 +2,7 @@
 
 | module | contents |
 |---|---|
-| `snapshot` | `PlaneMotion`: the links of a planar mechanism and their motion in a row of a driven motion |
+| `snapshot` | `PlanarDrive`: the links of a planar mechanism and their motion in a row of a driven motion |
 | `centers` | the instant centers of all pairs of links, by Aronhold and Kennedy and by velocities |
 | `polygons` | velocities and accelerations of joints, and the images of links |
 | `centrodes` | the paths of poles, and inflection circles |
@@ -15,17 +15,17 @@ from mbd_sim.studies.plane_motion.centers import InstantCenter, instant_centers
 from mbd_sim.studies.plane_motion.centrodes import Centrodes, InflectionCircle, centrodes, inflection_circle
 from mbd_sim.studies.plane_motion.pictures import draw_plane_motion
 from mbd_sim.studies.plane_motion.polygons import PointVector, Polygons, polygons
-from mbd_sim.studies.plane_motion.snapshot import Link, PlaneMotion, PlaneSnapshot
+from mbd_sim.studies.plane_motion.snapshot import PlanarDrive, PlaneSnapshot, RigidLink
 
 __all__ = [
     "Centrodes",
     "InflectionCircle",
     "InstantCenter",
-    "Link",
-    "PlaneMotion",
+    "PlanarDrive",
     "PlaneSnapshot",
     "PointVector",
     "Polygons",
+    "RigidLink",
     "centrodes",
     "draw_plane_motion",
     "inflection_circle",

@@ -14,7 +14,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
-from mbd_sim.studies.plane_motion.snapshot import Link, PlaneSnapshot
+from mbd_sim.studies.plane_motion.snapshot import PlaneSnapshot, RigidLink
 
 ROUND_OFF = 1e-9
 SAME = 1e-7  # of unit vectors that are the same point
@@ -53,7 +53,7 @@ def instant_centers(snapshot: PlaneSnapshot) -> dict[Pair, InstantCenter]:
     return found
 
 
-def center_by_velocities(one: Link, other: Link, snapshot: PlaneSnapshot) -> Array | None:
+def center_by_velocities(one: RigidLink, other: RigidLink, snapshot: PlaneSnapshot) -> Array | None:
     """The center (3,) as a homogeneous unit vector, with lengths in sizes of the mechanism; None without motion."""
     velocity, omega = one.velocity - other.velocity, one.omega - other.omega
     place = 1j * velocity / snapshot.size

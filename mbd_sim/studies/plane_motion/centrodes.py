@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.studies.plane_motion.snapshot import PlaneMotion, PlaneSnapshot
+from mbd_sim.studies.plane_motion.snapshot import PlanarDrive, PlaneSnapshot
 
 Complexes = NDArray[np.complex128]
 
@@ -51,7 +51,7 @@ class InflectionCircle:
         return 0.5 * abs(self.inflection_pole - self.pole)
 
 
-def centrodes(motion: PlaneMotion, part: str) -> Centrodes:
+def centrodes(motion: PlanarDrive, part: str) -> Centrodes:
     """The centrodes of a part over the rows of a motion.
 
     :raises InputError: there is no such part, or it does not move.
@@ -79,7 +79,7 @@ def inflection_circle(snapshot: PlaneSnapshot, part: str) -> InflectionCircle | 
     return InflectionCircle(part, pole, pole + link.acceleration_of(pole) / link.omega**2)
 
 
-def _link_of(motion: PlaneMotion, part: str) -> str:
+def _link_of(motion: PlanarDrive, part: str) -> str:
     """The link of a part.
 
     :raises InputError: there is none, or it is ground.

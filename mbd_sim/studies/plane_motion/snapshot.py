@@ -22,7 +22,7 @@ ROUND_OFF = 1e-9
 
 
 @record
-class Link:
+class RigidLink:
     """Parts that move together, named by the first of them, and their motion; in m, rad and s.
 
     `place` and `turn` are the origin and the unit number of the angle of the first part.
@@ -60,13 +60,13 @@ class PlaneJoint:
 class PlaneSnapshot:
     """The links by name, ground first, and the revolute and prismatic joints between them; `size` of the mechanism."""
 
-    links: Mapping[str, Link]
+    links: Mapping[str, RigidLink]
     joints: tuple[PlaneJoint, ...]
     size: float
     speed: float
 
 
-class PlaneMotion:
+class PlanarDrive:
     """A driven motion of a planar mechanism, from which snapshots are taken."""
 
     def __init__(self, motion: DrivenMotion) -> None:
@@ -112,10 +112,10 @@ class PlaneMotion:
             frame = poses[joint.child] @ joint.child_pose
         return PlaneJoint(joint.name, ends, self._flat(frame.position), direction)
 
-    def _link(self, group: tuple[str, ...], pose: Pose, row: int) -> Link:
+    def _link(self, group: tuple[str, ...], pose: Pose, row: int) -> RigidLink:
         name = group[0]
         if name == GROUND:
-            return Link(name, group, 0j, 1.0 + 0j, 0j, 0.0, 0j, 0.0)
+            return RigidLink(name, group, 0j, 1.0 + 0j, 0j, 0.0, 0j, 0.0)
         motion = self.motion
         twist, rates = self._frames[name].twist(motion.q[row], motion.u[row], motion.u_rates[row])
         toward = self.view.toward
@@ -124,7 +124,7 @@ class PlaneMotion:
         velocity = self._flat(twist[:3]) - 1j * omega * place
         acceleration = self._flat(rates[:3]) - (1j * alpha - omega**2) * place
         turn = self._flat(pose.rotation @ self.view.right)
-        return Link(name, group, place, turn, velocity, omega, acceleration, alpha)
+        return RigidLink(name, group, place, turn, velocity, omega, acceleration, alpha)
 
     def _flat(self, vector: Array) -> complex:
         return complex(float(vector @ self.view.right), float(vector @ self.view.up))

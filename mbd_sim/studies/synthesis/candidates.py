@@ -33,7 +33,7 @@ FREE_POSITIONS = 4  # of the drive for each point of a path with free timing
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class ParameterCandidates:
     """The functions of one problem with plain numbers, which other processes can take over.
 
     `grid` (g,) are the positions of the drive, `rows` (n,) those of the goal in it, and `starts` (k, nq) the
@@ -193,7 +193,7 @@ class Candidates:
         return np.asarray(np.max(np.abs(deviations), axis=1))
 
 
-def candidates_of(problem: DesignProblem, norm: str) -> Candidates:
+def candidates_of(problem: DesignProblem, norm: str) -> ParameterCandidates:
     """The candidates of a problem.
 
     :raises InputError: the mechanism cannot be assembled at the first position of the drive, nor at its own start.
@@ -211,7 +211,7 @@ def candidates_of(problem: DesignProblem, norm: str) -> Candidates:
     closing = ca.vertcat(inverse * traced.position(0.0, q, values), ca.vec(gradient))
     bias = inverse * system.bias_function(0.0, q, u, values)
     output = problem.output_column
-    return Candidates(
+    return ParameterCandidates(
         goal,
         norm,
         grid,

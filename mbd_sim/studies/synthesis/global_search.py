@@ -21,7 +21,7 @@ from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.studies.synthesis.candidates import UNREACHED, Candidates, candidates_of
+from mbd_sim.studies.synthesis.candidates import UNREACHED, ParameterCandidates, candidates_of
 from mbd_sim.studies.synthesis.problem import DesignProblem, FunctionGoal, Goal, PathGoal
 from mbd_sim.studies.synthesis.synthesis import (
     MOST_STEPS,
@@ -64,7 +64,8 @@ def synthesize_globally(
 
     :param generations: at most; the search ends earlier when all members are alike.
     :param population: the number of members for each parameter.
-    :param workers: processes that evaluate candidates; the result is the same for any number.
+    :param workers: processes that evaluate candidates; the result is the same for any number. With several, a script
+        needs `if __name__ == "__main__":` around its calls, as all processes of Python do.
     :param progress: called after each generation with the part of the generations that is done, and the least loss.
     :raises MbdSimError: no candidate can be assembled at all positions, or the best ones cannot move through them.
     :raises InputError: see `synthesize`.
@@ -115,18 +116,24 @@ def _evolved(
     progress: Progress | None,
 ) -> tuple[Array, Array, int]:
     """The last population (n, np) in the order of its losses (n,), and the number of evaluations."""
-    from scipy.optimize import OptimizeResult, differential_evolution
+    from scipy.optimize import differential_evolution
 
-    done = 0
+    done, least = 0, np.inf
 
-    def report(intermediate_result: OptimizeResult) -> None:
+    def of_columns(x: Array) -> Array:
+        nonlocal least
+        found = losses(np.ascontiguousarray(x.T))
+        least = min(least, float(np.min(found)))
+        return found
+
+    def report(best: Array, convergence: float) -> None:
         nonlocal done
         done += 1
         if progress is not None:
-            progress(done / settings.generations, float(intermediate_result.fun))
+            progress(done / settings.generations, least)
 
     found: Any = differential_evolution(
-        lambda x: losses(np.ascontiguousarray(x.T)),
+        of_columns,
         limits,
         strategy="rand1bin",
         maxiter=settings.generations,
@@ -134,7 +141,7 @@ def _evolved(
         tol=1e-3,
         mutation=(0.4, 0.9),
         recombination=0.9,
-        rng=np.random.default_rng(settings.seed),
+        seed=np.random.default_rng(settings.seed),
         polish=False,
         init="sobol",
         updating="deferred",
@@ -157,7 +164,7 @@ def _different(members: Array, limits: Array) -> Array:
 
 
 def _polished(
-    problem: DesignProblem, candidates: Candidates, members: Array,
+    problem: DesignProblem, candidates: ParameterCandidates, members: Array,
     wanted: tuple[Mapping[str, tuple[float, float]], str, Norm], before: Array, trials: int,
 ) -> Design:  # fmt: skip
     """The best design near one of the members.
@@ -213,11 +220,11 @@ def _before(problem: DesignProblem) -> Array:
     return problem.deviations(problem.start)
 
 
-_candidates: Candidates | None = None  # of a worker process
+_candidates: ParameterCandidates | None = None  # of a worker process
 
 
 @contextmanager
-def _evaluator(candidates: Candidates, workers: int) -> Iterator[Callable[[Array], Array]]:
+def _evaluator(candidates: ParameterCandidates, workers: int) -> Iterator[Callable[[Array], Array]]:
     """The losses of rows of parameters, computed in chunks of fixed size."""
 
     def chunks(parameters: Array) -> list[Array]:
@@ -238,7 +245,7 @@ def _evaluator(candidates: Candidates, workers: int) -> Iterator[Callable[[Array
         pool.shutdown(cancel_futures=True)
 
 
-def _take_over(candidates: Candidates) -> None:
+def _take_over(candidates: ParameterCandidates) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process

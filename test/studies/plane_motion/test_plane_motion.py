@@ -8,7 +8,7 @@ import pytest
 from mbd_sim import InputError, load_mechanism
 from mbd_sim.studies.kinematic_analysis import driven_motion
 from mbd_sim.studies.plane_motion import (
-    PlaneMotion,
+    PlanarDrive,
     centrodes,
     draw_plane_motion,
     inflection_circle,
@@ -21,7 +21,7 @@ from mbd_sim.studies.plane_motion.reports import centers_text, centrode_columns,
 
 @functools.cache
 def plane(name, drive, start, stop, rows):
-    return PlaneMotion(driven_motion(load_mechanism(name), {drive: (start, stop)}, rows, speed=3.0))
+    return PlanarDrive(driven_motion(load_mechanism(name), {drive: (start, stop)}, rows, speed=3.0))
 
 
 @pytest.mark.parametrize(("name", "drive"), [("four_bar", "crank_pivot"), ("slider_crank", "pivot")])
@@ -89,7 +89,7 @@ def test_they_are_drawn_and_tabulated(tmp_path):
 
 def test_spatial_mechanisms_and_unknown_parts_are_refused():
     with pytest.raises(InputError, match="does not move in a plane"):
-        PlaneMotion(
+        PlanarDrive(
             driven_motion(load_mechanism("bennett"), {next(iter(load_mechanism("bennett").joints)): (0.1, 0.2)}, 2)
         )
     with pytest.raises(InputError, match="there is no part 'couplr'"):

@@ -356,17 +356,23 @@ def _common_points(first: Array, second: Array) -> list[Array]:
 
     a1, b1, c1 = coefficients(first / np.max(np.abs(first)))
     a2, b2, c2 = coefficients(second / np.max(np.abs(second)))
-    ac = np.polysub(np.polymul(a1, c2), np.polymul(a2, c1))
-    ab = np.polysub(np.polymul(a1, b2), np.polymul(a2, b1))
-    bc = np.polysub(np.polymul(b1, c2), np.polymul(b2, c1))
-    resultant = np.polysub(np.polymul(ac, ac), np.polymul(ab, bc))
+    ac, ab, bc = _minor(a1, c2, a2, c1), _minor(a1, b2, a2, b1), _minor(b1, c2, b2, c1)
     found = []
-    for x in _real_roots(resultant):
-        below = np.polyval(ab, x)
+    for x in _real_roots(_minor(ac, ac, ab, bc)):
+        below = float(np.polyval(ab, x))
         if below != 0.0:
             vector = np.array([x, -np.polyval(ac, x) / below, 1.0])
             found.append(vector / np.linalg.norm(vector))
     return found
+
+
+def _minor(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """The polynomial a b - c d."""
+    one, other = np.convolve(a, b), np.convolve(c, d)
+    result = np.zeros(max(len(one), len(other)))
+    result[len(result) - len(one) :] += one
+    result[len(result) - len(other) :] -= other
+    return result
 
 
 def _dyad_of(motion: Displacements, vector: Array) -> Dyad | None:

@@ -112,8 +112,8 @@ class DrivenLinkage:
                 case _:
                     across = (self.follower.center - near) / self.follower.direction
                     offset = np.imag((self.follower.point - self.driver.point) / self.follower.direction)
-                    along = np.sqrt(np.abs(across) ** 2 - offset**2)
-                    return np.asarray(across / (sign * along + 1j * offset))
+                    slid = sign * np.sqrt(np.abs(across) ** 2 - offset**2)
+                    return np.asarray(across / (slid + 1j * offset))
 
     def transmission(self, u: Array, sign: float) -> Array:
         """The transmission angles (n,) in rad; 0 where the linkage cannot be assembled."""
@@ -207,7 +207,8 @@ class DrivenLinkage:
             return np.asarray(around + np.angle(np.exp(1j * (u - around))))
         forward = np.mod(u - u[0], 2.0 * np.pi)
         backward = -np.mod(u[0] - u, 2.0 * np.pi)
-        return u[0] + (forward if np.all(np.diff(forward) > 0.0) or not np.all(np.diff(backward) < 0.0) else backward)
+        goes_back = np.all(np.diff(backward) < 0.0) and not np.all(np.diff(forward) > 0.0)
+        return np.asarray(u[0] + (backward if goes_back else forward))
 
     def _in_order(self) -> bool:
         steps = np.diff(self._unwrapped())

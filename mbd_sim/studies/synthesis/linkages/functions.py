@@ -18,7 +18,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
-from mbd_sim.studies.synthesis.linkages.dyads import Displacements, dyads_of_five
+from mbd_sim.studies.synthesis.linkages.dyads import Complexes, Displacements, dyads_of_five
 from mbd_sim.studies.synthesis.linkages.four_bars import POSITIONS
 
 SAME = 1e-6
@@ -92,7 +92,7 @@ def _of_three(theta: Array, phi: Array) -> list[FunctionFourBar]:
     matrix = _coefficients(theta, phi)
     if abs(np.linalg.det(matrix)) < 1e-14:
         return []
-    return _from_constants(np.linalg.solve(matrix, np.cos(theta - phi)), theta, phi)
+    return _from_constants(np.asarray(np.linalg.solve(matrix, np.cos(theta - phi)), dtype=float), theta, phi)
 
 
 def _of_four(theta: Array, phi: Array) -> list[FunctionFourBar]:
@@ -110,7 +110,7 @@ def _of_four(theta: Array, phi: Array) -> list[FunctionFourBar]:
             zero = float(np.arctan(root.real))
             matrix = _coefficients(theta, phi + zero)
             constants = np.linalg.lstsq(matrix, np.cos(theta - phi - zero), rcond=None)[0]
-            found += _from_constants(constants, theta, phi + zero)
+            found += _from_constants(np.asarray(constants, dtype=float), theta, phi + zero)
     return found
 
 
@@ -122,7 +122,7 @@ def _from_constants(constants: Array, theta: Array, phi: Array) -> list[Function
     square = a * a + c * c + 1.0 - 2.0 * a * c * constants[2]
     if square <= 0.0:
         return []
-    return [_four_bar(a * np.exp(1j * theta), c * np.exp(1j * phi), float(np.sqrt(square)), theta, phi)]
+    return [_four_bar(a * np.exp(1j * theta), c * np.exp(1j * phi), float(np.sqrt(square)))]
 
 
 def _of_five(theta: Array, phi: Array) -> list[FunctionFourBar]:
@@ -138,13 +138,12 @@ def _of_five(theta: Array, phi: Array) -> list[FunctionFourBar]:
         crank = dyad.center * np.exp(1j * (theta - theta[0]))
         follower = (dyad.point - 1.0) * np.exp(1j * (phi - phi[0]))
         if max(abs(crank[0]), abs(follower[0])) < LONGEST:
-            found.append(_four_bar(crank, follower, dyad.length, theta, phi))
+            found.append(_four_bar(crank, follower, dyad.length))
     return found
 
 
-def _four_bar(crank: Array, follower: Array, coupler: float, theta: Array, phi: Array) -> FunctionFourBar:
+def _four_bar(crank: Complexes, follower: Complexes, coupler: float) -> FunctionFourBar:
     """The four-bar with these pins (n,) of crank and follower, as seen from their pivots."""
-    del theta, phi
     a, c = float(abs(crank[0])), float(abs(follower[0]))
     angles, wanted = np.unwrap(np.angle(crank)), np.unwrap(np.angle(follower))
     signs = np.sign(np.imag(np.conj(1.0 + follower - crank) * follower))
@@ -197,7 +196,7 @@ def _least_squares(theta: Array, phi: Array) -> list[FunctionFourBar]:
             x = least_squares(deviations, first, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14).x
             if np.min(x[:3]) <= 0.0:
                 continue
-            one = _four_bar(x[0] * np.exp(1j * (theta + x[3])), x[2] * np.exp(1j * (phi + x[4])), x[1], theta, phi)
+            one = _four_bar(x[0] * np.exp(1j * (theta + x[3])), x[2] * np.exp(1j * (phi + x[4])), x[1])
             if one.defects == "" and not any(abs(one.crank - other.crank) < SAME for other in found):
                 found.append(one)
     return sorted(found, key=lambda one: float(np.sum(one.deviations**2)))

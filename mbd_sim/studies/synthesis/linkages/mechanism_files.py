@@ -30,7 +30,7 @@ BODY = "body"
 
 def at(point: complex) -> list[float]:
     """A point of the plane as a vector of a file."""
-    return [point.real, 0.0, point.imag]
+    return [float(point.real), 0.0, float(point.imag)]
 
 
 def link(length: float) -> dict[str, Any]:
