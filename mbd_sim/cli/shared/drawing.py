@@ -62,7 +62,8 @@ def draw_requested(
     if not options.draw:
         return
     if options.draw.lower().endswith(".dxf") or any(getattr(options, name) for name in _OF_PLANS):
-        from mbd_sim.pictures.technical.plan import draw_plan, make_plan
+        from mbd_sim.pictures.technical.plan import make_plan
+        from mbd_sim.pictures.technical.written import draw_plan
 
         plan = make_plan(
             mechanism,

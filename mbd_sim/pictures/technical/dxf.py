@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from mbd_sim.pictures.drawing.picture import DrawingError
 from mbd_sim.pictures.drawing.sheet import SheetPath, SheetText, view_of
 from mbd_sim.pictures.technical.dimensions import OFFSET, TEXT, Dimension
 from mbd_sim.pictures.technical.paper import POINT
+from mbd_sim.pictures.technical.plan import DrawingPlan
 from mbd_sim.simulation.run.moving_points import points_of
-
-if TYPE_CHECKING:
-    from mbd_sim.pictures.technical.plan import Plan
 
 LAYERS = {"PARTS": 7, "JOINTS": 8, "FORCES": 3, "NAMES": 5, "DIMENSIONS": 1, "SHEET": 9}  # with AutoCAD's colors
 POINT_COLOR = 6
@@ -33,7 +31,7 @@ FEWEST = 9  # points of a circle or an arc
 MM = 4  # $INSUNITS
 
 
-def write_plan(plan: Plan, path: Path) -> None:
+def write_plan(plan: DrawingPlan, path: Path) -> None:
     """Write a plan.
 
     :raises DrawingError: the file cannot be written.

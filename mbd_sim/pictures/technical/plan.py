@@ -8,21 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, quoted
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.constraints import constraint_curves
 from mbd_sim.pictures.drawing.outlines import bounding_points
 from mbd_sim.pictures.drawing.picture import (
-    FORMATS,
     HEIGHT,
     Composition,
-    DrawingError,
     add_strip,
     mechanism_sheet,
     named_joints_and_parts,
-    write_picture,
 )
 from mbd_sim.pictures.drawing.sheet import INK, MARKS, ScaledView, Sheet, SheetPath, SheetText, place_labels, view_of
 from mbd_sim.pictures.technical.dimensions import AUTO, Dimension, DimensionLines, Places, automatic, dimension_of
@@ -31,12 +27,10 @@ from mbd_sim.pictures.technical.paper import POINT, SCALES, Paper, paper, scale,
 MARGIN = 10.0  # mm, from the edge of the sheet to the frame
 BLOCK = (95.0, 22.0)  # mm, of the title block
 SPARE = 6.0  # mm, between the frame and what is drawn
-DXF = ".dxf"
-SUFFIXES = (*FORMATS, DXF)
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class DrawingPlan:
     """A finished drawing: `picture` is the sheet of paper in pt, `content` what is drawn to scale, without names.
 
     `origin` (2,) in pt is the place on the paper of the origin of ground; `page` projects and scales. `dimensions` are
@@ -63,7 +57,7 @@ def make_plan(
     at_scale: str = "",
     dimensions: Sequence[str] = (),
     title: str = "",
-) -> Plan:
+) -> DrawingPlan:
     """Lay out a drawing.
 
     :param poses: the pose of each part in ground's frame in m, as from `Simulation.poses()`.
@@ -93,7 +87,7 @@ def make_plan(
     )
 
 
-def _bounds(plan: Plan) -> tuple[Array, Array]:
+def _bounds(plan: DrawingPlan) -> tuple[Array, Array]:
     return Sheet(list(plan.content.paths), [*plan.content.texts, *plan.names]).bounds()
 
 
@@ -105,7 +99,7 @@ def _plan(
     places: Places,
     wanted: Sequence[Dimension],
     title: str,
-) -> Plan:
+) -> DrawingPlan:
     """The drawing at a scale, whether or not it fits."""
     page = ScaledView(places.view, 1e3 * POINT * value)
     axes = np.column_stack([page.view.right, page.view.up])
@@ -125,7 +119,7 @@ def _plan(
     whole.paths += border.paths
     whole.texts += border.texts
     picture = Composition(whole, chosen.size)
-    return Plan(mechanism, chosen, value, picture, page, origin, content, names, lines.placed, places)
+    return DrawingPlan(mechanism, chosen, value, picture, page, origin, content, names, lines.placed, places)
 
 
 def _border(chosen: Paper, page: ScaledView, mechanism: Mechanism, title: str, value: float) -> Sheet:
@@ -160,20 +154,3 @@ def _fitting(text: str, width: float, size: float) -> str:
     """The text, cut where it is wider than this, in pt."""
     most = max(int(width / (0.61 * size)), 4)
     return text if len(text) <= most else f"{text[: most - 1].rstrip()}…"
-
-
-def draw_plan(plan: Plan, path: str | Path) -> None:
-    """Write a plan by the suffix of the file: .svg, .pdf, .png or .dxf.
-
-    :raises DrawingError: the suffix is another one, or the file cannot be written.
-    """
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise DrawingError(f"cannot draw {quoted(str(path))}", f"Use a file name that ends in {', '.join(SUFFIXES)}.")
-    if path.suffix.lower() == DXF:
-        from mbd_sim.pictures.technical.dxf import write_plan
-
-        write_plan(plan, path)
-        return
-    require_packages("matplotlib", purpose="A drawing")
-    write_picture(plan.picture, path)

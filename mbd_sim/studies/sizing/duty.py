@@ -23,6 +23,8 @@ from mbd_sim.studies.sizing.samples import SampleTimes
 
 SPARE = 1e-9  # by which a limit may be exceeded: round-off
 
+MOST_GROWTH = 500.0  # exponent of a temperature that grows in a cycle, beyond which it is infinite
+
 
 @record
 class MotorDuty:
@@ -206,6 +208,8 @@ def _temperatures(samples: SampleTimes, motor: MotorType, current: Array, ambien
     stiffness = 1.0 - heat * motor.resistance_slope
     drive = heat * (1.0 + motor.resistance_slope * (ambient - WARM))
     rate = stiffness * steps / motor.thermal_time
+    if float(np.sum(np.maximum(-rate, 0.0))) > MOST_GROWTH:
+        return np.full(len(samples.times), math.inf)
     factor = np.exp(-rate)
     small = np.abs(rate) < 1e-12
     gained = np.where(small, steps / motor.thermal_time, -np.expm1(-rate) / np.where(small, 1.0, stiffness))

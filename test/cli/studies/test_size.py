@@ -25,11 +25,23 @@ def test_from_a_motion_to_motors_and_back_from_the_table(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.yaml").write_text(ARM, encoding="utf-8")
     (tmp_path / "motors.csv").write_text(MOTORS, encoding="utf-8")
-    motion = ["size", "arm.yaml", "--drive", "axis=-90:90deg:31", "--motion", "cycloid:0.5s", "--return", "--dwell", "0.1"]
+    motion = [
+        "size",
+        "arm.yaml",
+        "--drive",
+        "axis=-90:90deg:31",
+        "--motion",
+        "cycloid:0.5s",
+        "--return",
+        "--dwell",
+        "0.1",
+    ]
     chosen = ["--catalog", "motors.csv", "--gear", "10", "--gear", "best"]
     assert main([*motion, *chosen, "--out", "cycle.csv", "--plot", "cycle.png"]) == 0
     first = capsys.readouterr().out
-    assert [line.split()[0] for line in first.splitlines() if "best" in line or "  10  " in line] == ["large"] * 2 + ["small"] * 2
+    assert [line.split()[0] for line in first.splitlines() if "best" in line or "  10  " in line] == ["large"] * 2 + [
+        "small"
+    ] * 2
     load = read_cycle("cycle.csv", "axis")
     assert np.allclose(load.effort, 0.22 * load.acceleration + 3 * 9.81 * 0.2 * np.cos(load.position))
     assert main(["size", "cycle.csv", "--joint", "axis", "--inertia", "0.22", *chosen]) == 0

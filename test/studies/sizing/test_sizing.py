@@ -170,6 +170,8 @@ def test_temperature_follows_the_losses():
     close(motor_duty(once, MOTOR).temperature[1], 40.0 + settled * (1.0 - warm))
     hot = motor_duty(LoadCycle.of_arrays([0, 1], [0, 0], [9.0, 9.0]), MOTOR)  # the resistance grows without end
     assert hot.hottest == np.inf and not hot.suffices
+    hopeless = motor_duty(LoadCycle.of_arrays([0, 100], [0, 0], [1e4, 1e4]), MOTOR)
+    assert hopeless.hottest == np.inf
 
 
 ARM = """
