@@ -77,6 +77,58 @@ def test_a_grasped_block_is_held_or_slips_as_coulomb_says(force):
         assert any("statically indeterminate" in remark for remark in simulation.remarks)
 
 
+@pytest.mark.parametrize("step", [1e-3, 0.7e-3])
+def test_a_block_that_slips_out_between_two_fingers_leaves_them_without_a_turn(step):
+    """The area in which they touch shrinks to a line: rows of points that coincide gave 7e4 J at that instant."""
+    simulation = Simulation.from_file("grasp", live=["F"], step=step)
+    for force in (1.0, 3.0, 5.0, 8.0, 9.0, 9.5):
+        simulation.reset()
+        simulation.set_live({"F": force})
+        slip = G - 2.0 * 0.5 * force  # m/s²
+        apart = math.sqrt(2.0 * 0.09 / slip)  # s, after half the heights of the finger and of the block
+        simulation.run(until=apart + 0.2)
+        time = simulation.time - apart
+        block, finger = 0.09 + slip * apart * time + 0.5 * G * time**2, -0.04 + 0.5 * force / 0.2 * time**2
+        assert simulation.q == pytest.approx([finger, finger, 0.0, block, 0.0], abs=1e-7)
+        assert abs(simulation.energies.residual) < 1e-11
+
+
+GRIP = """
+mechanism: grip
+parameters: {F: 8 N}
+parts:
+  left: {shape: {type: block, mass: 0.2, size: [0.02, 0.05, 0.06]}}
+  right: {shape: {type: block, mass: 0.2, size: [0.02, 0.05, 0.06]}}
+  block: {shape: {type: block, mass: 1, size: [0.08, 0.07, 0.12]}}
+joints:
+  left: {type: prismatic, between: [ground, left], axis: [1, 0, 0], position: -0.05}
+  right: {type: prismatic, between: [ground, right], axis: [-1, 0, 0], position: -0.05}
+  block: {type: free, between: [ground, block]}
+forces:
+  press_left: {type: force, at: left, vector: [F, 0, 0]}
+  press_right: {type: force, at: right, vector: [-F, 0, 0]}
+contacts:
+  left: {between: [left, block], friction: 0.4}
+  right: {between: [right, block], friction: 0.4}
+"""
+
+
+def test_random_blocks_that_slip_and_turn_out_of_a_grip_gain_nothing():
+    """Areas with three to eight corners shrink to a line or a point: two of the corners meet, or all of them do."""
+    simulation = Simulation.from_text(GRIP, live=["F"])
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        simulation.reset()
+        simulation.set_live({"F": rng.uniform(1.0, 11.5)})
+        places = {"block.rx": rng.uniform(-3.0, 3.0), "block.z": -0.07, "block.y": rng.uniform(-0.04, 0.04)}
+        speeds = {"block.rx": rng.uniform(-4.0, 4.0), "block.z": -0.8, "block.y": rng.uniform(-0.3, 0.3)}
+        simulation.set_state(places, speeds)
+        simulation.run(until=0.15)
+        assert not any(contact.normal for contact in simulation.contacts().values())
+        assert abs(simulation.energies.residual) < 1e-9
+        assert simulation.u[-2:] == pytest.approx([0.0, 0.0], abs=1e-3)  # no turn about the other axes
+
+
 def test_a_heap_comes_to_rest_without_penetration():
     heap = Simulation.from_file("heap", step=2e-3)
     heap.run(until=1.0)

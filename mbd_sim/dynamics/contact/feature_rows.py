@@ -9,16 +9,18 @@ edges, and D = A - B,
 A vertex on a face has c_F = 1 and the normal that points from the second body to the first; two edges have c_X = 1; a
 point at an edge or at a point has c_D = 1, or -1 within a concave arc, whose radius is negative. A slot without
 features has zeros only; its gap is then the natural length.
+
+The numbers of a slot are, in the frames of the two parts, A, B, m_A and m_B (12), c_F, c_X, c_D, r_A and r_B (5),
+1 if the contact point is on the second body, where it is nearest to the point of this body, or else 0, a direction
+across the normal (3) in the frame of the second part, from which directions of slip follow, and the key, by which the
+narrow phase knows what touches; 0 is not a key.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
-from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.shapes import Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
@@ -26,30 +28,6 @@ from mbd_sim.dynamics.math.spatial import constant
 SLOT_SIZE = 22  # numbers of a slot
 KEY = 21  # the place of the key
 TINY = 1e-60  # square in m² below which a direction counts as zero: in slots without features
-
-
-@dataclass(frozen=True, eq=False)
-class Features:
-    """What touches at a slot, and its `key`, by which its narrow phase knows it; 0 is not a key.
-
-    `points` and `directions` are (3,) in the frames of the two parts. `coefficients` are (c_F, c_X, c_D), see above.
-    The contact point is on the first body, or with `on_second` where the point of the second one is nearest to it.
-    `side` (3,) in the frame of the second part is a direction across the normal; directions of slip follow from it.
-    """
-
-    key: int
-    points: tuple[Array, Array]
-    directions: tuple[Array, Array]
-    coefficients: tuple[float, float, float]
-    radii: tuple[float, float]
-    on_second: bool
-    side: Array
-
-    @property
-    def numbers(self) -> Array:
-        """The numbers (SLOT_SIZE,) of the slot."""
-        scalars = (*self.coefficients, *self.radii, float(self.on_second))
-        return np.concatenate([*self.points, *self.directions, scalars, self.side, [float(self.key)]])
 
 
 def slot_touch(

@@ -2,48 +2,21 @@
 
 The geometry is that of `simulation/contact/compiled/features/pieces.py`: a straight piece gives the normal; between
 two round ones the gap is stationary in the angle of the normal.
+
+The numbers of a slot are the centers of both pieces (4), the normals at their first ends (4), radii (2), growths (2),
+1 for each piece that is straight (2), and -1 if one of them is concave or else 1; the last one is the key, by which the
+narrow phase knows the pieces; 0 is not a key.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
-import numpy as np
 
-from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE, TINY
+from mbd_sim.dynamics.contact.feature_rows import TINY
 from mbd_sim.dynamics.contact.shapes import Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import PlanarBody
-
-
-@dataclass(frozen=True, eq=False)
-class PieceFeatures:
-    """The pieces that touch at a slot, and their `key`, by which the narrow phase knows them; 0 is not a key.
-
-    Of both pieces: the `centers` and `starts` (2,), the normals at their first ends; radii, growths, and whether they
-    are straight. `hollow` is whether one of them is concave.
-    """
-
-    key: int
-    centers: tuple[Array, Array]
-    starts: tuple[Array, Array]
-    radii: tuple[float, float]
-    growths: tuple[float, float]
-    straight: tuple[bool, bool]
-    hollow: bool
-
-    @property
-    def numbers(self) -> Array:
-        """The numbers (SLOT_SIZE,) of the slot."""
-        sign = -1.0 if self.hollow else 1.0
-        scalars = (*self.radii, *self.growths, float(self.straight[0]), float(self.straight[1]), sign)
-        found = np.zeros(SLOT_SIZE)
-        found[:15] = np.concatenate([*self.centers, *self.starts, scalars])
-        found[KEY] = float(self.key)
-        return found
 
 
 def outline_touch(

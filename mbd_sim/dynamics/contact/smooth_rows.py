@@ -9,16 +9,20 @@ The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·
 Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint
 among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that
 touch. A slot without features has zeros only; its gap is then the natural length.
+
+The numbers of a slot are c_A and c_B (6) from the points at which the bodies are attached, in the axes of their parts;
+the directions d of sides (6), zero for other features; the radii in m of circles (2), 1 for an ellipsoid and 0 for a
+point; the cosines k (2); 1 for the way in which the normal is found, and 0 for the other three (4); which of two
+normals two sides have, 1 or -1; 1 if the contact point is on the corner of the second body, and 0 if it is on that of
+the first one, or where both sides cross; the normal (3) in the axes of the second part, or of the first one if it is
+fixed there; a direction across it (3) in the second part; the radii (2) of rims that lie flat, of which points protrude
+(see `shapes`); and the key, by which the narrow phase knows what touches; 0 is not a key.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
-import numpy as np
 
-from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.rows import IteratedNormal
 from mbd_sim.dynamics.contact.shapes import Touch, protrusion
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
@@ -29,41 +33,6 @@ SMOOTH_SIZE = 31  # numbers of a slot, of which the last one is the key
 NEWTON_STEPS = 3
 TINY = 1e-60
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
-
-
-@dataclass(frozen=True, eq=False)
-class SmoothFeatures:
-    """What touches at a slot, and its `key`, by which its narrow phase knows it; 0 is not a key.
-
-    Points of the rim of a body that lies flat protrude from it, with the radius in `flat` of this body; see `shapes`.
-
-    `corners` (3,) are from the points at which the bodies are attached, in the axes of their parts, with the radii
-    `rims` in m of circles, or 1 for an ellipsoid and 0 for a point. `directions` (3,) and `cosines` are those of sides,
-    and zero for other features. `mode` is how the normal is found, and `hint` (3,) the normal in the axes of the
-    second part, or of the first one if it is fixed there. `sign` selects one of two normals of two sides. The contact
-    point is on the corner of the first body, or of the second with `on_second`, or else where both sides cross.
-    """
-
-    key: int
-    corners: tuple[Array, Array]
-    rims: tuple[float, float]
-    directions: tuple[Array, Array]
-    cosines: tuple[float, float]
-    mode: int
-    hint: Array
-    sign: float
-    on_second: bool
-    side: Array
-    flat: tuple[float, float]
-
-    @property
-    def numbers(self) -> Array:
-        """The numbers (SMOOTH_SIZE,) of the slot."""
-        modes = [float(self.mode == mode) for mode in range(4)]
-        scalars = (*self.rims, *self.cosines, *modes, self.sign, float(self.on_second))
-        return np.concatenate(
-            [*self.corners, *self.directions, scalars, self.hint, self.side, self.flat, [float(self.key)]]
-        )
 
 
 def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:

@@ -135,10 +135,11 @@ def divergence(
     advice: str | None,
     undefined: UndefinedExpression | None,
     closed: Sequence[str] = (),
+    moving: Sequence[str] = (),
 ) -> DivergedError:
     """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s.
 
-    :param closed: the contacts that are closed at this time.
+    :param closed: the contacts that are closed at this time, and the drives that are `moving`.
     :param undefined: an expression without a finite value there, see `undefined_expression`.
     """
     head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s."
@@ -150,7 +151,9 @@ def divergence(
     if model.row_names:
         causes += ", and that the loops can follow the motion"
     if closed:
-        causes += f", and whether these closed contacts leave room for what drives press on them: {', '.join(closed)}"
+        by = f"the {'drive' if len(moving) == 1 else 'drives'} of {', '.join(moving)}" if moving else "drives"
+        press = "presses" if len(moving) == 1 else "press"
+        causes += f", and whether these closed contacts leave room for what {by} {press} on them: {', '.join(closed)}"
     return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
 
 

@@ -173,7 +173,10 @@ class BaseSimulation(PresentState):
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 closed = [name for name, contact in self.contacts().items() if contact.normal > 0.0]
-                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined, closed)
+                speeds = self.model.drives(self.time, self.y, self.inputs)[1].tolist() if closed else ()
+                moving = [name for name, speed in zip(self.model.driven_names, speeds, strict=False) if speed]
+                advice = self.step_advice
+                raise divergence(self.model, self.time, part, self.step_size, advice, undefined, closed, moving)
             self._reports.report_contacts()
 
     def advance(self, n: int) -> None:

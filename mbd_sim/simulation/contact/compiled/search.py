@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.simulation.contact.compiled.contacts import PART_STEP, Contacts, guard_at, rate_at, read, read_poses
-from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.pairs import (
     AREA,
     NEAREST,
@@ -30,6 +29,7 @@ from mbd_sim.simulation.contact.compiled.pairs import (
     pair_at,
     path_between,
 )
+from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 
 ITERATIONS = 80
 BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
@@ -53,9 +53,9 @@ class TrialPart:
 
     `before` are the readings at its start, `end` and `after` the state and the readings after this length, and `state`
     and `out` those after the `latest` other length that was tried. The poses of the parts in mechanisms with slots are
-    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Slots can
-    come near each other if `shrinking[0]` is 1, and their area can shrink to a line if `shrinking[1]` is. `failed` is 1 if a state
-    was not finite.
+    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Slots
+    can come near each other if `shrinking[0]` is 1, and their area can shrink to a line if `shrinking[1]` is. `failed`
+    is 1 if a state was not finite.
     """
 
     y: Array

@@ -44,7 +44,9 @@ SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNI
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
-UNHELD = 1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
+UNHELD = (
+    1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
+)
 FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8

@@ -287,7 +287,7 @@ def outline_margin(p: Outlines, one: Array, other: Array, numbers: Array, spot: 
 
 
 def write_slot(p: Outlines, row: Array, slot: Array) -> None:
-    """The numbers of a slot: see `mbd_sim.dynamics.contact.outline_rows.PieceFeatures`."""
+    """The numbers of a slot: see `mbd_sim.dynamics.contact.outline_rows`."""
     one, other, i, j = p.first, p.second, int(row[FIRST]), int(row[SECOND])
     for k in range(SLOT_SIZE):
         slot[k] = 0.0

@@ -495,7 +495,7 @@ def meet_vertices(p: Polytopes, a: PlacedHull, b: PlacedHull, i: int, j: int, ou
 
 
 def write_slot(p: Polytopes, a: PlacedHull, b: PlacedHull, meeting: Array, slot: Array) -> None:
-    """The numbers of a slot: see `mbd_sim.dynamics.contact.feature_rows.Features`."""
+    """The numbers of a slot: see `mbd_sim.dynamics.contact.feature_rows`."""
     own = zeros(3)
     place_back(a.pose, meeting[POINTS:], slot)
     place_back(b.pose, meeting[POINTS + 3 :], slot[3:])

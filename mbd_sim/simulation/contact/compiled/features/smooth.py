@@ -441,7 +441,7 @@ def decode(number: int, key: Integers) -> None:
 
 
 def write_slot(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
-    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows.SmoothFeatures`."""
+    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
     kind, own, mode = key[KIND], zeros(3), ITERATED
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
