@@ -45,10 +45,8 @@ def tendon_of(parts: ModelParts, index: int) -> Tendon:
     path = range(int(m.tendon_adr[index]), int(m.tendon_adr[index] + m.tendon_num[index]))
     kinds = {int(m.wrap_type[place]) for place in path}
     if kinds == {JOINT}:
-        terms: dict[str, float] = {}
-        for place in path:
-            own = parts.joints[int(m.wrap_objid[place])]
-            terms[own] = terms.get(own, 0.0) + float(m.wrap_prm[place])
+        # MuJoCo refuses a joint that is repeated
+        terms = {parts.joints[int(m.wrap_objid[place])]: float(m.wrap_prm[place]) for place in path}
         return Tendon(index, name, {own: factor for own, factor in terms.items() if factor})
     if kinds != {SITE}:
         model.leave_out("tendons around geoms or over pulleys, which exert no force", "tendon", index)

@@ -48,7 +48,7 @@ class AnyPage:
             action()
             end = time.monotonic() + patience
             while not arrived() and time.monotonic() < end:
-                self.pause(0.02)
+                self.pause(0.1)
             patience *= 2.0
 
         wait_until(arrived, what, meanwhile=again, report=report)

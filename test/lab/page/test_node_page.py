@@ -136,7 +136,7 @@ def test_speed_is_the_parameter_of_the_node(node, opened):
 
 def test_sliders_are_parameters_and_commands(node, opened):
     opened.enter("d", "0.08", lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
-    opened.page.get_by_text("Efforts", exact=True).click()
+    opened.folder("Efforts")
     opened.press("Play", lambda: not node.listener.repeats(), "the run")
     opened.enter("pin (N*m)", "0.15", lambda: node.listener.states[-1].effort[0] == 0.15, "the effort")
     opened.enter(
@@ -157,7 +157,7 @@ def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
 def test_commands_of_others_arrive_on_all_pages(node, opened, chromium):
     opened.press("Pause", node.listener.repeats, "the pause")
     second = NodePage(chromium, opened.page.url, node.listener)
-    second.page.get_by_text("Efforts", exact=True).click()
+    second.folder("Efforts")
     node.listener.by_name.publish(JointState(name=["pin"], effort=[-0.1]))
     node.listener.set_parameter("parameters.d", 0.03)
     for page in (opened, second):
