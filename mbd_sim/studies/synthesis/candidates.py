@@ -74,7 +74,7 @@ class ParameterCandidates:
             found[:, :, self.output] += self._turns(found[:, :, self.output])[:, None]
         return np.min(losses, axis=1), found, self.grid[chosen[place]]
 
-    def _followed(self, parameters: Array, first: Array) -> tuple[Array, Array]:
+    def _followed(self, parameters: Array, first: Array) -> tuple[Array, NDArray[np.intp]]:
         """The configurations (n, g, nq) over the grid, and at how many positions (n,) they could be closed."""
         values = evaluated_for_all(self.numbers, parameters)
         paths = np.tile(first[:, None], (1, len(self.grid), 1))
@@ -163,8 +163,10 @@ class ParameterCandidates:
                 else self._rates(q, evaluated_for_all(self.numbers, given), 1.0)[0]
             )
             efforts = evaluated_for_all(self.quantity, q, u, rates, given)
-            return np.sum(unit * efforts, axis=1).reshape(count, places, 1)
-        return evaluated_for_all(self.quantity, q, u, rates, given).reshape(count, places, -1)
+            power: Array = np.sum(unit * efforts, axis=1).reshape(count, places, 1)
+            return power
+        reached: Array = evaluated_for_all(self.quantity, q, u, rates, given).reshape(count, places, -1)
+        return reached
 
     def _rates(self, q: Array, values: Array, speed: float) -> tuple[Array, Array]:
         """u and u' (n, nv) at a constant speed of the drive."""
@@ -180,7 +182,8 @@ class ParameterCandidates:
         """The full turns (n,) in rad that bring angles (n, rows) to the values of the goal."""
         assert isinstance(self.goal, FunctionGoal)
         apart = np.mean(self.goal.values - angles, axis=1)
-        return 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
+        turns: Array = 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
+        return turns
 
     def _middle(self, apart: Array) -> Array:
         if self.norm == "rms":
@@ -259,6 +262,6 @@ def _solved(matrices: Array, right: Array) -> Array:
     square = transposed @ matrices
     count = square.shape[1]
     size = np.trace(square, axis1=1, axis2=2)[:, None, None]
-    regular = np.where(np.isfinite(square), square, 0.0) + (REGULAR * np.where(size > 0.0, size, 1.0)) * np.eye(count)
+    regular: Array = np.where(np.isfinite(square), square, 0.0) + (REGULAR * np.where(size > 0.0, size, 1.0)) * np.eye(count)
     found: Array = np.linalg.solve(regular, transposed @ right[:, :, None])[:, :, 0]
     return found
