@@ -262,6 +262,6 @@ def _solved(matrices: Array, right: Array) -> Array:
     square = transposed @ matrices
     count = square.shape[1]
     size = np.trace(square, axis1=1, axis2=2)[:, None, None]
-    regular: Array = np.where(np.isfinite(square), square, 0.0) + (REGULAR * np.where(size > 0.0, size, 1.0)) * np.eye(count)
-    found: Array = np.linalg.solve(regular, transposed @ right[:, :, None])[:, :, 0]
-    return found
+    ridge = REGULAR * np.where(size > 0.0, size, 1.0)
+    regular = np.where(np.isfinite(square), square, 0.0) + ridge * np.eye(count)
+    return np.asarray(np.linalg.solve(regular, transposed @ right[:, :, None])[:, :, 0], dtype=np.float64)
