@@ -32,6 +32,14 @@ def least_solution(matrix: Array, right: Array) -> Array:
     return la.least_solution(matrix, right, RANK)
 
 
+def fast_least_solution(matrix: Array, right: Array) -> Array:
+    """As `least_solution`, by LAPACK: several times as fast, with bits that depend on the processor, for studies."""
+    largest = float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
+    if largest <= RANK:
+        return np.zeros((matrix.shape[1], *right.shape[1:]))
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK / largest)[0], dtype=float)
+
+
 def least_solutions(matrices: Array, rights: Array) -> Array:
     """The solutions (k, n) of many matrices (k, m, n) and right sides (k, m), each with the bits that it has alone."""
     return la.least_solutions(matrices, rights[:, :, None], np.full(len(matrices), RANK))[:, :, 0]

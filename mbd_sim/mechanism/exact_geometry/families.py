@@ -13,7 +13,6 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.linear_algebra import norm, product, solve
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.exact_geometry.loop_positions import Placement
 
@@ -38,12 +37,12 @@ def axes_of(joint: Joint, place: Placement, to_child: bool = True) -> list[Axis]
     if joint.type == "fixed":
         return []
     first, second = place.frames(joint)
-    one, other = product(first.rotation, joint.axis), product(second.rotation, joint.axis)
+    one, other = first.rotation @ joint.axis, second.rotation @ joint.axis
     middle = 0.5 * (first.position + second.position)
     if not joint.axis.any():
         return [Axis((joint.name, 0), np.zeros(3), middle, True)]
     if joint.type == "universal":
-        last = product(second.rotation, joint.second)
+        last = second.rotation @ joint.second
         found = [Axis((joint.name, 0), one, middle, True), Axis((joint.name, 1), last, middle, True)]
         return found if to_child else found[::-1]
     return [Axis((joint.name, 0), rot.unit(one + other), middle, joint.kind.rotates)]
@@ -104,7 +103,7 @@ def _coincide(axes: Sequence[Axis], joints: Mapping[str, Joint], reach: float, a
         return False
     line = lines[0]
     directed = [axis for axis in axes if axis.direction.any()]
-    if any(norm(np.cross(line.direction, axis.direction)) > angle for axis in directed):
+    if any(np.linalg.norm(np.cross(line.direction, axis.direction)) > angle for axis in directed):
         return False
     return all(distance_of(line, axis.point) <= reach for axis in axes if joints[axis.key[0]].type != "prismatic")
 
@@ -112,7 +111,7 @@ def _coincide(axes: Sequence[Axis], joints: Mapping[str, Joint], reach: float, a
 def distance_of(axis: Axis, point: Array) -> float:
     """The distance of a point (3,) from an axis, or from the point of one without a direction, m."""
     arm = point - axis.point
-    return norm(np.cross(axis.direction, arm) if axis.direction.any() else arm)
+    return float(np.linalg.norm(np.cross(axis.direction, arm) if axis.direction.any() else arm))
 
 
 def meeting_point(axes: Sequence[Axis]) -> Array | None:
@@ -123,8 +122,8 @@ def meeting_point(axes: Sequence[Axis]) -> Array | None:
     matrix = np.sum(across, axis=0)
     if np.linalg.eigvalsh(matrix)[0] < 1e-2:
         return None
-    right = np.sum([product(projection, axis.point) for projection, axis in zip(across, axes, strict=True)], axis=0)
-    return np.asarray(solve(matrix, right))
+    right = np.sum([projection @ axis.point for projection, axis in zip(across, axes, strict=True)], axis=0)
+    return np.asarray(np.linalg.solve(matrix, right))
 
 
 def _parallel_runs(axes: Sequence[Axis], tolerance: float) -> Family:
@@ -134,8 +133,8 @@ def _parallel_runs(axes: Sequence[Axis], tolerance: float) -> Family:
         for other in _neighbors(axes, index):
             if not axis.direction.any() or not other.direction.any():
                 continue
-            cosine = abs(float(product(axis.direction, other.direction)))
-            sine = norm(np.cross(axis.direction, other.direction))
+            cosine = abs(float(axis.direction @ other.direction))
+            sine = float(np.linalg.norm(np.cross(axis.direction, other.direction)))
             if sine <= tolerance:
                 parallel.append((other.key, axis.key))
             elif cosine <= tolerance and axis.turns != other.turns:

@@ -9,7 +9,6 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.linear_algebra import least_solution, norm, product
 from mbd_sim.mechanism.elements.joint_types import LoopCondition
 from mbd_sim.mechanism.elements.parts import Joint
 
@@ -42,9 +41,7 @@ def twists_of(joint: Joint, first: Pose, second: Pose) -> list[Array]:
     found = []
     for coordinate in joint.kind.coordinates:
         on_child = coordinate.on_child or coordinate.direction == "second"
-        direction = product(
-            (second if on_child and coordinate.rotation else first).rotation, joint.direction(coordinate)
-        )
+        direction = (second if on_child and coordinate.rotation else first).rotation @ joint.direction(coordinate)
         twist = rotation_about(direction, second.position) if coordinate.rotation else translation_along(direction)
         if coordinate.rotation and joint.travel:
             twist = twist + translation_along(direction) * joint.travel
@@ -85,7 +82,7 @@ def displaced(joint: Joint, q: Array, change: Array) -> Array:
     if start is None:
         return q + change
     turned = rot.product(q[start:], rot.of_vector(change[start:]))
-    return np.concatenate([q[:start] + change[:start], turned / norm(turned)])
+    return np.concatenate([q[:start] + change[:start], turned / np.linalg.norm(turned)])
 
 
 def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
@@ -95,12 +92,12 @@ def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
     and in m.
     """
     turn, shift = _error(joint, first, second), second.position - first.position
-    axis = product(first.rotation, joint.axis)
+    axis = first.rotation @ joint.axis
     sides = rot.aligning_z(rot.unit(axis))[:, :2].T if joint.axis.any() else np.eye(3)
     rows, slopes = [np.zeros(0)], [np.zeros((0, 6))]
 
     def add(directions: Array, error: Array, place: int) -> None:
-        rows.append(product(directions, error))
+        rows.append(directions @ error)
         slopes.append(np.pad(directions, ((0, 0), (place, 3 - place))))
 
     for condition in sorted(joint.kind.loop_conditions, key=ROW_ORDER.index):
@@ -116,8 +113,8 @@ def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
             case "point in plane":
                 add(axis[None, :], shift, 3)
             case "constant angle between axes":
-                other = product(second.rotation, joint.second)
-                rows.append(np.array([product(axis, other) - product(joint.axis, joint.second)]))
+                other = second.rotation @ joint.second
+                rows.append(np.array([axis @ other - joint.axis @ joint.second]))
                 slopes.append(np.array([[*np.cross(other, axis), 0.0, 0.0, 0.0]]))
             case "advance by the lead":
                 rows.append(np.array([advance(joint, first, second)]))
@@ -129,27 +126,27 @@ def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
 
 def advance(joint: Joint, first: Pose, second: Pose) -> float:
     """The displacement of a screw less that of its angle, in whichever turn it is least."""
-    axis, side = product(first.rotation, joint.axis), rot.aligning_z(joint.axis)[:, 0]
-    start, end = product(first.rotation, side), product(second.rotation, side)
-    angle = float(np.arctan2(product(np.cross(start, end), axis), product(start, end)))
-    found = float(product(axis, second.position - first.position)) - joint.travel * angle
+    axis, side = first.rotation @ joint.axis, rot.aligning_z(joint.axis)[:, 0]
+    start, end = first.rotation @ side, second.rotation @ side
+    angle = float(np.arctan2(np.cross(start, end) @ axis, start @ end))
+    found = float(axis @ (second.position - first.position)) - joint.travel * angle
     return found - joint.lead * round(found / joint.lead) if joint.lead else found
 
 
 def displacement(joint: Joint, first: Pose, second: Pose) -> Array:
     """The twist (6,), about ground's origin, from a position that a joint allows to the one that it has."""
     rows, slopes = gap_of(joint, first, second)
-    turn, shift = np.split(least_solution(slopes, rows), 2) if len(rows) else (np.zeros(3), np.zeros(3))
+    turn, shift = np.split(np.linalg.lstsq(slopes, rows, rcond=None)[0], 2) if len(rows) else (np.zeros(3), np.zeros(3))
     return np.concatenate([turn, shift - np.cross(turn, second.position)])
 
 
 def _error(joint: Joint, first: Pose, second: Pose) -> Array:
     """The rotation vector (3,) in rad from the first frame to the second one, across a joint's axis if it has one."""
     if "equal orientations" in joint.kind.loop_conditions:
-        return rot.rotation_vector(rot.to_quaternion(product(second.rotation, first.rotation.T)))
-    one, other = product(first.rotation, joint.axis), product(second.rotation, joint.axis)
+        return rot.rotation_vector(rot.to_quaternion(second.rotation @ first.rotation.T))
+    one, other = first.rotation @ joint.axis, second.rotation @ joint.axis
     across = np.cross(one, other)
-    return across if product(one, other) > 0.0 else across + 2.0 * rot.aligning_z(one)[:, 0] if one.any() else across
+    return across if one @ other > 0.0 else across + 2.0 * rot.aligning_z(one)[:, 0] if one.any() else across
 
 
 def stacked(vectors: Sequence[Array]) -> Array:

@@ -15,7 +15,6 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.mechanism.elements.constraints import (
     Cable,
     Clutch,
@@ -62,10 +61,10 @@ class Guide:
         if isinstance(self.constraint, Flat):
             flat, turn = self.constraint, _rotation_between(self.carrier, carrier)
             ends = Attachment(flat.point.part, end), Attachment(flat.base.part, start)
-            normals = product(flat.normals, turn.T)
-            angle = norm(normals - flat.normals)
+            normals = flat.normals @ turn.T
+            angle = float(np.linalg.norm(normals - flat.normals))
             return dataclasses.replace(flat, point=ends[0], base=ends[1], normals=normals), Move(max(shifts), angle)
-        rod, length = self.constraint, norm(pin.parent_pose.position)
+        rod, length = self.constraint, float(np.linalg.norm(pin.parent_pose.position))
         one, other = (Attachment(at.part, point) for at, point in zip(_ends(rod), (start, end), strict=True))
         move = Move(max(*shifts, abs(length - rod.length.at(0.0))), 0.0)
         exact = TimeExpression(repr(length), {})
@@ -75,13 +74,13 @@ class Guide:
 
     def _moved_flat(self, flat: Flat, carrier: Joint, pin: Joint, place: Placement) -> tuple[Constraint, Move]:
         turn = carrier.parent_pose.rotation
-        normals = product(flat.normals, turn.T)
+        normals = flat.normals @ turn.T
         center = (place.poses[pin.child] @ pin.child_pose).position
         on_base = (place.poses[carrier.parent].inverse() @ Pose(center, np.eye(3))).position
-        base = flat.base.point + product(normals.T, product(normals, on_base - flat.base.point))
+        base = flat.base.point + normals.T @ (normals @ (on_base - flat.base.point))
         point = pin.child_pose.position
         distance = max(_distance(point, flat.point.point), _distance(base, flat.base.point))
-        angle = norm(rot.rotation_vector(rot.to_quaternion(turn)))
+        angle = float(np.linalg.norm(rot.rotation_vector(rot.to_quaternion(turn))))
         changed = dataclasses.replace(
             flat,
             point=Attachment(flat.point.part, point),
@@ -99,7 +98,7 @@ class Guide:
         shifts = (rest, np.zeros(3)) if held else (np.zeros(3), -rest)
         parts = (place.poses[carrier.parent], place.poses[pin.child])
         local = (carrier.parent_pose.position, pin.child_pose.position)
-        places = [at + product(part.rotation.T, shift) for at, part, shift in zip(local, parts, shifts, strict=True)]
+        places = [at + part.rotation.T @ shift for at, part, shift in zip(local, parts, shifts, strict=True)]
         ends = _ends(rod)
         one, other = (Attachment(end.part, point) for end, point in zip(ends, places, strict=True))
         distance = max(_distance(point, end.point) for end, point in zip(ends, places, strict=True))
@@ -154,11 +153,11 @@ def _flat(flat: Flat, poses: Mapping[str, Pose]) -> Guide:
     body = f"constraints/{flat.name}"
     if len(flat.normals) == 1:
         second = rot.aligning_z(axis)[:, 0]
-        start = np.array([product(second, foot), product(np.cross(axis, second), foot), 0.0])
+        start = np.array([second @ foot, np.cross(axis, second) @ foot, 0.0])
         carrier = _joint(f"{body}/plane", "planar", flat.base.part, body, base, axis, second, start)
     else:
         carrier = _joint(
-            f"{body}/line", "prismatic", flat.base.part, body, base, axis, NO_AXIS, np.array([product(axis, foot)])
+            f"{body}/line", "prismatic", flat.base.part, body, base, axis, NO_AXIS, np.array([axis @ foot])
         )
     return Guide(flat, carrier, _ball(f"{body}/pin", body, np.zeros(3), flat.point))
 
@@ -198,11 +197,11 @@ def _joint(
 
 def _rotation_between(before: Joint, after: Joint) -> Array:
     """The least rotation (3, 3) from the axis of a carrier to its axis on the same part after a change."""
-    one, other = product(before.parent_pose.rotation, before.axis), product(after.parent_pose.rotation, after.axis)
+    one, other = before.parent_pose.rotation @ before.axis, after.parent_pose.rotation @ after.axis
     axis = np.cross(one, other)
-    sine = norm(axis)
-    return rot.about(axis / sine, float(np.arctan2(sine, product(one, other)))) if sine else np.eye(3)
+    sine = float(np.linalg.norm(axis))
+    return rot.about(axis / sine, float(np.arctan2(sine, one @ other))) if sine else np.eye(3)
 
 
 def _distance(one: Array, other: Array) -> float:
-    return norm(one - other)
+    return float(np.linalg.norm(one - other))

@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
-from mbd_sim.base.linear_algebra import norm, product, svd
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.exact_geometry.freedoms import displaced, displacement, gap_of, motion, stacked, twists_of
@@ -122,10 +121,10 @@ class Loops:
         place = self._placed(q)
         for _ in range(ITERATIONS):
             gaps, slopes = self.gaps(place)
-            left, sizes, right = svd(slopes[:, free], full_matrices=False)
+            left, sizes, right = np.linalg.svd(slopes[:, free], full_matrices=False)
             used = sizes > least * np.max(sizes, initial=0.0)
             step = np.zeros(len(free))
-            step[free] = product(-right[used].T, (product(left[:, used].T, gaps)) / sizes[used])
+            step[free] = -right[used].T @ ((left[:, used].T @ gaps) / sizes[used])
             longest = float(np.max(np.abs(step), initial=0.0))
             if longest <= CONVERGED:
                 break
@@ -157,7 +156,7 @@ class Loops:
             twists[3:] += np.cross(twists[:3].T, second.position).T
             lengths = np.where(np.any(by_twist[:, 3:], axis=1), place.size, 1.0)
             all_gaps.append(gaps / lengths)
-            all_slopes.append(product(by_twist, twists) / lengths[:, None])
+            all_slopes.append(by_twist @ twists / lengths[:, None])
         return np.concatenate(all_gaps), np.vstack(all_slopes)
 
     def _units(self, place: Placement) -> Array:
@@ -188,7 +187,7 @@ class Loops:
                 places.setdefault(part, []).append(pose.position)
         spans = [np.ptp(np.array(points), axis=0) for points in places.values()]
         spans += [np.max(np.abs(points), axis=0) for points in places.values()]
-        return float(max((norm(span) for span in spans), default=0.0)) or 1.0
+        return float(max((np.linalg.norm(span) for span in spans), default=0.0)) or 1.0
 
     def open_by(self, name: str, place: Placement) -> Array:
         """The twist (6,) by which a loop is open, about ground's origin."""

@@ -18,7 +18,6 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.linear_algebra import least_solution, norm, product, svd
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.exact_geometry.digits import Digits, half_unit_of_angles
 from mbd_sim.mechanism.exact_geometry.loop_positions import NEARLY, Loops, Placement, start_of
@@ -77,10 +76,10 @@ def _path(loops: Loops, start: Placement) -> list[Placement]:
     places, ahead = [start], np.zeros(0)
     for _ in range(PLACES):
         _, slopes = loops.gaps(places[-1])
-        _, sizes, right = svd(slopes)
+        _, sizes, right = np.linalg.svd(slopes)
         free = right[_large(sizes) :]
         wanted = random.normal(size=slopes.shape[1]) if not len(ahead) else ahead
-        along = product(free.T, product(free, wanted))
+        along = free.T @ (free @ wanted)
         if not along.any():
             break
         ahead = along / np.max(np.abs(along))
@@ -96,20 +95,15 @@ def _large(sizes: Array) -> int:
 
 
 def _rank(loops: Loops, place: Placement) -> int:
-    return _large(svd(loops.gaps(place)[1])[1])
+    return _large(np.linalg.svd(loops.gaps(place)[1])[1])
 
 
 def _is_nearly_redundant(loops: Loops, places: _Places, rank: int) -> bool:
     """Whether equations beyond the rank are redundant only nearly, or are not satisfied, at some place."""
     for place in places:
         gaps, slopes = loops.gaps(place)
-        left = svd(slopes)[0][:, rank:]
-        if (
-            max(
-                np.max(np.abs(product(left.T, slopes)), initial=0.0), np.max(np.abs(product(left.T, gaps)), initial=0.0)
-            )
-            > ROUND_OFF
-        ):
+        left = np.linalg.svd(slopes)[0][:, rank:]
+        if max(np.max(np.abs(left.T @ slopes), initial=0.0), np.max(np.abs(left.T @ gaps), initial=0.0)) > ROUND_OFF:
             return True
     return False
 
@@ -150,8 +144,8 @@ class _Fit:
             gap = float(np.max(np.abs(open_by)))
             if gap < best:
                 numbers, places, best, share = numbers + change, found, gap, 0.5 * share
-                left, sizes, right = svd(slopes, full_matrices=False)
-                along = product(left.T, open_by)
+                left, sizes, right = np.linalg.svd(slopes, full_matrices=False)
+                along = left.T @ open_by
             else:
                 share *= 8.0
             if best < CLOSED:
@@ -160,11 +154,11 @@ class _Fit:
             # kinds of linkages that move meet, the slopes vanish in proportion to that error.
             used = sizes > sizes[0] * min(1e-3, max(5.0 * best, share * np.sqrt(best)))
             rows = right[used]
-            change = product(-rows.T, along[used] / sizes[used])
+            change = -rows.T @ (along[used] / sizes[used])
         return numbers, places, rows, best
 
     def _with(self, numbers: Array) -> Mechanism:
-        steps = (product(self._steps, numbers)).reshape(-1, 12)
+        steps = (self._steps @ numbers).reshape(-1, 12)
         new = {joint.name: _moved(joint, step) for joint, step in zip(self._joints, steps, strict=True)}
         return with_joints(self._mechanism, new)
 
@@ -173,9 +167,9 @@ class _Fit:
         all_rows, all_gaps = [], []
         for place in places:
             gaps, slopes = loops.gaps(place)
-            left = svd(slopes)[0][:, self._rank :]
-            all_rows.append(product(left.T, product(self._slopes(loops, place), self._steps)))
-            all_gaps.append(product(left.T, gaps))
+            left = np.linalg.svd(slopes)[0][:, self._rank :]
+            all_rows.append(left.T @ (self._slopes(loops, place) @ self._steps))
+            all_gaps.append(left.T @ gaps)
         return np.vstack(all_rows), np.concatenate(all_gaps)
 
     def _slopes(self, loops: Loops, place: Placement) -> Array:
@@ -194,12 +188,12 @@ class _Fit:
 
 def _evened(rows: Array, numbers: Array) -> Array:
     """Numbers that satisfy the same equations to first order, with the smallest largest one (Lawson's algorithm)."""
-    wanted, weights = product(rows, numbers), np.ones(len(numbers))
+    wanted, weights = rows @ numbers, np.ones(len(numbers))
     for _ in range(LAWSON):
         weights = np.maximum(weights * np.abs(numbers), 1e-9)
         weights /= np.max(weights)
         free = weights**-0.5
-        numbers = free * least_solution(rows * free, wanted)
+        numbers = free * np.linalg.lstsq(rows * free, wanted, rcond=None)[0]
     return numbers
 
 
@@ -225,7 +219,7 @@ def _steps(joints: Sequence[Joint], data: Any, massless: set[str]) -> Array:
     Axes that are parallel on a part turn together. The length of a rod is a number, its direction is not.
     """
     frames = [
-        (part, pose, product(pose.rotation, joint.axis))
+        (part, pose, pose.rotation @ joint.axis)
         for joint in joints
         for part, pose in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
     ]
@@ -251,12 +245,12 @@ def _steps(joints: Sequence[Joint], data: Any, massless: set[str]) -> Array:
 
 
 def _are_parallel(one: Array, other: Array) -> bool:
-    return norm(np.cross(one, other)) < PARALLEL
+    return float(np.linalg.norm(np.cross(one, other))) < PARALLEL
 
 
 def _moved(joint: Joint, step: Array) -> Joint:
     parent, child = (
-        Pose(pose.position + change[:3], product(rot.from_quaternion(rot.of_vector(change[3:])), pose.rotation))
+        Pose(pose.position + change[:3], rot.from_quaternion(rot.of_vector(change[3:])) @ pose.rotation)
         for pose, change in zip((joint.parent_pose, joint.child_pose), step.reshape(2, 6), strict=True)
     )
     return dataclasses.replace(joint, parent_pose=parent, child_pose=child)

@@ -17,7 +17,6 @@ import numpy as np
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import Batch
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.linear_algebra import norm, product, svd
 from mbd_sim.mechanism.elements.parts import Joint, Move
 from mbd_sim.mechanism.exact_geometry.families import Family, families
 from mbd_sim.mechanism.exact_geometry.freedoms import stacked
@@ -122,7 +121,7 @@ def _family_of(loops: Loops, name: str, place: Placement, tolerance: float, mass
     """What the axes of a loop have in common only nearly, if that keeps it from moving, or from closing; or None."""
     around = loops.around[name]
     points = [pose.position for joint, _ in around for pose in place.frames(joint)]
-    size = norm(np.ptp(np.array(points), axis=0))
+    size = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
     size = size if size > tolerance * place.size else place.size  # all points of a loop may be meant to coincide
     about = np.mean(points, axis=0)
     before, left_open = _redundancy(loops, name, place, about, size)
@@ -142,15 +141,15 @@ def _redundancy(loops: Loops, name: str, place: Placement, about: Array, size: f
     """How many of a loop's equations are redundant only nearly, and whether others that are redundant contradict it."""
     twists = stacked([twist for joint, _ in loops.around[name] for twist in place.twists(joint)])
     scaled = _scaled(twists, about, size)
-    left, sizes, _ = svd(scaled)
+    left, sizes, _ = np.linalg.svd(scaled)
     sizes = np.pad(sizes, (0, 6 - len(sizes)))
     redundant = left[:, sizes <= NEARLY * max(float(np.max(sizes)), 1.0)]
-    gap = product(redundant.T, _scaled(loops.open_by(name, place)[:, None], about, size))
-    return _nearly_zero(twists, about, size), bool(norm(gap) > ROUND_OFF)
+    gap = redundant.T @ _scaled(loops.open_by(name, place)[:, None], about, size)
+    return _nearly_zero(twists, about, size), bool(np.linalg.norm(gap) > ROUND_OFF)
 
 
 def _nearly_zero(twists: Array, about: Array, size: float) -> int:
-    sizes = svd(_scaled(twists, about, size))[1]
+    sizes = np.linalg.svd(_scaled(twists, about, size), compute_uv=False)
     relative = sizes / max(float(np.max(sizes, initial=0.0)), 1.0)
     return int(np.sum((relative > ROUND_OFF) & (relative < NEARLY)))
 
@@ -165,9 +164,9 @@ def _scaled(twists: Array, about: Array, size: float) -> Array:
 def _move(before: Joint, after: Joint) -> Move:
     """The larger one of the moves of both frames of a joint."""
     pairs = ((before.parent_pose, after.parent_pose), (before.child_pose, after.child_pose))
-    distance = max(norm(new.position - old.position) for old, new in pairs)
-    turns = [rot.rotation_vector(rot.to_quaternion(product(new.rotation, old.rotation.T))) for old, new in pairs]
-    return Move(distance, max(norm(turn) for turn in turns))
+    distance = max(float(np.linalg.norm(new.position - old.position)) for old, new in pairs)
+    turns = [rot.rotation_vector(rot.to_quaternion(new.rotation @ old.rotation.T)) for old, new in pairs]
+    return Move(distance, max(float(np.linalg.norm(turn)) for turn in turns))
 
 
 def _first_variant(mechanism: Mechanism) -> Mechanism:

@@ -15,7 +15,6 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.linear_algebra import least_solution, norm, product, svd
 from mbd_sim.mechanism.elements.constraints import Constraint, Coupling
 from mbd_sim.mechanism.elements.parts import Joint, Move
 from mbd_sim.mechanism.exact_geometry.families import Axis, Family, Key, axes_of, meeting_point
@@ -79,7 +78,7 @@ class Targets:
         found: dict[Key, Array] = {}
         for axes in members.values():
             first = axes[0].direction
-            signs = [1.0 if product(axis.direction, first) >= 0.0 else -1.0 for axis in axes]
+            signs = [1.0 if axis.direction @ first >= 0.0 else -1.0 for axis in axes]
             mean = np.sum([sign * axis.direction for sign, axis in zip(signs, axes, strict=True)], axis=0)
             mean = first if len(axes) == 1 else rot.unit(mean)
             found |= {axis.key: sign * mean for sign, axis in zip(signs, axes, strict=True)}
@@ -101,39 +100,37 @@ class Targets:
         """The frames of a joint on both sides, and its second axis in the first frame."""
         first, second = self._place.frames(joint)
         if joint.type == "fixed":
-            turn = rot.to_quaternion(product(second.rotation, first.rotation.T))
+            turn = rot.to_quaternion(second.rotation @ first.rotation.T)
             half = rot.from_quaternion(rot.of_vector(0.5 * rot.rotation_vector(turn)))
-            middle = Pose(0.5 * (first.position + second.position), product(half, first.rotation))
+            middle = Pose(0.5 * (first.position + second.position), half @ first.rotation)
             return middle, middle, joint.second
         rotations, other = [first.rotation, second.rotation], joint.second
         if joint.axis.any():
             ends = [(joint.name, 0), (joint.name, 1 if joint.type == "universal" else 0)]
             vectors = [joint.axis, joint.second if joint.type == "universal" else joint.axis]
             rotations = [
-                product(_turning(product(rotation, vector), self._direction[key]), rotation)
+                _turning(rotation @ vector, self._direction[key]) @ rotation
                 for rotation, vector, key in zip(rotations, vectors, ends, strict=True)
             ]
             if joint.type == "universal":
-                other = _at_angle(
-                    joint.axis, joint.second, float(product(self._direction[ends[0]], self._direction[ends[1]]))
-                )
+                other = _at_angle(joint.axis, joint.second, float(self._direction[ends[0]] @ self._direction[ends[1]]))
         if joint.type == "prismatic":
-            turn = rot.to_quaternion(product(rotations[1], rotations[0].T))
+            turn = rot.to_quaternion(rotations[1] @ rotations[0].T)
             half = rot.from_quaternion(rot.of_vector(0.5 * rot.rotation_vector(turn)))
-            rotations = [product(half, rotations[0])] * 2
+            rotations = [half @ rotations[0]] * 2
         places = self._places(joint, Pose(first.position, rotations[0]), Pose(second.position, rotations[1]))
         return Pose(places[0], rotations[0]), Pose(places[1], rotations[1]), other
 
     def _places(self, joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
         """The origins of both frames, so that the joint is at a position that it allows."""
         gap = second.position - first.position
-        axis = product(first.rotation, joint.axis)
+        axis = first.rotation @ joint.axis
         conditions, kind = joint.kind.loop_conditions, joint.kind
         if kind.keeps_point:
             shared = self._on_common(joint, 0.5 * (first.position + second.position), axis)
             return shared, shared
         if "point on axis" in conditions:
-            along = axis * float(product(axis, gap))
+            along = axis * float(axis @ gap)
             across = 0.5 * (gap - along)
             places = [first.position + across, second.position - across]
             if kind.advances:
@@ -143,16 +140,16 @@ class Targets:
                 places = [self._on_common(joint, at, axis) for at in places]
             return places[0], places[1]
         if "point in plane" in conditions:
-            half = 0.5 * axis * float(product(axis, gap))
+            half = 0.5 * axis * float(axis @ gap)
             return first.position + half, second.position - half
         return first.position, second.position
 
     def _on_common(self, joint: Joint, at: Array, axis: Array) -> Array:
         """A point of a joint's axis, moved with this axis to the line or the point of its loop."""
         if (line := self._line.get(joint.name)) is not None:
-            return line.point + line.direction * float(product(line.direction, at - line.point))
+            return line.point + line.direction * float(line.direction @ (at - line.point))
         if (center := self._point.get(joint.name)) is not None:
-            return center if joint.type != "revolute" else center + axis * float(product(axis, at - center))
+            return center if joint.type != "revolute" else center + axis * float(axis @ (at - center))
         return at
 
     def is_common(self, name: str) -> bool:
@@ -168,29 +165,27 @@ class Targets:
         """The joint with both frames where they are to be."""
         first, second, other = self._frames(joint)
         parent, child = self._place.poses[joint.parent].inverse(), self._place.poses[joint.child].inverse()
-        return dataclasses.replace(
-            joint, parent_pose=product(parent, first), child_pose=product(child, second), second=other
-        )
+        return dataclasses.replace(joint, parent_pose=parent @ first, child_pose=child @ second, second=other)
 
 
 def _across(direction: Array, normals: list[Array]) -> Array:
     """The direction nearest to one that is perpendicular to others."""
-    left, sizes, _ = svd(np.array(normals).T, full_matrices=True)
+    left, sizes, _ = np.linalg.svd(np.array(normals).T, full_matrices=True)
     rank = int(np.sum(sizes > 0.1 * sizes[0]))
     free = left[:, rank:]
-    return rot.unit(product(free, product(free.T, direction))) if rank < 3 else direction
+    return rot.unit(free @ (free.T @ direction)) if rank < 3 else direction
 
 
 def _turning(one: Array, other: Array) -> Array:
     """The smallest rotation (3, 3) that takes one unit vector to a near one."""
     axis = np.cross(one, other)
-    sine, cosine = norm(axis), float(product(one, other))
+    sine, cosine = float(np.linalg.norm(axis)), float(one @ other)
     return np.eye(3) if sine == 0.0 else rot.about(axis / sine, float(np.arctan2(sine, cosine)))
 
 
 def _at_angle(axis: Array, second: Array, cosine: float) -> Array:
     """The vector nearest to `second` with this cosine to the axis."""
-    across = rot.unit(second - axis * float(product(axis, second)))
+    across = rot.unit(second - axis * float(axis @ second))
     found: Array = cosine * axis + np.sqrt(max(0.0, 1.0 - cosine**2)) * across
     return found
 
@@ -205,12 +200,12 @@ def exact_couplings(mechanism: Mechanism, nearly: float, round_off: float) -> di
         return {}
     columns = list(dict.fromkeys(name for one in found for name in one.factors))
     rows, scaled = _equilibrated(np.array([[one.factors.get(name, 0.0) for name in columns] for one in found]))
-    left, sizes, _ = svd(scaled)
+    left, sizes, _ = np.linalg.svd(scaled)
     sizes = np.pad(sizes, (0, len(found) - len(sizes)))
     stresses = left[:, sizes < nearly]
     values = np.array([one.value.at(0.0) for one in found])
     offsets = rows * values
-    if np.abs(product(stresses.T, np.column_stack([scaled, offsets]))).max(initial=0.0) <= round_off:
+    if np.abs(stresses.T @ np.column_stack([scaled, offsets])).max(initial=0.0) <= round_off:
         return {}
     parts = _relative_changes(scaled, stresses)
     of_values = _relative_changes(offsets[:, None], stresses)[:, 0]
@@ -235,7 +230,7 @@ def _equilibrated(matrix: Array) -> tuple[Array, Array]:
     unknown = np.zeros((len(used[0]), sum(matrix.shape)))  # the logarithms of the factors of rows and columns
     entries = np.arange(len(unknown))
     unknown[entries, used[0]] = unknown[entries, count + used[1]] = 1.0
-    factors = np.exp(least_solution(unknown, -np.log(np.abs(matrix[used]))))
+    factors = np.exp(np.linalg.lstsq(unknown, -np.log(np.abs(matrix[used])), rcond=None)[0])
     return factors[:count], factors[:count, None] * matrix * factors[count:]
 
 
@@ -244,6 +239,6 @@ def _relative_changes(matrix: Array, stresses: Array) -> Array:
     changes = np.zeros_like(matrix)
     for number, column in enumerate(matrix.T):
         used = column != 0.0
-        change = -least_solution(stresses[used].T, product(stresses.T, column))
+        change = -np.linalg.lstsq(stresses[used].T, stresses.T @ column, rcond=None)[0]
         changes[used, number] = change / column[used]
     return changes

@@ -27,7 +27,7 @@ from mbd_sim.dynamics.constraints.start import assemble, rheonomic
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import trace
 from mbd_sim.dynamics.math.expressions import evaluated, require_smooth
-from mbd_sim.dynamics.math.rank import least_solution
+from mbd_sim.dynamics.math.rank import fast_least_solution
 from mbd_sim.files.checks.bare_angles import bare_argument_remark
 from mbd_sim.files.checks.override import number_at
 from mbd_sim.files.text.units import parse_value, split_unit
@@ -319,7 +319,7 @@ class KinematicSystem:
             slope = self.constraints.scaled_gradient(0.0, q)[:, dependent]
             if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(slope))):
                 return None
-            found = -least_solution(slope, self.in_natural_units(q, gaps))
+            found = -fast_least_solution(slope, self.in_natural_units(q, gaps))
             size = float(np.max(np.abs(found), initial=0.0))
             step[dependent] = self.scale[dependent] * found * min(1.0, LONGEST / max(size, LONGEST))
             q = self.displaced(q, step)

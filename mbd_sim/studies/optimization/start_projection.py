@@ -16,7 +16,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.assembly import ClosingStep, close_loops, energy_rows, nearest_speeds
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions, scaled
-from mbd_sim.dynamics.math.rank import least_solution, row_is_zero
+from mbd_sim.dynamics.math.rank import fast_least_solution, row_is_zero
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 
 CLOSED = 1e-13  # change of a state below which it satisfies the constraints, relative to its scale + |x|
@@ -83,7 +83,7 @@ class StartProjection:
         scales, sizes = constraints.scales, constraints.row_sizes(t, q)[constraints.holonomic]
         sizes = np.where(sizes > 0.0, sizes, np.inf)
         gaps, g = gaps / sizes, scaled(g, sizes, scales)  # all of the following is in natural units
-        inverse = least_solution(g, np.eye(len(g)))
+        inverse = fast_least_solution(g, np.eye(len(g)))
         s = -inverse @ gaps
         rest, back = gaps + g @ s, inverse.T @ s
         found = self._derivatives(t, q, p, scales * s, rest / sizes, back / sizes)
@@ -112,7 +112,7 @@ class StartProjection:
         constraints = self._with_numbers(p)
         zero = row_is_zero(scaled(gradient, constraints.row_sizes(t, q), constraints.scales))
         to_unit, rows, sizes = energy_rows(mass, gradient, zero, constraints.scales)
-        inverse = least_solution(rows, np.eye(len(rows)))
+        inverse = fast_least_solution(rows, np.eye(len(rows)))
         mu = -(inverse.T @ (to_unit.T @ (mass @ (v - u)))) / sizes
         force, rate = (np.array(each) for each in self._speed_terms(t, q, p, v - u, mu, v))
         found = []
