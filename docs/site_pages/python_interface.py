@@ -16,7 +16,7 @@ GROUPS = {
         "linearize", "Linearization", "StateSpace", "modes", "Mode", "equilibrium", "nearest_equilibrium", "equilibria",
         "Equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",
     ),
-    "Positions without masses": ("Kinematics",),
+    "Positions without masses": ("Kinematics", "inverse_kinematics", "InverseKinematics"),
     "Equations as formulas": ("symbolic_equations", "SymbolicEquations", "to_latex"),
     "Errors": ("MbdSimError", "MechanismError", "CommandError", "DivergedError", "InputError", "NoInertiaError", "Problem"),
 }  # fmt: skip

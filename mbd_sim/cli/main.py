@@ -116,7 +116,9 @@ class _Names:
 
 
 def _mechanism_of(options: argparse.Namespace) -> str:
-    named = getattr(options, "mechanism", None) or getattr(options, "recording", None) or ""
+    if "mechanism" in options:  # it may have arguments behind it, so that argcomplete does not assign it yet
+        return next((word for word in line_to_complete()[1:] if not word.startswith("-")), "")
+    named = getattr(options, "recording", None) or ""
     return str(named or next(iter(getattr(options, "recordings", None) or ()), ""))
 
 

@@ -69,6 +69,24 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="recorded states per simulated second (default 100, but at most one per step)",
     )
+    _add_ring(group)
+    group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
+    group.add_argument(
+        "--contact-forces", action="store_true", help="also record the point, the normal and the force of each contact"
+    )
+    group.add_argument("--violation", action="store_true", help="also record the violation of loops and constraints")
+    group.add_argument(
+        "--poses", metavar="PARTS", default="", help="also record the poses of these parts, separated by commas; *: all"
+    )
+    group.add_argument(
+        "--accelerations",
+        metavar="NAMES",
+        default="",
+        help="also record the accelerations of coordinates, parts and points (part.point), separated by commas; *: all",
+    )
+
+
+def _add_ring(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--last",
         type=positive_in("s"),
@@ -83,20 +101,6 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--after", type=positive_in("s"), metavar="S", help="with --when: seconds after the event (default 0)"
-    )
-    group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
-    group.add_argument(
-        "--contact-forces", action="store_true", help="also record the point, the normal and the force of each contact"
-    )
-    group.add_argument("--violation", action="store_true", help="also record the violation of loops and constraints")
-    group.add_argument(
-        "--poses", metavar="PARTS", default="", help="also record the poses of these parts, separated by commas; *: all"
-    )
-    group.add_argument(
-        "--accelerations",
-        metavar="NAMES",
-        default="",
-        help="also record the accelerations of coordinates, parts and points (part.point), separated by commas; *: all",
     )
 
 

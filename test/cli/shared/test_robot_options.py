@@ -38,11 +38,11 @@ def test_check_lists_the_contacts(urdf, capsys):
 
 
 def test_the_node_has_the_same_as_parameters(urdf):
-    given = {"mechanism": urdf, "base": "free", "floor": True, "limits": "stops"}
+    given = {"mechanism": urdf, "base": "free", "floor": True, "limits": "stops", "control": ""}
     mechanism = setup.loaded_mechanism(given)
     assert mechanism.joints["base"].position[2] == pytest.approx(0.33)
     assert mechanism.joints["front_hip"].limits[0].restitution == 0.0
-    plain = setup.loaded_mechanism({"mechanism": urdf, "base": "", "floor": False, "limits": ""})
+    plain = setup.loaded_mechanism({"mechanism": urdf, "base": "", "floor": False, "limits": "", "control": ""})
     assert plain.joints["base"].type == "fixed" and not plain.contacts
     with pytest.raises(ValueError, match="limits: 'stop' is not one of stops"):
         setup.loaded_mechanism({**given, "limits": "stop"})

@@ -121,7 +121,7 @@ def _edges(ends: Sequence[complex]) -> list[tuple[complex, complex]]:
 
 def _block(size: float, direction: complex) -> dict[str, Any]:
     turned = {"axis": AXIS, "angle": float(np.angle(direction))}
-    shape = {"type": "block", "size": [0.12 * size, 0.06 * size, 0.06 * size], "rotate": turned}
+    shape = {"type": "block", "size": [float(share * size) for share in (0.12, 0.06, 0.06)], "rotate": turned}
     return {"mass": 1.0, "shape": shape}
 
 
