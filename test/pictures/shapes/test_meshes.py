@@ -58,7 +58,7 @@ def test_a_file_that_is_written_again_is_read_again(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
-        ("a.step", b"", "(its format is none of .dae, .glb, .gltf, .obj, .stl)"),
+        ("a.step", b"", "(its format is none of .3mf, .dae, .glb, .gltf, .obj, .ply, .stl)"),
         ("a.dae", b"<COLLADA", "(it cannot be read as DAE: "),
         ("a.stl", b"solid x", "(it "),
         ("a.obj", b"v 0 0 0\n", "(it "),
