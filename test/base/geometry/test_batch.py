@@ -7,6 +7,7 @@ import pytest
 
 from mbd_sim.base.geometry.batch import Batch, array, fsum, is_finite, per_variant, uniform
 from mbd_sim.base.geometry.rotation import about, skew, unit
+from mbd_sim.base.linear_algebra import product
 from mbd_sim.mechanism.values.expression import evaluate
 
 COUNT = 9
@@ -19,10 +20,10 @@ def batch(*shape, seed=0):
 @pytest.mark.parametrize(
     "function",
     [
-        lambda r, v: r @ v,
-        lambda r, v: r @ r.T,
-        lambda r, v: -r.T @ v + 2.0 * v / 3.0,
-        lambda r, v: v @ v,
+        lambda r, v: product(r, v),
+        lambda r, v: product(r, r.T),
+        lambda r, v: product(-r.T, v) + 2.0 * v / 3.0,
+        lambda r, v: product(v, v),
         lambda r, v: np.linalg.norm(v),
         lambda r, v: np.cross(v, np.array([0.0, 1.0, 0.5])),
         lambda r, v: np.where(np.abs(v) <= 0.5 * np.max(np.abs(v)), np.round(v), v),
