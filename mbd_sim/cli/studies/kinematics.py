@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.operating_system import processors
 from mbd_sim.cli.shared.command import Command, ProgressBar
 from mbd_sim.cli.shared.common import (
     add_mechanism,
@@ -43,7 +44,7 @@ from mbd_sim.studies.kinematic_analysis.text import (
     motion_columns,
     motion_text,
 )
-from mbd_sim.studies.synthesis.global_search import GENERATIONS, POPULATION, all_processors, synthesize_globally
+from mbd_sim.studies.synthesis.global_search import GENERATIONS, POPULATION, synthesize_globally
 from mbd_sim.studies.synthesis.problem import Goal, bounds_of, goal_of
 from mbd_sim.studies.synthesis.synthesis import Design, Norm, design_text, draw_design, synthesize, write_mechanism
 
@@ -337,7 +338,7 @@ def _searched_everywhere(
             seed=options.seed,
             generations=options.generations,
             population=options.population,
-            workers=all_processors() if options.workers is None else options.workers,
+            workers=processors() if options.workers is None else options.workers,
             progress=lambda part, _: bar.show(part),
         )
 

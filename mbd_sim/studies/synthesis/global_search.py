@@ -8,7 +8,6 @@ processes take part.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -256,8 +255,3 @@ def _take_over(candidates: ParameterCandidates) -> None:
 def _losses(parameters: Array) -> Array:
     assert _candidates is not None
     return _candidates.losses(parameters)
-
-
-def all_processors() -> int:
-    """The number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
