@@ -32,6 +32,12 @@ from mbd_sim.studies.synthesis.linkages.poses import Given, Region, linkages_for
 from mbd_sim.studies.synthesis.linkages.reports import dead_center_text, functions_text, poses_text
 
 MOST = 10  # solutions that are listed
+OWN = {  # what each problem takes, and nothing else does
+    "poses": ("pose", "center", "point", "guide", "line", "region", "plot"),
+    "dead-center": ("swing", "stroke", "time_ratio", "rocker", "crank", "longest"),
+    "function": ("function", "x", "input", "output", "positions", "input_start", "output_start"),
+}
+DEFAULTS = {"time_ratio": 1.0, "rocker": 1.0, "longest": 10.0, "positions": 5, "input_start": "0", "output_start": "0"}
 
 
 def _add(parser: argparse.ArgumentParser) -> None:
@@ -53,37 +59,55 @@ def _add(parser: argparse.ArgumentParser) -> None:
     dead = parser.add_argument_group("dead-center")
     dead.add_argument("--swing", metavar="ANGLE", help="the angle through which the rocker of a crank-rocker swings")
     dead.add_argument("--stroke", type=positive_in("m"), metavar="M", help="the stroke of a slider-crank")
-    dead.add_argument(
-        "--time-ratio", type=positive_number, default=1.0, help="of the slow to the fast stroke (default 1)"
-    )
-    dead.add_argument("--rocker", type=positive_in("m"), default=1.0, metavar="M", help="its length (default 1 m)")
+    dead.add_argument("--time-ratio", type=positive_number, help="of the slow to the fast stroke (default 1)")
+    dead.add_argument("--rocker", type=positive_in("m"), metavar="M", help="of a crank-rocker (default 1 m)")
     dead.add_argument("--crank", type=positive_in("m"), metavar="M", help="its length (default: the best)")
-    dead.add_argument(
-        "--longest", type=positive_number, default=10.0, help="ratio of the longest to the shortest link (default 10)"
-    )
+    dead.add_argument("--longest", type=positive_number, help="ratio of the longest to the shortest link (default 10)")
     function = parser.add_argument_group("function")
     function.add_argument("--function", metavar="EXPRESSION", help="of x, such as 'x**1.5'")
     function.add_argument("--x", metavar="LOW:HIGH", help="the range of x, such as 1:2")
     function.add_argument("--input", metavar="ANGLE", help="by which the crank turns over the range")
     function.add_argument("--output", metavar="ANGLE", help="by which the follower turns over the range")
-    function.add_argument("--positions", type=int, default=5, metavar="N", help="precision positions (default 5)")
-    function.add_argument("--input-start", default="0", metavar="ANGLE", help="of the crank: with 3 or 4 positions")
-    function.add_argument("--output-start", default="0", metavar="ANGLE", help="of the follower: with 3 positions")
+    function.add_argument("--positions", type=int, metavar="N", help="precision positions (default 5)")
+    function.add_argument("--input-start", metavar="ANGLE", help="of the crank: with 3 or 4 positions")
+    function.add_argument("--output-start", metavar="ANGLE", help="of the follower: with 3 positions")
     parser.add_argument(
         "--take", type=int, default=1, metavar="N", help="the solution for --out and --plot (default 1)"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the mechanism file: .yaml")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="of poses: draw the solution: .png, .svg or .pdf")
+    parser.set_defaults(**DEFAULTS)
 
 
 def _synthesize(options: argparse.Namespace) -> int:
+    _require_own(options)
     if options.plot is not None:
         require_picture_suffix(options.plot)
-        if options.problem != "poses":
-            raise InputError("--plot draws poses only", "Write --out FILE.yaml, then mbd_sim kinematics --plot.")
     if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
         raise InputError(f"{options.out} is not a mechanism file", "Use a file name that ends in .yaml.")
     return PROBLEMS[options.problem](options)
+
+
+def _require_own(options: argparse.Namespace) -> None:
+    """Refuse options that have no effect.
+
+    :raises InputError: one belongs to another problem, or to another number of positions.
+    """
+    for problem, names in OWN.items():
+        for name in names:
+            if problem != options.problem and _is_given(options, name):
+                remedy = f"Leave it out, or write mbd_sim synthesize {problem}."
+                raise InputError(f"--{name.replace('_', '-')} has no effect on {options.problem}", remedy)
+    if options.stroke is not None and _is_given(options, "rocker"):
+        raise InputError("--rocker has no effect on a slider-crank", "Leave it out, or give --swing.")
+    for name, most in (("input_start", 4), ("output_start", 3)):
+        if options.positions > most and _is_given(options, name):
+            remedy = f"Leave it out, or give --positions {most}."
+            raise InputError(f"--{name.replace('_', '-')} has no effect on {options.positions} positions", remedy)
+
+
+def _is_given(options: argparse.Namespace, name: str) -> bool:
+    return getattr(options, name) not in (None, [], DEFAULTS.get(name))
 
 
 def _poses(options: argparse.Namespace) -> int:

@@ -169,8 +169,9 @@ _KEPT = _Kept()
 
 def _place_of(node: Any) -> Element | None:
     while node is not None:
-        if (place := node.getUserData(PLACE)) is not None:
-            return place  # type: ignore[no-any-return]
+        place: Element | None = node.getUserData(PLACE)
+        if place is not None:
+            return place
         node = node.parentNode
     return None
 

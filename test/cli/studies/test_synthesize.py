@@ -53,7 +53,10 @@ def test_centers_are_printed_tabulated_and_drawn(tmp_path, monkeypatch, capsys):
         (["synthesize", "poses", *THREE, "--take", "2"], "there is no solution 2"),
         (["synthesize", "dead-center"], "either --swing or --stroke is needed"),
         (["synthesize", "function", "--x", "1:2"], "--function is needed"),
-        (["synthesize", "dead-center", "--swing", "1", "--plot", "x.png"], "--plot draws poses only"),
+        (["synthesize", "dead-center", "--swing", "1", "--plot", "x.png"], "--plot has no effect on dead-center"),
+        (["synthesize", "poses", *THREE, "--time-ratio", "2"], "--time-ratio has no effect on poses"),
+        (["synthesize", "dead-center", "--stroke", "1", "--rocker", "2"], "--rocker has no effect on a slider-crank"),
+        (["synthesize", "function", "--input-start", "9deg"], "--input-start has no effect on 5 positions"),
         (["centers", "four_bar", "--drive", "crank_pivot=1", "--centrodes", "coupler"], "centrodes need a range"),
     ],
 )
