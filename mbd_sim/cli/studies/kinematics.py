@@ -269,18 +269,16 @@ def _add_global(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="search everywhere between the bounds and in all assembly modes, by differential evolution, then polish",
     )
-    parser.add_argument("--seed", type=seed_number, default=0, help="of the search with --global (default 0)")
+    parser.add_argument("--seed", type=seed_number, help="of the search with --global (default 0)")
     parser.add_argument(
         "--generations",
         type=int,
-        default=GENERATIONS,
         metavar="N",
         help=f"with --global, at most (default {GENERATIONS})",
     )
     parser.add_argument(
         "--population",
         type=int,
-        default=POPULATION,
         metavar="N",
         help=f"with --global, members for each parameter (default {POPULATION})",
     )
@@ -298,6 +296,10 @@ def _optimize(options: argparse.Namespace) -> int:
         require_picture_suffix(options.plot)
     if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
         raise InputError(f"{options.out} is not a mechanism file", "Use a file name that ends in .yaml.")
+    if not options.everywhere:
+        for name in ("seed", "generations", "population", "workers"):
+            if getattr(options, name) is not None:
+                raise InputError(f"--{name} has no effect without --global", "Give --global too, or leave it out.")
     mechanism = load_mechanism(options.mechanism)
     drive, count = drive_range(options.drive, mechanism)
     bounds = bounds_of(options.vary, mechanism)
@@ -335,9 +337,9 @@ def _searched_everywhere(
             goal,
             bounds,
             norm=norm,
-            seed=options.seed,
-            generations=options.generations,
-            population=options.population,
+            seed=options.seed or 0,
+            generations=GENERATIONS if options.generations is None else options.generations,
+            population=POPULATION if options.population is None else options.population,
             workers=processors() if options.workers is None else options.workers,
             progress=lambda part, _: bar.show(part),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +41,11 @@ from mbd_sim.studies.sizing.text import (
 BEST = "best"
 MOST_ROWS = 15  # of the table of motors
 DEFAULT_RATE = 1000.0  # Hz, of a run that is made for its loads
+# Options that only some sources of loads take, by their names in the parsed options.
+OF_LAWS = {"share": "--share", "dwell": "--dwell", "returns": "--return"}
+OF_MOTIONS = {"speed": "--speed", "motion": "--motion", **OF_LAWS, "between": "--between"}
+OF_MECHANISMS = {"time": "--time", "method": "--method", "step": "--step", "start": "--start", "effort": "--effort"}
+OF_CYCLES = {"start_time": "--from", "end_time": "--to", "once": "--once", "inertia": "--inertia"}
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -137,10 +142,9 @@ def _catalog(options: argparse.Namespace) -> Catalog:
 def _load(options: argparse.Namespace) -> tuple[LoadCycle, DrivenMotion | None, MotionLaw | None]:
     if options.drive:
         return _prescribed(options)
-    for name in ("speed", "motion", "share", "dwell", "returns", "between"):
-        if getattr(options, name):
-            raise InputError(f"--{name.replace('returns', 'return')} is for a prescribed motion", "Give --drive too.")
+    _refuse(options, OF_MOTIONS, "is for a prescribed motion", "Give --drive too.")
     if Path(options.recording).suffix == ".csv":
+        _refuse(options, {**OF_MECHANISMS, "changes": "--set"}, "has no effect on a table", "Leave it out.")
         load = read_cycle(options.recording, options.joint or "")
     else:
         with recorded_run(options.recording, options, rate=DEFAULT_RATE) as path:
@@ -158,10 +162,21 @@ def _load(options: argparse.Namespace) -> tuple[LoadCycle, DrivenMotion | None, 
     return replace(load, cyclic=not options.once, inertia=inertia), None, None
 
 
+def _refuse(options: argparse.Namespace, names: Mapping[str, str], why: str, remedy: str) -> None:
+    for name, option in names.items():
+        if getattr(options, name) not in (None, False, []):
+            raise InputError(f"{option} {why}", remedy)
+
+
 def _prescribed(options: argparse.Namespace) -> tuple[LoadCycle, DrivenMotion, MotionLaw | None]:
     """The load of a drive that moves through its range."""
     if options.speed and options.motion:
         raise InputError("--speed and --motion both say how the drive moves", "Give one of them.")
+    _refuse(options, {**OF_MECHANISMS, **OF_CYCLES}, "has no effect on a prescribed motion", "Leave it out.")
+    if not options.motion:
+        _refuse(options, OF_LAWS, "has no effect on a constant speed", "Give --motion, such as trapezoid:1s.")
+    elif options.share is not None and not options.motion.startswith("trapezoid"):
+        raise InputError(f"--share has no effect on {options.motion}", "Leave it out, or choose a trapezoid.")
     options.mechanism = options.recording
     mechanism = changed_mechanism(options)
     given = [drive_range(text, mechanism) for text in options.drive]

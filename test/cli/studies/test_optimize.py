@@ -68,6 +68,7 @@ def test_a_function_and_the_least_effort(capsys):
         (["--vary", "rocker=1:2", "--function", "rocker_pivot=1 + sin(crnk)"], "unknown name 'crnk'"),
         (["--vary", "rocker=1:2", "--least-effort", "--free-timing"], "--free-timing without a path"),
         (["--vary", "rocker=1:2", "--least-effort", "--out", "x.csv"], "is not a mechanism file"),
+        (["--vary", "rocker=1:2", "--least-effort", "--seed", "1"], "--seed has no effect without --global"),
     ],
 )
 def test_wrong_arguments(words, message, capsys):

@@ -61,6 +61,13 @@ def test_from_a_motion_to_motors_and_back_from_the_table(tmp_path, monkeypatch, 
         ("size arm.yaml --drive axis=0:90deg --motion sine:1s", "no law of motion 'sine'"),
         ("size arm.yaml --drive axis=0:90deg --rest 0.1", "Give --spring too"),
         ("size gone.csv", "cannot read"),
+        ("size gone.csv --time 3", "--time has no effect on a table"),
+        (
+            "size arm.yaml --drive axis=0:90deg --motion cycloid:1s --once",
+            "--once has no effect on a prescribed motion",
+        ),
+        ("size arm.yaml --drive axis=0:90deg --speed 1 --dwell 1s", "--dwell has no effect on a constant speed"),
+        ("size arm.yaml --drive axis=0:90deg --motion cycloid:1s --share 0.2", "--share has no effect on cycloid:1s"),
     ],
 )
 def test_what_has_no_effect_or_does_not_exist_is_refused(tmp_path, monkeypatch, capsys, line, message):
