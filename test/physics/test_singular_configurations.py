@@ -74,10 +74,14 @@ def test_it_passes_its_change_points_with_efforts_at_its_joints():
 # energy. It is round-off: in other orders of operations, other slopes have up to 7e-13.
 @pytest.mark.parametrize(
     ("mass", "slope", "allowed"),
-    [(1e-4, 0, 3e-13), (1e-5, 0, 3e-13), (1e-6, 45, 8e-13), (1e-7, 0, 5e-13), (1e-8, 90, 5e-12), (1e-9, 0, 8e-11)],
+    [(1e-4, 0, 3e-13), (1e-5, 0, 3e-13), (1e-6, 45, 2e-12), (1e-7, 0, 5e-13), (1e-8, 90, 5e-12), (1e-9, 0, 8e-11)],
 )
 def test_a_parallelogram_with_a_light_rocker_passes_its_change_points(mass, slope, allowed):
-    """Without gravity, a crank of 1 kg and a bar of 1 kg beside a rocker of `mass` turn at a constant speed."""
+    """Without gravity, a crank of 1 kg and a bar of 1 kg beside a rocker of `mass` turn at a constant speed.
+
+    Energy changes in the steps that end beside a change point, by a few times ε / δ: the nearest is δ = 0.3 mrad away,
+    which gives 7e-13 of it. How much of that depends on round-off, such as that of the slope.
+    """
     start, (x, z) = 0.5 + np.radians(slope), (np.cos(np.radians(slope)), np.sin(np.radians(slope)))
     sim = Simulation.from_text(f"""
 mechanism: light_rocker

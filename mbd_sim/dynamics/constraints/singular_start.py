@@ -62,6 +62,9 @@ def speeds_of_a_branch(
     sizes = np.where(sizes > 0.0, sizes, np.inf) * np.where(lengths > RANK, lengths, 1.0)
     unit = unit_rows(gradient)
     stresses = null_space(unit.T, rank_of(gradient))
+    # Rows in no stress, such as those of other loops, which may be far faster, have no part in what follows.
+    stressed = np.any(np.abs(stresses) > RANK, axis=1)
+    stresses[~stressed] = 0.0
     free = scales[:, None] * null_space(np.vstack([unit, np.eye(len(u))[fixed]]))
     if not stresses.shape[1] or not free.shape[1]:
         return u
@@ -75,8 +78,6 @@ def speeds_of_a_branch(
         return np.asarray(product(stresses.T, constraints.bias(t, q, speeds) / sizes))
 
     # Not γ of the speeds that are judged: on a branch on which the linkage moves without it, all of it is round-off.
-    # Nor γ of rows in no stress, such as those of other loops, which may be far faster.
-    stressed = np.any(np.abs(stresses) > RANK, axis=1)
     bias = norm((constraints.bias(t, q, u) / sizes)[stressed])
 
     def satisfied(speeds: Array) -> bool:

@@ -126,7 +126,8 @@ class _SimpleJoint(EliminatedJoint):
 
     def __init__(self, s: ca.SX, inertia: ca.SX, added: ca.SX) -> None:
         self._s = s
-        self._u, self._own, self._reduced, self.projected_inertia = _eliminated(s, inertia, added)
+        self._u, self._own, self._reduced, projected = _eliminated(s, inertia, added)
+        self.projected_inertia = projected if sparse(added).nnz() else _without_round_off(projected, s)
         self.factors = SpdFactors(self._own)
 
     def inward(self, forces: ca.SX, bias: ca.SX, acceleration: ca.SX | None) -> tuple[ca.SX, ca.SX]:
@@ -151,6 +152,17 @@ def _inward(solve: Solve, s: ca.SX, u: ca.SX, forces: ca.SX, bias: ca.SX, *motio
 def _outward(solve: Solve, s: ca.SX, reduced: ca.SX, net_force: ca.SX, carried: ca.SX) -> tuple[ca.SX, ca.SX]:
     u_rates = solve(net_force) - reduced @ carried
     return carried + s @ u_rates, u_rates
+
+
+def _without_round_off(projected: ca.SX, s: ca.SX) -> ca.SX:
+    """A projected inertia without the numbers that are left of its product with `s` (6, 1), which is zero."""
+    if s.nnz() != 1:
+        return projected
+    axis = s.sparsity().row()[0]
+    for other in range(6):
+        if projected[axis, other].is_constant():
+            projected[axis, other] = projected[other, axis] = 0.0
+    return sparse(projected)
 
 
 @inlined_results

@@ -7,7 +7,7 @@ STYLE = """<style>
 :root { --mantine-color-dimmed: #444c56 !important; font-size: %s; }
 :root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b8c0ca !important; }
 [role="tablist"] { flex-wrap: nowrap !important; overflow-x: auto; scrollbar-width: none; }
-[role="tab"] { flex: 1 0 auto !important; padding-left: 0.2em !important; padding-right: 0.2em !important; }
+[role="tab"] { flex: 1 0 auto !important; padding-left: 0.1em !important; padding-right: 0.1em !important; }
 [style*="max-height: 60%%"] { max-height: 45%% !important; width: 100%% !important; }
 [style*="max-height: 60%%"] [style*="width: 20em"] { width: 100%% !important; }
 </style>"""
