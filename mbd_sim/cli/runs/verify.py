@@ -56,7 +56,7 @@ def _add_verify(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="accept deviations up to X * (1 + the largest number of the message), comparing each recorded "
         "state with the one recomputed from the previous recorded state (default: bit for bit; 1e-9 for recordings "
-        "from another machine or version)",
+        "from another machine or version whose bits differ)",
     )
     add_quiet(parser)
 
@@ -81,10 +81,10 @@ def verify_text(found: Verification) -> str:
     simulated = found.steps * found.step
     lines = [f"{found.path}: {_verdict(found, comparison)}"]
     lines += [f"  recorded with    {text}" for text in found.environment_differences]
-    if found.environment_differences:
-        lines.append(
-            "                   The last bits may differ there, so each recorded state is compared with the one"
-        )
+    if found.environment_differences and found.tolerance is None:
+        lines.append("                   All bits are the same here.")
+    elif found.environment_differences:
+        lines.append("                   Bits may differ there, so each recorded state is compared with the one")
         lines.append("                   recomputed from the previous recorded state.")
     lines.append(f"  mechanism        {found.mechanism} ({found.method}, {found.step * 1e3:g} ms)")
     lines.append(f"  compared         {_counted(found.compared)}; commands: {_counted(found.commands) or 'none'}")

@@ -1,4 +1,4 @@
-"""Verifies recordings by recomputing them: bit for bit where machine and versions are those of the recording.
+"""Verifies recordings by recomputing them: bit for bit, or where machine or versions differ, also to a tolerance.
 
 The messages of each file, measurements of sensors included, are compared with their recomputation, and its checksums,
 offsets and indexes are checked.
@@ -171,8 +171,8 @@ class Comparison:
         self._recorded_joints: cdr.JointStates | None = None
         self._recorded_energies: Energies | None = None
 
-    def run(self, progress: Callable[[float], None]) -> None:
-        """Compare all messages; `progress` is called with the completed fraction."""
+    def run(self, progress: Callable[[float], None], *, to_the_end: bool = True) -> None:
+        """Compare all messages, or those up to a difference; `progress` is called with the completed fraction."""
         result, started = self.result, time.perf_counter()
         blocks = self.recomputation.file.blocks
         try:
@@ -180,6 +180,8 @@ class Comparison:
                 progress(number / len(blocks))
                 for message in block.load():
                     if message.topic in self.recomputation.roles and not self._process(message):
+                        return
+                    if result.first is not None and not to_the_end:
                         return
             self._add_mismatches(self.recomputation.live_value_mismatches(), blocks[-1].end_ns if blocks else 0)
         except DamagedError as error:
@@ -378,6 +380,8 @@ def verify(
 ) -> list[Verification]:
     """Recompute each file of a recording and compare; check all checksums, offsets and indexes of the files.
 
+    Bits that differ on another machine or version may do so rightly: such a file is compared again to `TOLERANCE`.
+
     :param tolerance: compare to it even where the bits should agree. It is relative to 1 + the largest number of the
         message; each interval between two recorded states then starts from the recorded one.
     :param progress: called with the completed fraction, from 0 to 1.
@@ -397,22 +401,29 @@ def verify(
 
 def _verify_file(file: RecordedFile, tolerance: float | None, progress: Callable[[float], None]) -> Verification:
     recomputation = Recomputation(file)
-    simulation = recomputation.simulation
-    differences = environment_differences(file.metadata[RUN_METADATA], run_metadata(simulation))
+    differences = environment_differences(file.metadata[RUN_METADATA], run_metadata(recomputation.simulation))
     check = check_file(file.path)
-    result = Verification(
-        path=file.path,
-        mechanism=simulation.mechanism.name,
-        method=simulation.model.method_name,
-        step=simulation.step_size,
-        tolerance=tolerance if tolerance is not None else TOLERANCE if differences else None,
-        environment_differences=differences,
-        problem=file.problem,
-        index_problem=check.index_problem,
-        content_problem=check.content_problem,
-    )
-    Comparison(recomputation, result).run(progress)
-    return result
+
+    def compared(recomputation: Recomputation, tolerance: float | None, *, to_the_end: bool) -> Verification:
+        simulation = recomputation.simulation
+        result = Verification(
+            path=file.path,
+            mechanism=simulation.mechanism.name,
+            method=simulation.model.method_name,
+            step=simulation.step_size,
+            tolerance=tolerance,
+            environment_differences=differences,
+            problem=file.problem,
+            index_problem=check.index_problem,
+            content_problem=check.content_problem,
+        )
+        Comparison(recomputation, result).run(progress, to_the_end=to_the_end)
+        return result
+
+    result = compared(recomputation, tolerance, to_the_end=tolerance is not None or not differences)
+    if result.agrees or tolerance is not None or not differences:
+        return result
+    return compared(Recomputation(file), TOLERANCE, to_the_end=True)
 
 
 def environment_differences(recorded: Mapping[str, str], present: Mapping[str, str]) -> list[str]:

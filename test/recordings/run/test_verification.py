@@ -153,23 +153,25 @@ def test_another_start_or_method_in_the_metadata_is_detected(run, tmp_path):
     assert not other.agrees and other.first.tick > 0
 
 
-def test_a_recording_of_another_version_is_compared_to_a_tolerance(run, tmp_path):
+def test_a_recording_of_another_version_is_compared_to_a_tolerance_if_bits_differ(run, tmp_path):
     path = rewrite(run, tmp_path / "x.mcap", about={"casadi": "3.1", "processor": "other"})
     found = only(path)
-    assert found.agrees and found.tolerance == 1e-9
+    assert found.agrees and found.tolerance is None and found.differing == 0
     text = verify_text(found)
-    assert "casadi 3.1, here" in text and "processor other, here" in text and "verified, to 1e-09" in text
+    assert "casadi 3.1, here" in text and "processor other, here" in text and "verified, bit for bit" in text
     number = [n for n, m in enumerate(open_recording(run).messages()) if m.topic == "/joint_states"][80]
     small = rewrite(path, tmp_path / "y.mcap", lambda n, m: with_bit_flipped(m, -56, 0) if n == number else m)
-    assert only(small).agrees
+    found = only(small)
+    assert found.agrees and found.tolerance == 1e-9
+    assert found.compared == only(path).compared and "verified, to 1e-09" in verify_text(found)
     large = rewrite(path, tmp_path / "z.mcap", lambda n, m: with_bit_flipped(m, -51, 4) if n == number else m)
     assert only(large).first.name == "elbow position"
 
 
-def test_a_recording_made_with_earlier_equations_is_compared_to_a_tolerance(run, tmp_path):
+def test_a_recording_made_with_earlier_equations_says_so(run, tmp_path):
     """Recordings without an entry were made with the first ones; the rounding errors of the present ones differ."""
     found = only(rewrite(run, tmp_path / "x.mcap", about={"equations": "1"}))
-    assert found.agrees and found.tolerance == 1e-9 and found.environment_differences == ["equations 1, here 2"]
+    assert found.agrees and found.environment_differences == ["equations 1, here 2"]
     recorded = open_recording(run).files[0].metadata[RUN_METADATA]
     assert environment_differences(recorded, recorded) == []
     earlier = {key: value for key, value in recorded.items() if key != "equations"}
