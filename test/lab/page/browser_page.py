@@ -1,41 +1,102 @@
 """A page of the lab in a real browser, as a test uses it."""
 
+import contextlib
+import time
+
 import numpy as np
 import viser.transforms
+from playwright import sync_api
 
 from test.waiting import PATIENCE, wait_until
 
+AT_ONCE = 10_000  # ms; what takes longer, the page has replaced meanwhile: it is tried again
 SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU longer
 LARGE = {"width": 900, "height": 440}
+# The page computes 12 frames a second, of which nothing is drawn unless `window.drawing` is true.
+PAINTLESS = """
+window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 80);
+window.cancelAnimationFrame = clearTimeout;
+for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced"]) {
+  const draw = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function(...given) { if (window.drawing) draw.apply(this, given); };
+}
+"""
 
 
 class AnyPage:
-    """A page at an address; `requests` are the addresses that it asked for, `errors` what its console reported."""
+    """A page at an address; `requests` are the addresses that it asked for, `errors` what its console reported, `files` what it downloaded.
+
+    Without a GPU, an open page that moves takes more than a whole processor to draw a few pictures a second, and all
+    other tests wait for it. So nothing is drawn: the scene is the same, as are the controls and what the mouse takes
+    hold of, which the page computes from the shapes and not from the picture. A test that looks at a picture draws it
+    in `drawing`.
+    """
 
     def __init__(self, chromium, url, size=SIZE):
-        self.page, self.requests, self.errors = chromium.new_page(viewport=size), [], []
+        self.page, self.requests, self.errors, self.files = chromium.new_page(viewport=size), [], [], []
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("download", lambda download: self.files.append(download))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.route(lambda asked: not asked.startswith((url, "blob:", "data:")), lambda route: route.abort())
+        self.page.add_init_script(PAINTLESS)
         self.page.goto(url)
         self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name="Play").wait_for()
+
+    @contextlib.contextmanager
+    def drawing(self):
+        """Draw the scene, for a test that looks at its picture."""
+        self.page.evaluate("window.drawing = true")
+        yield
+        self.page.evaluate("window.drawing = false")
 
     def pause(self, seconds):
         """Let the page work."""
         self.page.wait_for_timeout(1000.0 * seconds)
 
-    # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few.
+    # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few. What the
+    # page is just drawing may lose a click or a text. `press`, `check`, `select` and `enter` repeat them until they have
+    # arrived, each time after twice as long as before, so that what is merely late is not undone.
+
+    def act(self, action, arrived, what, report=lambda: "", first=5.0):
+        """Act until this has arrived; `first` is how long to wait before acting again (s)."""
+        patience = first
+
+        def again():
+            nonlocal patience
+            action()
+            end = time.monotonic() + patience
+            while not arrived() and time.monotonic() < end:
+                self.pause(0.1)
+            patience *= 2.0
+
+        wait_until(arrived, what, meanwhile=again, report=report)
 
     def button(self, name):
         self.page.get_by_role("button", name=name, exact=True).first.dispatch_event("click")
 
-    def check(self, label):
-        self.page.get_by_label(label, exact=True).dispatch_event("click")
+    def press(self, name, arrived, what, first=5.0):
+        """Click a button until this has arrived; one that has gone was clicked."""
+        button = self.page.get_by_role("button", name=name, exact=True)
+        self.act(lambda: self.button(name) if button.count() else None, arrived, what, first=first)
+
+    def check(self, label, on, arrived, what):
+        """Check a box, or remove its check, until this has arrived."""
+        box = self.page.get_by_label(label, exact=True)
+
+        def click():
+            if box.is_checked() == on:  # on the page, but it has not been sent
+                box.dispatch_event("click")
+                self.pause(0.3)
+            box.dispatch_event("click")
+
+        self.act(click, arrived, what)
 
     def tab(self, name):
-        self.page.get_by_role("tab", name=name).press("Enter")
+        """Open a tab."""
+        tab = self.page.get_by_role("tab", name=name)
+        self.act(lambda: tab.press("Enter"), lambda: tab.get_attribute("aria-selected") == "true", f"the tab {name}")
 
     def has_tabs_in_one_line(self):
         """Whether all tabs are beside each other, and none is cut off."""
@@ -51,10 +112,17 @@ class AnyPage:
         """Open or close a folder."""
         self.page.get_by_text(name, exact=True).last.dispatch_event("click")
 
-    def choose(self, label, option):
-        """Choose in a list."""
-        self.page.get_by_label(label, exact=True).first.press("ArrowDown")
-        self.page.get_by_role("option", name=option, exact=True).dispatch_event("click")
+    def choose(self, box, option):
+        """Choose in a list that opens at an element; it may close by itself when the page is drawn again."""
+        offered = self.page.get_by_role("option", name=option, exact=True)
+        self.act(lambda: box.press("ArrowDown"), offered.count, f"{option} in the list")
+        with contextlib.suppress(sync_api.TimeoutError):
+            offered.dispatch_event("click", timeout=AT_ONCE)
+
+    def select(self, label, option, arrived, what):
+        """Choose in a list until this has arrived: of two changes in a short time, the browser sends the last."""
+        box = self.page.get_by_label(label, exact=True).first
+        self.act(lambda: self.choose(box, option), arrived, what, first=1.0)
 
     def field(self, label):
         """The field beside a slider."""
@@ -64,32 +132,19 @@ class AnyPage:
     def type(self, label, text):
         """Type a number beside a slider."""
         field = self.field(label)
-        field.fill(text)
-        field.press("Enter")
-
-    def downloaded(self, button):
-        """The name and the content of the file that a button sends."""
-        with self.page.expect_download() as download:
-            self.button(button)
-        return download.value.suggested_filename, download.value.path().read_bytes()
-
-    def select(self, label, option, control):
-        """Choose in a list until it has arrived: of two changes in a short time, the browser sends the last."""
-
-        def again():
-            self.choose(label, option)
-            self.page.wait_for_timeout(1000)
-
-        wait_until(lambda: control.value == option, f"the choice of {option}", meanwhile=again)
+        with contextlib.suppress(sync_api.TimeoutError):
+            field.fill(text, timeout=AT_ONCE)
+            field.press("Enter", timeout=AT_ONCE)
 
     def enter(self, label, text, arrived, what, report=lambda: ""):
         """Type a number until it has arrived: a field may be rewritten by the page at the moment of typing."""
+        self.act(lambda: self.type(label, text), arrived, what, report, first=1.0)
 
-        def again():
-            self.type(label, text)
-            self.pause(1.0)
-
-        wait_until(arrived, what, meanwhile=again, report=report)
+    def downloaded(self, button):
+        """The name and the content of the file that a button sends."""
+        self.files.clear()
+        self.press(button, lambda: self.files, f"the file of {button}", first=60.0)
+        return self.files[0].suggested_filename, self.files[0].path().read_bytes()
 
 
 class BrowserPage(AnyPage):

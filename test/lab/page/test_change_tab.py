@@ -31,15 +31,15 @@ def test_a_typed_length_changes_the_linkage_and_goes_back(change):
     simulation = change.lab.session.bench.simulation
     tip, crank = simulation.point("coupler.tip").position, simulation.point("crank.tip").position
     assert np.linalg.norm(tip - crank) == pytest.approx(1.3, abs=1e-9)
-    change.button("coupler: 1.4")
-    wait_until(lambda: change.frame.values["parameters.coupler"] == 1.4, "the file's value")
+    change.press("coupler: 1.4", lambda: change.frame.values["parameters.coupler"] == 1.4, "the file's value")
 
 
 def test_the_lines_for_the_file_are_copied(change):
     change.enter("coupler (m)", "1.3", lambda: change.frame.values["parameters.coupler"] == 1.3, "the length")
     change.page.get_by_text(re.compile("coupler: 1.3 m")).first.wait_for()
-    change.button("Copy as YAML")
-    assert "coupler: 1.3 m" in change.page.evaluate("getSelection().toString()")
+    change.press(
+        "Copy as YAML", lambda: "coupler: 1.3 m" in change.page.evaluate("getSelection().toString()"), "the selection"
+    )
 
 
 def test_a_typed_value_may_lie_outside_of_its_slider(change):
@@ -47,8 +47,7 @@ def test_a_typed_value_may_lie_outside_of_its_slider(change):
     change.enter("density", "7.25", lambda: change.frame.values["parameters.density"] == 7.25, "the value")
     assert density.high < 7.25
     change.enter("crank (m)", "0.6", lambda: change.frame.values["parameters.crank"] == 0.6, "the length")
-    change.button("all")
-    wait_until(lambda: change.frame.values["parameters.density"] == 1.0, "the file's density")
+    change.press("all", lambda: change.frame.values["parameters.density"] == 1.0, "the file's density")
     wait_until(lambda: change.frame.values["parameters.crank"] == 0.5, "the file's length")
 
 

@@ -1,5 +1,6 @@
 """Every control of the page is used once, on a motor and a robot that stands on a floor; those of a loop have tests."""
 
+import contextlib
 import io
 
 import numpy as np
@@ -13,7 +14,8 @@ from mbd_sim.recordings.run.verification import verify
 from test.lab.page.robot import standing_robot
 from test.waiting import wait_until
 
-BrowserPage = pytest.importorskip("test.lab.page.browser_page").BrowserPage
+browser_page = pytest.importorskip("test.lab.page.browser_page")
+sync_api = pytest.importorskip("playwright.sync_api")
 TABS = ("Change", "Plots", "Kinematics", "Show", "Keep")
 SENT = ("Picture", "Page with the motion", "Animation")
 NARROW = {"width": 640, "height": 320}
@@ -44,14 +46,15 @@ class Controls:
             case "GuiSliderHandle":
                 field = element.locator("xpath=following-sibling::*//input")
                 aim = handle.min + 0.6 * (handle.max - handle.min)
-                field.fill(f"{aim if abs(aim - handle.value) > handle.step else aim + handle.step:.6f}")
+                text = f"{aim if abs(aim - handle.value) > handle.step else aim + handle.step:.6f}"
+                with contextlib.suppress(sync_api.TimeoutError):
+                    field.fill(text, timeout=browser_page.AT_ONCE)
             case "GuiButtonGroupHandle":
                 for option in handle.options:
                     self._opened.button(option)
             case "GuiDropdownHandle":
                 option = next(one for one in handle.options if one != handle.value)
-                element.press("ArrowDown")
-                self._opened.page.get_by_role("option", name=option, exact=True).dispatch_event("click")
+                self._opened.choose(element, option)
             case _:
                 element.dispatch_event("click")
 
@@ -62,19 +65,13 @@ class Controls:
             opened.tab(tab)
             if tab == "Change":
                 self._open_folders()
-                sliders = [u for u, h in self.handles.items() if type(h).__name__ == "GuiSliderHandle"]
-                wait_until(lambda sliders=sliders: all(map(self._is_here, sliders)), "the sliders in the folders")
-            here = [u for u, h in self.handles.items() if u not in self.heard and self._is_here(u)]
-            for uuid in here:
-                self.use(uuid)  # one after the other: viser sends only the last of two that change at once
-                label = f"what the server hears of {self.handles[uuid].label}"
-                wait_until(lambda uuid=uuid: uuid in self.heard, label, meanwhile=lambda uuid=uuid: self._retry(uuid))
-
-    def _retry(self, uuid):
-        """Type a number again: the page may rewrite a field at the moment of typing. A click is not lost."""
-        self._opened.pause(1.0)
-        if uuid not in self.heard and type(self.handles[uuid]).__name__ == "GuiSliderHandle":
-            self.use(uuid)
+                sliders = {u for u, h in self.handles.items() if type(h).__name__ == "GuiSliderHandle"}
+                wait_until(lambda sliders=sliders: sliders <= self._shown(), "the sliders in the folders")
+            shown = self._shown()
+            for uuid in self.handles:  # one after the other: viser sends only the last of two that change at once
+                if uuid in shown - self.heard:
+                    label = f"what the server hears of {self.handles[uuid].label}"
+                    opened.act(lambda uuid=uuid: self.use(uuid), lambda uuid=uuid: uuid in self.heard, label)
 
     def _open_folders(self):
         handles = self._opened.lab.page.server.gui._container_handle_from_uuid.values()
@@ -86,11 +83,11 @@ class Controls:
             ):
                 self._opened.folder(folder.label)
 
-    def _is_here(self, uuid):
-        handle = self.handles[uuid]
-        if type(handle).__name__ == "GuiButtonGroupHandle":
-            return handle.label == "Run"
-        return self.element(uuid).count() > 0 and self.element(uuid).evaluate("e => e.checkVisibility()")
+    def _shown(self):
+        """The controls that the page shows; a group of buttons has no element of its own."""
+        found = "ids => ids.filter(id => document.getElementById(id)?.checkVisibility())"
+        groups = {u for u, h in self.handles.items() if type(h).__name__ == "GuiButtonGroupHandle" and h.label == "Run"}
+        return groups | set(self._opened.page.evaluate(found, list(self.handles)))
 
 
 def keeps(opened):
@@ -100,22 +97,17 @@ def keeps(opened):
     inputs = lab.page.server.gui._gui_input_handle_from_uuid.values()
     (path,) = (one for one in inputs if one.label == "Recording")
     opened.enter("Recording", "mine.mcap", lambda: path.value == "mine.mcap", "the name")
-    opened.select("Format", "webp", lab.page._keep._format)
+    opened.select("Format", "webp", lambda: lab.page._keep._format.value == "webp", "the format")
     lab.session.ask("speed", lambda session: session.set_speed(1.0))
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
-    opened.button("Reset")
-    wait_until(lambda: opened.frame.time == 0.0, "the start")
-    opened.button("Record")
-    wait_until(lambda: opened.frame.recording == "mine.mcap", "the recording")
-    opened.button("Play")
-    wait_until(lambda: opened.frame.time > 0.2, "the run")
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
-    opened.button("End the recording")
-    wait_until(lambda: not opened.frame.recording, "the end")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
+    opened.press("Reset", lambda: opened.frame.time == 0.0, "the start")
+    opened.press("Record", lambda: opened.frame.recording == "mine.mcap", "the recording")
+    opened.press("Play", lambda: opened.frame.time > 0.2, "the run")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
+    opened.press("End the recording", lambda: not opened.frame.recording, "the end")
     assert all(one.agrees for one in verify("mine.mcap"))
-    files = dict(opened.downloaded(button) for button in SENT)
+    with opened.drawing():
+        files = dict(opened.downloaded(button) for button in SENT)
     assert set(files) == {f"{name}.{ending}" for ending in ("png", "html", "webp")}
     picture = np.asarray(Image.open(io.BytesIO(files[f"{name}.png"])).convert("RGB")).reshape(-1, 3)
     assert len(np.unique(picture, axis=0)) > 100
@@ -123,13 +115,14 @@ def keeps(opened):
     assert files[f"{name}.html"].startswith(b"<!doctype html>")  # opened in test_keep_tab
 
 
+@pytest.mark.timeout(1800)  # on a machine with ten busy processes per core, each of some fifty controls takes seconds
 @pytest.mark.parametrize("name", ["motor_drive", "robot"])
 def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(keep_tab, "PICTURE", (320, 240))  # a browser without a GPU draws large ones slowly
     mechanism = load_mechanism(standing_robot(tmp_path) if name == "robot" else name)
     with Lab(mechanism, port=0) as lab:
-        opened = BrowserPage(chromium, lab, NARROW)
+        opened = browser_page.BrowserPage(chromium, lab, NARROW)
         controls = Controls(opened)
         controls.use_all()
         unused = {handle.label for uuid, handle in controls.handles.items() if uuid not in controls.heard}
@@ -138,12 +131,7 @@ def test_every_control_is_used_once(name, chromium, tmp_path, monkeypatch, capfd
             keeps(opened)
         opened.tab("Show")
         theme = "document.documentElement.dataset.mantineColorScheme"
-
-        def darken():  # a tab that is just being drawn takes no click
-            opened.check("Dark")
-            opened.pause(5.0)
-
-        wait_until(lambda: opened.page.evaluate(theme) == "dark", "the dark page", meanwhile=darken)
+        opened.check("Dark", True, lambda: opened.page.evaluate(theme) == "dark", "the dark page")
         before = lab.session.frame.number
         wait_until(lambda: lab.session.frame.number > before, "a frame")
         assert lab.page._thread.is_alive()

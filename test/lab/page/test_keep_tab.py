@@ -16,7 +16,7 @@ from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.recordings.run.verification import verify
 from test.lab.scene.recording_scene import RecordingScene
-from test.waiting import PATIENCE, wait_until
+from test.waiting import PATIENCE
 
 
 @pytest.mark.parametrize(
@@ -57,26 +57,22 @@ def test_what_is_being_made_is_said_and_then_its_name(button, mechanism, ending,
 @pytest.fixture
 def keep(opened):
     opened.tab("Keep")
-    opened.button("Play")
-    wait_until(lambda: opened.frame.time > 0.3, "the run")
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
+    opened.press("Play", lambda: opened.frame.time > 0.3, "the run")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
     return opened
 
 
 def test_a_recording_of_the_page_is_recomputed(keep):
-    keep.button("Record")
-    wait_until(lambda: keep.frame.recording, "the recording")
+    keep.press("Record", lambda: keep.frame.recording, "the recording")
     name, start = keep.frame.recording, keep.frame.time
-    keep.button("Play")
-    wait_until(lambda: keep.frame.time > start + 0.3, "the run")
-    keep.button("End the recording")
-    wait_until(lambda: not keep.frame.recording, "the end")
+    keep.press("Play", lambda: keep.frame.time > start + 0.3, "the run")
+    keep.press("End the recording", lambda: not keep.frame.recording, "the end")
     assert all(one.agrees for one in verify(name))
 
 
 def test_a_picture_shows_the_mechanism(keep):
-    name, data = keep.downloaded("Picture")
+    with keep.drawing():
+        name, data = keep.downloaded("Picture")
     picture = Image.open(io.BytesIO(data))
     assert (name, picture.format, picture.size) == ("four_bar.png", "PNG", (1440, 1080))
     colors = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -85,8 +81,8 @@ def test_a_picture_shows_the_mechanism(keep):
 
 def test_an_animation_moves(keep):
     tab = keep.lab.page._keep
-    keep.select("Last", "2 s", tab._last)
-    keep.select("Format", "webp", tab._format)
+    keep.select("Last", "2 s", lambda: tab._last.value == "2 s", "the choice of 2 s")
+    keep.select("Format", "webp", lambda: tab._format.value == "webp", "the choice of webp")
     name, data = keep.downloaded("Animation")
     animation = Image.open(io.BytesIO(data))
     assert name == "four_bar.webp"
@@ -98,8 +94,7 @@ def test_an_animation_moves(keep):
 
 def test_without_a_motion_there_is_nothing_to_send(opened):
     opened.tab("Keep")
-    opened.button("Animation")
-    wait_until(lambda: "no motion yet" in opened.frame.message, "the message")
+    opened.press("Animation", lambda: "no motion yet" in opened.frame.message, "the message")
 
 
 def test_a_page_with_the_motion_opens_without_a_server(keep, chromium, tmp_path):

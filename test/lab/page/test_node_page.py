@@ -103,14 +103,12 @@ def opened(node, chromium):
 
 def test_play_pause_step_and_reset(node, opened):
     listener = node.listener
-    opened.button("Play")
-    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 2e8, "the run")
-    opened.button("Pause")
+    opened.press("Play", lambda: nanoseconds(listener.states[-1].header.stamp) > 2e8, "the run")
+    opened.press("Pause", listener.repeats, "the pause")
     paused = listener.until_paused()
-    opened.button("Step")
-    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) == paused + STEP_NS, "one step")
-    opened.button("Reset")
-    opened.until(lambda: "reset" in listener.events, "the reset")
+    opened.press("Step", lambda: nanoseconds(listener.states[-1].header.stamp) > paused, "a step", first=60.0)
+    assert nanoseconds(listener.states[-1].header.stamp) == paused + STEP_NS
+    opened.press("Reset", lambda: "reset" in listener.events, "the reset")
     opened.until(lambda: "time of a node is not wound back" in opened.page.content(), "the reason")
 
 
@@ -132,16 +130,14 @@ def test_keys(node, opened):
 
 
 def test_speed_is_the_parameter_of_the_node(node, opened):
-    opened.choose("Speed", "1/4")
-    opened.until(lambda: node.listener.parameter("real_time_factor") == 0.25, "the parameter")
-    opened.choose("Speed", "1")
-    opened.until(lambda: node.listener.parameter("real_time_factor") == 1.0, "the parameter")
+    for name, factor in (("1/4", 0.25), ("1", 1.0)):
+        opened.select("Speed", name, lambda one=factor: node.listener.parameter("real_time_factor") == one, name)
 
 
 def test_sliders_are_parameters_and_commands(node, opened):
     opened.enter("d", "0.08", lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
-    opened.page.get_by_text("Efforts", exact=True).click()
-    opened.button("Play")
+    opened.folder("Efforts")
+    opened.press("Play", lambda: not node.listener.repeats(), "the run")
     opened.enter("pin (N*m)", "0.15", lambda: node.listener.states[-1].effort[0] == 0.15, "the effort")
     opened.enter(
         "spin.effort (N*m)", "0.5", lambda: list(node.listener.states[-1].effort) == [0.15, 0.5], "the command"
@@ -159,10 +155,9 @@ def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
 
 
 def test_commands_of_others_arrive_on_all_pages(node, opened, chromium):
-    opened.button("Pause")
-    node.listener.until_paused()
+    opened.press("Pause", node.listener.repeats, "the pause")
     second = NodePage(chromium, opened.page.url, node.listener)
-    second.page.get_by_text("Efforts", exact=True).click()
+    second.folder("Efforts")
     node.listener.by_name.publish(JointState(name=["pin"], effort=[-0.1]))
     node.listener.set_parameter("parameters.d", 0.03)
     for page in (opened, second):
@@ -177,10 +172,8 @@ def test_a_recording_is_ended_and_begun(node, opened):
     opened.tab("Keep")
     recording = opened.page.get_by_text(re.compile("recording to"))
     recording.wait_for()
-    opened.button("End the recording")
-    recording.wait_for(state="detached")
-    opened.button("Record")
-    recording.wait_for()
+    opened.press("End the recording", lambda: not recording.count(), "the end")
+    opened.press("Record", recording.count, "the recording", first=60.0)
     opened.tab("Change")
 
 
@@ -193,7 +186,7 @@ def test_dragging_a_paused_mechanism_sets_its_state(node, opened):
 
 def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, opened):
     node.back_to_the_start()
-    opened.button("Play")
+    opened.press("Play", lambda: not node.listener.repeats(), "the run")
     opened.drag(lambda: node.pulls and any(node.pulls[-1][:6]), "a wrench")
     opened.page.mouse.up()
     opened.until(lambda: not any(node.pulls[-1][:6]), "its end")

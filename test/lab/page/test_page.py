@@ -17,14 +17,14 @@ def test_dragging_a_paused_mechanism_moves_it_with_loops_closed(opened):
     before = opened.frame.positions
     opened.drag("rocker", np.array([0.8, 0.0, 0.0]), 60, 10, lambda: abs(opened.frame.positions - before).max() > 0.05)
     opened.page.mouse.up()
+    wait_until(lambda: opened.frame.pull is None, "the hand to let go")
     assert opened.lab.session.bench.simulation.violation.position < 1e-9
     assert opened.frame.time == 0.0
 
 
 def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
     opened.lab.session.ask("speed", lambda session: session.set_speed(0.02))
-    opened.button("Play")
-    wait_until(lambda: opened.frame.running, "the run")
+    opened.press("Play", lambda: opened.frame.running, "the run")
     opened.drag("rocker", np.array([0.5, 0.0, 0.0]), 80, -20, lambda: opened.frame.pull is not None)
     opened.page.get_by_text(re.compile(r"pulled with .* N of at most")).first.wait_for()
     opened.page.mouse.up()
@@ -38,8 +38,7 @@ def test_two_pages_see_the_same(opened, chromium):
     second.enter("rocker (m)", "1.25", lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
     opened.tab("Change")
     opened.page.locator("input[value='1.25']").first.wait_for(state="attached")
-    second.button("rocker: 1.2")
-    wait_until(lambda: opened.frame.values["parameters.rocker"] == 1.2, "the file's length")
+    second.press("rocker: 1.2", lambda: opened.frame.values["parameters.rocker"] == 1.2, "the file's length")
     second.close()
 
 
@@ -59,17 +58,23 @@ def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
 
 def test_on_a_phone_the_mechanism_is_above_the_panel(opened, chromium):
     phone = BrowserPage(chromium, opened.lab, {"width": 390, "height": 844})
-    assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
     wait_until(phone.has_tabs_in_one_line, "the tabs in one line")
-    panel = phone.page.get_by_role("button", name="Play").locator("xpath=ancestor::*[contains(@style, 'fixed')]")
-    box = panel.first.bounding_box()
-    assert (box["x"], box["width"]) == (0.0, 390.0)
+    wait_until(lambda: phone.page.evaluate("document.documentElement.scrollWidth") <= 390, "the width of the screen")
+    panel = phone.page.get_by_role("button", name="Play").locator("xpath=ancestor::*[contains(@style, 'fixed')]").first
+    extent, box = opened.lab.page._extent, {}
+
+    def is_wide():
+        box.update(panel.bounding_box() or {"width": 0.0})  # none while the page is drawing it
+        return box["width"] == 390.0 and box["x"] == 0.0
+
+    def is_above():
+        is_wide()
+        pixels = map(phone.pixel, (extent.lower, extent.upper))
+        return all(0.0 < x < 390.0 and 0.0 < y < box["y"] for x, y in pixels)
+
+    wait_until(is_wide, "the panel")
     wait_until(lambda: abs(phone.camera().fov - np.radians(30.0)) < 1e-6, "the camera")
-    extent = opened.lab.page._extent
-    for corner in (extent.lower, extent.upper):
-        x, y = phone.pixel(corner)
-        assert 0.0 < x < 390.0
-        assert 0.0 < y < box["y"]
+    wait_until(is_above, "the mechanism above the panel")
     phone.close()
 
 

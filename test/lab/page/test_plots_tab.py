@@ -13,19 +13,18 @@ DRAWN = "[...document.querySelectorAll('.uplot canvas')].filter(e => e.checkVisi
 
 def test_the_plots_are_drawn(opened):
     opened.tab("Plots")
-    opened.button("Play")
-    wait_until(lambda: opened.frame.time > 0.3, "the run")
-    opened.button("Pause")
+    opened.press("Play", lambda: opened.frame.time > 0.3, "the run")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
     opened.page.get_by_text("Phase portrait").first.wait_for()
     wait_until(lambda: opened.page.evaluate(DRAWN) == 5, "the plots")
 
 
 def test_a_reading_is_chosen(opened):
     opened.tab("Plots")
-    opened.choose("Reading", "force through crank_pin (N)")
-    wait_until(lambda: opened.lab.session.reading is not None, "the choice")
-    opened.button("Step")
-    wait_until(lambda: len(opened.lab.session.samples.rows), "the sample")
+    opened.select(
+        "Reading", "force through crank_pin (N)", lambda: opened.lab.session.reading is not None, "the choice"
+    )
+    opened.press("Step", lambda: len(opened.lab.session.samples.rows), "the sample", first=60.0)
     simulation = opened.lab.session.bench.simulation
     force = simulation.reactions()["crank_pin"].force
     assert abs(opened.lab.session.samples.rows[-1][-1] - (force @ force) ** 0.5) < 1e-12

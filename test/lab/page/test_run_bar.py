@@ -4,15 +4,11 @@ from test.waiting import wait_until
 
 
 def test_play_pause_step_and_reset(opened):
-    opened.button("Play")
-    wait_until(lambda: opened.frame.running and opened.frame.time > 0.1, "the run")
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
+    opened.press("Play", lambda: opened.frame.running and opened.frame.time > 0.1, "the run")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
     paused = opened.frame.time
-    opened.button("Step")
-    wait_until(lambda: opened.frame.time > paused, "the step")
-    opened.button("Reset")
-    wait_until(lambda: opened.frame.time == 0.0, "the reset")
+    opened.press("Step", lambda: opened.frame.time > paused, "the step")
+    opened.press("Reset", lambda: opened.frame.time == 0.0, "the reset")
 
 
 def test_keys(opened):
@@ -31,20 +27,13 @@ def test_keys(opened):
 
 
 def test_the_speed(opened):
-    speed = opened.lab.page._run_bar._speed
-    opened.select("Speed", "1/100", speed)
-    wait_until(lambda: opened.lab.session.speed == 0.01, "the speed")
-    opened.select("Speed", "fastest", speed)
-    wait_until(lambda: opened.lab.session.speed == float("inf"), "the speed")
-    opened.select("Speed", "1", speed)
-    wait_until(lambda: opened.lab.session.speed == 1.0, "the speed")
+    for name, speed in (("1/100", 0.01), ("fastest", float("inf")), ("1", 1.0)):
+        opened.select("Speed", name, lambda speed=speed: opened.lab.session.speed == speed, f"the speed {name}")
 
 
 def test_winding_back_by_the_time_line(opened):
-    opened.button("Play")
-    wait_until(lambda: opened.frame.time > 0.5, "the run")
-    opened.button("Pause")
-    wait_until(lambda: not opened.frame.running, "the pause")
+    opened.press("Play", lambda: opened.frame.time > 0.5, "the run")
+    opened.press("Pause", lambda: not opened.frame.running, "the pause")
     reached = opened.frame.time
     wait_until(lambda: abs(opened.lab.page._run_bar.time.value - reached) < 1e-3, "the paused time in the page")
     opened.enter(
