@@ -185,7 +185,7 @@ def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
     from mbd_sim.studies.kinematic_analysis.modes import assembly_modes
     from mbd_sim.studies.kinematic_analysis.text import modes_text
 
-    print(modes_text(mechanism, assembly_modes(mechanism, drives)))
+    print(modes_text(assembly_modes(mechanism, drives)))
 
 
 def _ranges(texts: Sequence[str], mechanism: Mechanism) -> list[tuple[DriveRange, int | None]]:

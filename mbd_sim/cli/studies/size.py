@@ -23,7 +23,7 @@ from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_r
 from mbd_sim.studies.sizing.catalog import AMBIENT, Catalog, GearType, MotorType, read_catalog, shipped_catalog
 from mbd_sim.studies.sizing.cycle import LoadCycle, drive_cycles, read_cycle
 from mbd_sim.studies.sizing.duty import MotorDuty, motor_duty
-from mbd_sim.studies.sizing.flywheel import flywheel
+from mbd_sim.studies.sizing.flywheel import flywheel, load_beside
 from mbd_sim.studies.sizing.gears import best_ratio
 from mbd_sim.studies.sizing.laws import LAWS, SHARE, MotionLaw, law_of_text, motion_law
 from mbd_sim.studies.sizing.picture import draw_duty
@@ -228,7 +228,7 @@ def _balanced(
     if options.flywheel is not None:
         wheel = flywheel(load, options.flywheel)
         print("\n".join(flywheel_lines(wheel)))
-        load = load.with_effort(np.full(len(load), wheel.mean_effort))
+        load = load_beside(load, wheel)
     return load
 
 

@@ -34,6 +34,7 @@ from mbd_sim.pictures.drawing.sheet import (
 from mbd_sim.pictures.shapes.extent import frame_of
 from mbd_sim.simulation.run.moving_points import named_frame, points_of
 
+DECIMALS = 3  # of millimeters and degrees, as in drawings for CAD
 Kind = Literal["length", "x", "y", "angle"]
 AUTO = "auto"
 OFFSET, STEP = 26.0, 20.0  # pt, of a dimension line from what it measures, and of the next one
@@ -44,6 +45,11 @@ BEYOND = 4.0  # pt, of an extension line beyond the dimension line
 GAP = 3.0  # pt, between a point and its extension line
 SAME_DEPTH = 1e-6  # of the size, by which points may lie in front of each other
 MOST = 24  # dimensions that are chosen automatically
+
+
+def _rounded(value: float) -> str:
+    """A number for a drawing; what is smaller than 1 keeps its digits."""
+    return f"{round(value, DECIMALS):.12g}" if abs(value) >= 1.0 else f"{value:.3g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +89,8 @@ class Dimension:
     def text(self) -> str:
         """The number as it is written."""
         if self.kind == "angle":
-            return f"{np.degrees(self.value):.6g}°"
-        return f"{1e3 * self.value:.6g}"
+            return f"{_rounded(float(np.degrees(self.value)))}°"
+        return _rounded(1e3 * self.value)
 
 
 class Places:

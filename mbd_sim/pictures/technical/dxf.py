@@ -19,7 +19,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.picture import DrawingError
 from mbd_sim.pictures.drawing.sheet import SheetPath, SheetText, view_of
-from mbd_sim.pictures.technical.dimensions import OFFSET, TEXT, Dimension
+from mbd_sim.pictures.technical.dimensions import DECIMALS, OFFSET, TEXT, Dimension
 from mbd_sim.pictures.technical.paper import POINT
 from mbd_sim.pictures.technical.plan import DrawingPlan
 from mbd_sim.simulation.run.moving_points import points_of
@@ -140,7 +140,7 @@ def _add_text(space: Any, text: SheetText, shift: Array, size: float, layer: str
 def _add_dimension(space: Any, dimension: Dimension, at: Array, size: float) -> None:
     """A dimension that measures itself; `at` (2,) is a point on its line, in mm."""
     style = {"dimtxt": 0.72 * TEXT * size, "dimasz": 6.0 * size, "dimexe": 4.0 * size, "dimexo": 3.0 * size,
-             "dimgap": 2.0 * size, "dimdec": 3, "dimzin": 8, "dimadec": 3, "dimazin": 2, "dimlfac": 1.0,
+             "dimgap": 2.0 * size, "dimdec": DECIMALS, "dimzin": 8, "dimadec": DECIMALS, "dimazin": 2, "dimlfac": 1.0,
              "dimtad": 0, "dimclrt": 1, "dimclrd": 1, "dimclre": 1}  # fmt: skip
     points = [tuple(1e3 * point) for point in dimension.points]
     further: dict[str, Any] = {"override": style, "dxfattribs": {"layer": "DIMENSIONS"}}
@@ -150,6 +150,9 @@ def _add_dimension(space: Any, dimension: Dimension, at: Array, size: float) -> 
             added = space.add_angular_dim_3p(at, points[1], tuple(first), tuple(last), dimstyle="EZ_CURVED", **further)
         case "length":
             along = 1e3 * (dimension.points[1] - dimension.points[0])
+            upward = along[0] > 0.0 or (along[0] == 0.0 and along[1] > 0.0)
+            if not upward:  # the text along the line would stand on its head
+                points, along = points[::-1], -along
             normal = np.array([-along[1], along[0]]) / np.hypot(*along)
             distance = float(normal @ (at - np.array(points[0])))
             distance = distance or OFFSET * size

@@ -25,10 +25,12 @@ SAME = 1e-6  # difference of two configurations that are one, in natural units
 class AssemblyModes:
     """The configurations q (k, nq) that were found, in order of their coordinates.
 
-    `found` (k,) is how many of the `starts` of Newton's method ended in each. A mode that is found only once shows that
-    there may be more: the probability that another start finds a new one is about `chance_of_another` (Good 1953).
+    Joints that the file drives have coordinates as well, those of `mechanism`. `found` (k,) is how many of the `starts`
+    of Newton's method ended in each. A mode that is found only once shows that there may be more: the probability that
+    another start finds a new one is about `chance_of_another` (Good 1953).
     """
 
+    mechanism: Mechanism
     drives: Mapping[str, float]
     q: Array
     found: Sequence[int]
@@ -86,7 +88,8 @@ def modes_at(system: KinematicSystem, drives: Array) -> AssemblyModes:
             "Choose other coordinates or lengths.",
         )
     order = sorted(range(len(modes)), key=lambda index: np.round(modes[index], 6).tolist())
-    return AssemblyModes(named, np.array([modes[index] for index in order]), [found[index] for index in order], starts)
+    q, counts = np.array([modes[index] for index in order]), [found[index] for index in order]
+    return AssemblyModes(system.mechanism, named, q, counts, starts)
 
 
 def _start(system: KinematicSystem, random: np.random.Generator) -> Array:

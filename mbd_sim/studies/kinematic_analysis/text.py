@@ -14,7 +14,6 @@ import numpy as np
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import split_assignment
 from mbd_sim.studies.kinematic_analysis.curve import shown, value_shown
 from mbd_sim.studies.kinematic_analysis.extremes import limit_positions, transmission_extremes
@@ -118,13 +117,14 @@ def motion_text(
     return "\n".join([*lines, *further, "", *_table(motion, columns or _usual_columns(motion, points, loads))])
 
 
-def modes_text(mechanism: Mechanism, modes: AssemblyModes) -> str:
+def modes_text(modes: AssemblyModes) -> str:
     """The assembly modes, one a line, and how they were found."""
+    mechanism = modes.mechanism
     given = ", ".join(f"{name} = {shown(mechanism, name, value)}" for name, value in modes.drives.items())
     found = f"{len(modes)} at {given}, found from {modes.starts} starts, each at least {min(modes.found)} times"
     lines = [row("Assembly modes", found)]
     for number, q in enumerate(modes.q, 1):
-        positions = zip(mechanism.coordinate_names, coordinate_columns(mechanism), strict=False)
+        positions = zip(mechanism.coordinate_names, coordinate_columns(mechanism), strict=True)
         values = [f"{name} = {shown(mechanism, name, float(q[column]))}" for name, column in positions if column >= 0]
         lines.append(row(f"  {number}", ", ".join(values)))
     if modes.chance_of_another:

@@ -8,6 +8,7 @@ Shigley, ch. 16; Norton, *Design of Machinery*, ch. 11). The loads are those at 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -74,6 +75,11 @@ def flywheel(load: LoadCycle, irregularity: float) -> Flywheel:
         (high - low) / (irregularity * speed**2),
         0.0 if math.isnan(present) else present,
     )
+
+
+def load_beside(load: LoadCycle, wheel: Flywheel) -> LoadCycle:
+    """The load of a drive that exerts the mean effort all the time: with the inertia of the flywheel."""
+    return replace(load.with_effort(np.full(len(load), wheel.mean_effort)), inertia=load.inertia + wheel.inertia)
 
 
 def with_flywheel(load: LoadCycle, wheel: Flywheel) -> Array:

@@ -57,6 +57,7 @@ def flywheel_lines(wheel: Flywheel) -> Iterator[str]:
         "Flywheel",
         f"{wheel.inertia:.6g} kg·m² for an irregularity of {wheel.irregularity:g} at {wheel.speed:.6g} rad/s",
     )
+    yield _line("", "on a shaft that turns n times as fast, 1/n² of it does the same")
     present = f", of which the mechanism has {wheel.present:.6g}" if wheel.present else ""
     yield _line("", f"it stores {wheel.swing:.6g} J; {wheel.total:.6g} kg·m² are needed at the shaft{present}")
     yield _line("", f"the drive exerts {wheel.mean_effort:.6g} N·m all the time")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -16,7 +16,7 @@ from mbd_sim.files.checks.override import values_of, with_values
 from mbd_sim.files.text.mesh_files import with_meshes_seen_from
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.studies.kinematic_analysis.curve import require_reached, sampled, traced_curve
+from mbd_sim.studies.kinematic_analysis.curve import require_reached, sampled, shown, traced_curve
 from mbd_sim.studies.kinematic_analysis.drive_line import DriveLine
 from mbd_sim.studies.kinematic_analysis.loads import couplers_and_followers, drive_loads
 from mbd_sim.studies.kinematic_analysis.motion import driven_motion
@@ -276,6 +276,8 @@ def _rms(values: Array) -> float:
 
 
 HEAD = 20  # width of the first column
+FINER = 8  # times as many positions, at which the effort of an optimum is looked at
+UNSEEN = 0.01  # of the largest effort, by which it may be larger there
 NEAR = 1e-6  # distance from a bound, relative to the range, at which a value counts as lying on it
 
 
@@ -294,10 +296,28 @@ def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) ->
         mark = "  (minimized)" if name == norm else ""
         first = f"{start:.6g} -> " if np.isfinite(start) else ""
         lines.append(f"{f'{what}, {name}':<{HEAD}}{first}{end:.6g} {unit}{mark}")
+    if isinstance(goal, EffortGoal):
+        lines += _between(design, goal, unit)
     ended = "" if design.converged else "; not converged: run again from the values found"
     tried = f"{counted(design.trials, 'trial')}, then " if design.trials else ""
     lines.append(f"{'Search':<{HEAD}}{tried}{counted(design.steps, 'step')}{ended}")
     return "\n".join(lines)
+
+
+def _between(design: Design, goal: EffortGoal, unit: str) -> Iterator[str]:
+    """A remark if the effort is larger between the positions of the drive than at them, as where a force sets in."""
+    ends = float(np.min(design.drives)), float(np.max(design.drives))
+    count = FINER * (len(design.drives) - 1) + 1
+    motion = driven_motion(design.mechanism, {design.drive: ends}, count, speed=goal.speed)
+    effort = np.abs(drive_loads(motion).efforts[design.drive])
+    row = int(np.argmax(effort))
+    if effort[row] > (1.0 + UNSEEN) * design.peak:
+        place = shown(design.mechanism, design.drive, float(motion.drive[row]))
+        yield (
+            f"{'':<{HEAD}}between the positions it reaches {effort[row]:.6g} {unit}, at {design.drive} = {place}: this "
+            f"may be no optimum. Take more positions than {len(design.drives)}; if a force sets in at once there, let "
+            "it grow over several of them."
+        )
 
 
 def write_mechanism(path: Path, design: Design) -> None:

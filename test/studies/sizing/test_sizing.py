@@ -18,7 +18,7 @@ from mbd_sim.studies.sizing import (
     motor_duty,
     spring_between,
 )
-from mbd_sim.studies.sizing.flywheel import with_flywheel
+from mbd_sim.studies.sizing.flywheel import load_beside, with_flywheel
 
 CLOSE = 1e-9
 MOTOR = MotorType(
@@ -146,6 +146,11 @@ def test_flywheel_of_a_press_and_of_harmonic_torque():
     close(wheel.inertia, wheel.swing / (0.05 * w**2))
     speeds = with_flywheel(press, wheel)
     close((speeds.max() - speeds.min()) / (0.5 * (speeds.max() + speeds.min())), 0.05)
+    heavy = LoadCycle.of_arrays(time, np.full(4, w), press.effort, inertia=0.3)
+    wheel = flywheel(heavy, 0.05)
+    beside = load_beside(heavy, wheel)
+    close(beside.effort, np.full(4, wheel.mean_effort))
+    close(motor_duty(beside, MOTOR, GearType("g", 10.0)).inertia_ratio, wheel.total / 100.0 / MOTOR.rotor_inertia)
     t = np.linspace(0.0, turn, 362)  # extremes between samples
     wave = LoadCycle.of_arrays(t, np.full(362, w), 30.0 + 12.0 * np.sin(3.0 * w * t))
     close(flywheel(wave, 0.02).swing, 2.0 * 12.0 / 3.0)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from mbd_sim import InputError, MbdSimError, MechanismError
+from mbd_sim import InputError, MbdSimError, MechanismError, parse_mechanism
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.studies.kinematic_analysis import UnreachableError, drive_loads, driven_motion
 from mbd_sim.studies.synthesis import EffortGoal, FunctionGoal, PathGoal, synthesize
 from mbd_sim.studies.synthesis.problem import DesignProblem
-from mbd_sim.studies.synthesis.synthesis import _require_movable
+from mbd_sim.studies.synthesis.synthesis import _require_movable, design_text
 from test.studies.kinematic_analysis.linkages import four_bar, rocker_angles, tracer
 
 SIZES = {"a": 0.5, "b": 1.4, "c": 1.2, "d": 1.5, "px": 0.7, "py": 0.4}
@@ -146,3 +146,22 @@ def test_an_optimum_on_two_branches_is_refused():
     problem.begin(np.array([modes[0][0], modes[1][1]]))
     with pytest.raises(MbdSimError, match=r"on different branches of the motion\. Give narrower bounds"):
         _require_movable(problem, problem.start)
+
+
+def test_an_effort_that_is_larger_between_the_positions_is_told():
+    """Beside the positions of the drive, 20 N acts for 20 mm of the way."""
+    punch = parse_mechanism("""
+mechanism: punch
+parameters: {weight: 3}
+parts: {ram: {mass: 2}}
+joints: {slide: {type: prismatic, between: [ground, ram], axis: [1, 0, 0]}}
+forces: {sheet: {type: effort, coordinate: slide, effort: "-weight - where(slide > 0.06 and slide < 0.08, 20, 0)"}}
+""")
+    goal = EffortGoal([0.0, 0.05, 0.1], 1.0)
+    design = synthesize(punch, "slide", goal, {"weight": (2.0, 4.0)}, norm="peak")
+    text = design_text(punch, design, goal, "peak")
+    assert design.peak == pytest.approx(2.0)
+    assert "between the positions it reaches 22 N, at slide = 0.0625 m" in text and "more positions than 3" in text
+    fine = EffortGoal(np.linspace(0.0, 0.1, 21), 1.0)
+    design = synthesize(punch, "slide", fine, {"weight": (2.0, 4.0)}, norm="peak")
+    assert design.peak == pytest.approx(22.0) and "between" not in design_text(punch, design, fine, "peak")
