@@ -10,6 +10,7 @@ from playwright import sync_api
 from test.waiting import PATIENCE, wait_until
 
 AT_ONCE = 10_000  # ms; what takes longer, the page has replaced meanwhile: it is tried again
+LONGEST = 30.0  # s, between two attempts
 SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU longer
 LARGE = {"width": 900, "height": 440}
 # The page computes 12 frames a second, of which nothing is drawn unless `window.drawing` is true.
@@ -24,7 +25,7 @@ for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements"
 
 
 class AnyPage:
-    """A page at an address; `requests` are the addresses that it asked for, `errors` what its console reported, `files` what it downloaded.
+    """A page at an address: the addresses that it asked for, what its console reported, and the files that it downloaded.
 
     Without a GPU, an open page that moves takes more than a whole processor to draw a few pictures a second, and all
     other tests wait for it. So nothing is drawn: the scene is the same, as are the controls and what the mouse takes
@@ -55,9 +56,9 @@ class AnyPage:
         """Let the page work."""
         self.page.wait_for_timeout(1000.0 * seconds)
 
-    # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few. What the
-    # page is just drawing may lose a click or a text. `press`, `check`, `select` and `enter` repeat them until they have
-    # arrived, each time after twice as long as before, so that what is merely late is not undone.
+    # Clicks are events of their own: a mouse waits for pictures, of which a loaded machine without a GPU draws few. What
+    # the page is just drawing may lose a click or a text. `press`, `check`, `select` and `enter` repeat them until they
+    # have arrived, each time after twice as long as before, so that what is merely late is not undone.
 
     def act(self, action, arrived, what, report=lambda: "", first=5.0):
         """Act until this has arrived; `first` is how long to wait before acting again (s)."""
@@ -66,10 +67,11 @@ class AnyPage:
         def again():
             nonlocal patience
             action()
-            end = time.monotonic() + patience
+            end, look = time.monotonic() + patience, 0.05
             while not arrived() and time.monotonic() < end:
-                self.pause(0.1)
-            patience *= 2.0
+                self.pause(look)
+                look = min(1.5 * look, 1.0)  # some conditions ask a node
+            patience = max(first, min(2.0 * patience, LONGEST))
 
         wait_until(arrived, what, meanwhile=again, report=report)
 
@@ -130,15 +132,21 @@ class AnyPage:
         return row.locator("input:not([type=hidden])").last
 
     def type(self, label, text):
-        """Type a number beside a slider."""
+        """Type a number beside a slider, also one that the page shows but has not sent."""
         field = self.field(label)
         with contextlib.suppress(sync_api.TimeoutError):
+            if field.input_value() == text:
+                field.fill("", timeout=AT_ONCE)
             field.fill(text, timeout=AT_ONCE)
             field.press("Enter", timeout=AT_ONCE)
 
     def enter(self, label, text, arrived, what, report=lambda: ""):
         """Type a number until it has arrived: a field may be rewritten by the page at the moment of typing."""
-        self.act(lambda: self.type(label, text), arrived, what, report, first=1.0)
+
+        def reported():
+            return f"{label} on the page: {self.field(label).input_value()}\n{report()}"
+
+        self.act(lambda: self.type(label, text), arrived, what, reported, first=2.0)
 
     def downloaded(self, button):
         """The name and the content of the file that a button sends."""
