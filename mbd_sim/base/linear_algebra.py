@@ -6,7 +6,8 @@ functions here instead: they are made of additions, multiplications, divisions a
 component, which every processor rounds alike.
 
 Matrices are decomposed by Householder reflections with exchanges of columns (Golub & Van Loan, *Matrix Computations*,
-5.4) and by Jacobi's rotations (8.5 and 8.6 there), of pairs of columns that do not touch each other at once.
+5.4) and by Jacobi's rotations (8.5 and 8.6 there), of pairs of columns that do not touch each other at once. What is
+done often with a single small matrix is also in `small_matrices.py`, with the same bits.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base import small_matrices as small
+
 Array = NDArray[np.float64]
 
 EPSILON = 2.0**-52
+SMALL = 120  # entries of a matrix up to which Python's floats are quicker than calls of NumPy
 DOUBTFUL = 1e3  # pivots that are less than this factor from a limit of singular values leave the rank to these
 LARGE = 2**20  # terms of a product that are held at once
 SWEEPS = 40  # of rotations at most; about seven are needed
@@ -182,6 +186,9 @@ def least_solutions(matrices: Array, rights: Array, limits: Array | None = None)
     solutions = np.zeros((count, n, rights.shape[2]))
     if not (m and n and count):
         return solutions
+    if count == 1 and _is_small(matrices):
+        limit = None if limits is None else float(limits[0])
+        return _small_solution(matrices[0], rights[0], limit)[None]
     found = triangles(matrices)
     if limits is None:
         limits = EPSILON * max(m, n) * found.pivots[:, 0]
@@ -195,6 +202,25 @@ def least_solutions(matrices: Array, rights: Array, limits: Array | None = None)
         if rank:
             solutions[which] = _of_rank(found.of(which), rights[which], rank)
     return solutions
+
+
+def _is_small(matrix: Array) -> bool:
+    return matrix.size <= SMALL and bool(np.isfinite(matrix).all())
+
+
+def _small_solution(matrix: Array, rights: Array, limit: float | None) -> Array:
+    """As `least_solutions`, of one small matrix."""
+    found = small.triangle(matrix.T.tolist())
+    pivots = [abs(column[row]) for row, column in enumerate(found.columns[: len(matrix)])]
+    if limit is None:
+        limit = EPSILON * max(matrix.shape) * pivots[0]
+    if any(limit / DOUBTFUL < pivot <= limit * DOUBTFUL for pivot in pivots):
+        return _by_singular_values(matrix, rights, limit)
+    rank = sum(pivot > limit for pivot in pivots)
+    if not rank:
+        return np.zeros((matrix.shape[1], rights.shape[1]))
+    second = small.second_of(found, rank)
+    return np.array([small.of_rank(found, right, rank, second) for right in rights.T.tolist()]).T
 
 
 def _of_rank(found: Triangles, rights: Array, rank: int) -> Array:
@@ -323,6 +349,10 @@ def _completed(rows: Array, sizes: Array) -> Array:
 def eigh(matrix: Array) -> tuple[Array, Array]:
     """The eigenvalues (n,) of a symmetric matrix from the least, and its eigenvectors, the columns of (n, n)."""
     n = len(matrix)
+    if _is_small(matrix):
+        rounds = [list(zip(p.tolist(), q.tolist(), strict=True)) for p, q in _rounds(n)]
+        diagonal, rows = small.eigh(np.asarray(matrix, dtype=float).tolist(), rounds, SWEEPS)
+        return _ascending(np.array(diagonal), np.array(rows).reshape(n, n))
     values, axes = np.array(matrix, dtype=float), np.eye(n)
     for _ in range(SWEEPS):
         done = True
@@ -343,9 +373,12 @@ def eigh(matrix: Array) -> tuple[Array, Array]:
             axes[p], axes[q] = cosine * x - sine * y, sine * x + cosine * y
         if done:
             break
-    found = np.diagonal(values)
-    order = np.argsort(found, kind="stable")
-    return found[order], np.ascontiguousarray(axes[order].T)
+    return _ascending(np.diagonal(values), axes)
+
+
+def _ascending(values: Array, axes: Array) -> tuple[Array, Array]:
+    order = np.argsort(values, kind="stable")
+    return values[order], np.ascontiguousarray(axes[order].T)
 
 
 def inverse_of_symmetric(matrix: Array) -> Array:
