@@ -34,15 +34,21 @@ SWEEPS = 40  # of rotations at most; about seven are needed
 
 def total(terms: Array, axis: int) -> Array:
     """The sum along an axis: halves are added until one is left."""
-    before: tuple[Any, ...] = (slice(None),) * (axis % terms.ndim)
-    while (count := terms.shape[axis]) > 1:
+    axis %= terms.ndim
+    if axis:
+        terms = terms.transpose(axis, *range(axis), *range(axis + 1, terms.ndim))
+    while (count := len(terms)) > 3:
         half = count // 2
-        folded = terms[*before, :half] + terms[*before, count - half :]
+        folded = terms[:half] + terms[count - half :]
         # An odd one is added to the first of them.
         if count % 2:
-            folded[*before, 0] += terms[*before, half]
+            folded[0] += terms[half]
         terms = folded
-    return np.asarray(terms[*before, 0] if terms.shape[axis] else np.sum(terms, axis))
+    if count == 3:
+        return np.asarray(terms[0] + terms[2] + terms[1])
+    if count == 2:
+        return np.asarray(terms[0] + terms[1])
+    return np.asarray(terms[0] if count else np.sum(terms, 0))
 
 
 def added(numbers: Iterable[float]) -> float:
@@ -58,19 +64,22 @@ def product(left: Any, right: Any) -> Any:
     """`left @ right`, of arrays or of what defines that operator itself."""
     if not (isinstance(left, np.ndarray) and isinstance(right, np.ndarray)):
         return left @ right
-    if left.ndim == right.ndim == 1:
-        return total(left * right, 0)[()]
-    if left.ndim == 1:
-        return products(left[None, :], right)[..., 0, :]
+    if left.ndim > 1 and right.ndim > 1:
+        return products(left, right)
+    _require_product(left, right)
     if right.ndim == 1:
-        return products(left, right[:, None])[..., 0]
-    return products(left, right)
+        return total(left * right, -1)[()]
+    return total(left[:, None] * right, -2)
+
+
+def _require_product(left: Array, right: Array) -> None:
+    if left.shape[-1] != right.shape[max(right.ndim - 2, 0)]:
+        raise ValueError(f"matrices of shapes {left.shape} and {right.shape} have no product")
 
 
 def products(left: Array, right: Array) -> Array:
     """Products of stacked matrices (…, m, n) and (…, n, k), each with the bits that it has alone."""
-    if left.shape[-1] != right.shape[-2]:
-        raise ValueError(f"matrices of shapes {left.shape} and {right.shape} have no product")
+    _require_product(left, right)
     rows = max(1, LARGE // max(1, right.size))
     if left.shape[-2] > rows:
         parts = [left[..., first : first + rows, :] for first in range(0, left.shape[-2], rows)]
@@ -220,7 +229,8 @@ def _small_solution(matrix: Array, rights: Array, limit: float | None) -> Array:
     if not rank:
         return np.zeros((matrix.shape[1], rights.shape[1]))
     second = small.second_of(found, rank)
-    return np.array([small.of_rank(found, right, rank, second) for right in rights.T.tolist()]).T
+    rows = [small.of_rank(found, right, rank, second) for right in rights.T.tolist()]
+    return np.ascontiguousarray(np.array(rows).reshape(rights.shape[1], matrix.shape[1]).T)
 
 
 def _of_rank(found: Triangles, rights: Array, rank: int) -> Array:
