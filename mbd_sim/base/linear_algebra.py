@@ -6,7 +6,8 @@ functions here instead: they are made of additions, multiplications, divisions a
 component, which every processor rounds alike.
 
 Matrices are decomposed by Householder reflections with exchanges of columns (Golub & Van Loan, *Matrix Computations*,
-5.4) and by Jacobi's rotations (8.5 and 8.6 there), of pairs of columns that do not touch each other at once.
+5.4) and by Jacobi's rotations (8.5 and 8.6 there), of pairs of columns that do not touch each other at once. What is
+done often with a single small matrix is also in `small_matrices.py`, with the same bits.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base import small_matrices as small
+
 Array = NDArray[np.float64]
 
 EPSILON = 2.0**-52
+SMALL = 120  # entries of a matrix up to which Python's floats are quicker than calls of NumPy
 DOUBTFUL = 1e3  # pivots that are less than this factor from a limit of singular values leave the rank to these
 LARGE = 2**20  # terms of a product that are held at once
 SWEEPS = 40  # of rotations at most; about seven are needed
@@ -30,15 +34,21 @@ SWEEPS = 40  # of rotations at most; about seven are needed
 
 def total(terms: Array, axis: int) -> Array:
     """The sum along an axis: halves are added until one is left."""
-    before: tuple[Any, ...] = (slice(None),) * (axis % terms.ndim)
-    while (count := terms.shape[axis]) > 1:
+    axis %= terms.ndim
+    if axis:
+        terms = terms.transpose(axis, *range(axis), *range(axis + 1, terms.ndim))
+    while (count := len(terms)) > 3:
         half = count // 2
-        folded = terms[*before, :half] + terms[*before, count - half :]
+        folded = terms[:half] + terms[count - half :]
         # An odd one is added to the first of them.
         if count % 2:
-            folded[*before, 0] += terms[*before, half]
+            folded[0] += terms[half]
         terms = folded
-    return np.asarray(terms[*before, 0] if terms.shape[axis] else np.sum(terms, axis))
+    if count == 3:
+        return np.asarray(terms[0] + terms[2] + terms[1])
+    if count == 2:
+        return np.asarray(terms[0] + terms[1])
+    return np.asarray(terms[0] if count else np.sum(terms, 0))
 
 
 def added(numbers: Iterable[float]) -> float:
@@ -54,19 +64,22 @@ def product(left: Any, right: Any) -> Any:
     """`left @ right`, of arrays or of what defines that operator itself."""
     if not (isinstance(left, np.ndarray) and isinstance(right, np.ndarray)):
         return left @ right
-    if left.ndim == right.ndim == 1:
-        return total(left * right, 0)[()]
-    if left.ndim == 1:
-        return products(left[None, :], right)[..., 0, :]
+    if left.ndim > 1 and right.ndim > 1:
+        return products(left, right)
+    _require_product(left, right)
     if right.ndim == 1:
-        return products(left, right[:, None])[..., 0]
-    return products(left, right)
+        return total(left * right, -1)[()]
+    return total(left[:, None] * right, -2)
+
+
+def _require_product(left: Array, right: Array) -> None:
+    if left.shape[-1] != right.shape[max(right.ndim - 2, 0)]:
+        raise ValueError(f"matrices of shapes {left.shape} and {right.shape} have no product")
 
 
 def products(left: Array, right: Array) -> Array:
     """Products of stacked matrices (…, m, n) and (…, n, k), each with the bits that it has alone."""
-    if left.shape[-1] != right.shape[-2]:
-        raise ValueError(f"matrices of shapes {left.shape} and {right.shape} have no product")
+    _require_product(left, right)
     rows = max(1, LARGE // max(1, right.size))
     if left.shape[-2] > rows:
         parts = [left[..., first : first + rows, :] for first in range(0, left.shape[-2], rows)]
@@ -182,6 +195,9 @@ def least_solutions(matrices: Array, rights: Array, limits: Array | None = None)
     solutions = np.zeros((count, n, rights.shape[2]))
     if not (m and n and count):
         return solutions
+    if count == 1 and _is_small(matrices):
+        limit = None if limits is None else float(limits[0])
+        return _small_solution(matrices[0], rights[0], limit)[None]
     found = triangles(matrices)
     if limits is None:
         limits = EPSILON * max(m, n) * found.pivots[:, 0]
@@ -195,6 +211,26 @@ def least_solutions(matrices: Array, rights: Array, limits: Array | None = None)
         if rank:
             solutions[which] = _of_rank(found.of(which), rights[which], rank)
     return solutions
+
+
+def _is_small(matrix: Array) -> bool:
+    return matrix.size <= SMALL and bool(np.isfinite(matrix).all())
+
+
+def _small_solution(matrix: Array, rights: Array, limit: float | None) -> Array:
+    """As `least_solutions`, of one small matrix."""
+    found = small.triangle(matrix.T.tolist())
+    pivots = [abs(column[row]) for row, column in enumerate(found.columns[: len(matrix)])]
+    if limit is None:
+        limit = EPSILON * max(matrix.shape) * pivots[0]
+    if any(limit / DOUBTFUL < pivot <= limit * DOUBTFUL for pivot in pivots):
+        return _by_singular_values(matrix, rights, limit)
+    rank = sum(pivot > limit for pivot in pivots)
+    if not rank:
+        return np.zeros((matrix.shape[1], rights.shape[1]))
+    second = small.second_of(found, rank)
+    rows = [small.of_rank(found, right, rank, second) for right in rights.T.tolist()]
+    return np.ascontiguousarray(np.array(rows).reshape(rights.shape[1], matrix.shape[1]).T)
 
 
 def _of_rank(found: Triangles, rights: Array, rank: int) -> Array:
@@ -323,6 +359,10 @@ def _completed(rows: Array, sizes: Array) -> Array:
 def eigh(matrix: Array) -> tuple[Array, Array]:
     """The eigenvalues (n,) of a symmetric matrix from the least, and its eigenvectors, the columns of (n, n)."""
     n = len(matrix)
+    if _is_small(matrix):
+        rounds = [list(zip(p.tolist(), q.tolist(), strict=True)) for p, q in _rounds(n)]
+        diagonal, rows = small.eigh(np.asarray(matrix, dtype=float).tolist(), rounds, SWEEPS)
+        return _ascending(np.array(diagonal), np.array(rows).reshape(n, n))
     values, axes = np.array(matrix, dtype=float), np.eye(n)
     for _ in range(SWEEPS):
         done = True
@@ -343,9 +383,12 @@ def eigh(matrix: Array) -> tuple[Array, Array]:
             axes[p], axes[q] = cosine * x - sine * y, sine * x + cosine * y
         if done:
             break
-    found = np.diagonal(values)
-    order = np.argsort(found, kind="stable")
-    return found[order], np.ascontiguousarray(axes[order].T)
+    return _ascending(np.diagonal(values), axes)
+
+
+def _ascending(values: Array, axes: Array) -> tuple[Array, Array]:
+    order = np.argsort(values, kind="stable")
+    return values[order], np.ascontiguousarray(axes[order].T)
 
 
 def inverse_of_symmetric(matrix: Array) -> Array:
