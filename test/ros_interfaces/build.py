@@ -27,7 +27,14 @@ from typing import Any
 HERE = Path(__file__).parent
 PREFIX = Path(sys.prefix)
 DEPENDENCIES = {
-    "simulation_interfaces": ("builtin_interfaces", "service_msgs", "std_msgs", "geometry_msgs"),
+    "simulation_interfaces": (
+        "builtin_interfaces",
+        "service_msgs",
+        "unique_identifier_msgs",
+        "action_msgs",
+        "std_msgs",
+        "geometry_msgs",
+    ),
     "tf2_msgs": ("builtin_interfaces", "std_msgs", "geometry_msgs"),
     "control_msgs": (
         "builtin_interfaces",

@@ -232,6 +232,72 @@ def test_entities_their_kinds_and_sizes_and_what_is_refused(tmp_path: Path, vari
         assert process.end() == 0
 
 
+def test_steps_by_an_action_with_feedback_that_is_canceled_or_refused(
+    tmp_path: Path, variables: dict[str, str]
+) -> None:
+    """A goal that blocks the node until its end, so that nothing can cancel it; steps without feedback; wrong codes."""
+    from rclpy.action import ActionClient
+    from rclpy.qos import QoSProfile
+    from simulation_interfaces.action import SimulateSteps
+    from simulation_interfaces.msg import Result, SimulatorFeatures
+    from simulation_interfaces.srv import GetSimulatorFeatures
+
+    succeeded, canceled, aborted = 4, 5, 6  # of action_msgs/GoalStatus
+    with running(tmp_path, variables=variables, start_paused=True, publish_rate=10.0) as (process, listener):
+        features = listener.call(GetSimulatorFeatures, "get_simulator_features").features.features
+        assert SimulatorFeatures.STEP_SIMULATION_ACTION in features
+        # What the action's client has not read when the result arrives, it drops: its topic has all of it.
+        feedback: list[tuple[int, int]] = []
+
+        def note(message: Any) -> None:
+            feedback.append((message.feedback.completed_steps, message.feedback.remaining_steps))
+
+        kind, topic = SimulateSteps.Impl.FeedbackMessage, "sim_node/simulate_steps/_action/feedback"
+        subscription = listener.node.create_subscription(kind, topic, note, QoSProfile(depth=1000))
+        client = ActionClient(listener.node, SimulateSteps, "sim_node/simulate_steps")
+        listener.until(client.server_is_ready, "the action")
+        listener.until(lambda: listener.node.count_publishers(topic), "its feedback")
+        listener.all_matched()
+
+        def wait(future: Any) -> Any:
+            listener.until(future.done, "the answer")
+            return future.result()
+
+        def send(steps: int, told: Any = None) -> Any:
+            return wait(client.send_goal_async(SimulateSteps.Goal(steps=steps), feedback_callback=told))
+
+        def end(handle: Any) -> tuple[int, int, str]:
+            answer = wait(handle.get_result_async())
+            return answer.status, answer.result.result.result, answer.result.result.error_message
+
+        assert end(send(60)) == (succeeded, Result.RESULT_OK, "")
+        listener.until(lambda: len(feedback) >= 60, "feedback for each step")
+        assert feedback == [(done, 60 - done) for done in range(1, 61)]
+        listener.node.destroy_subscription(subscription)
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 60_000_000, "the state after them")
+        simulation = as_in_the_node("double_rod")
+        simulation.step(60)
+        assert list(listener.states[-1].position) == simulation.q.tolist()
+
+        feedback.clear()
+        first, waiting = send(10**12, note), send(5)
+        listener.until(lambda: feedback, "feedback of the first")
+        assert wait(waiting.cancel_goal_async()).goals_canceling
+        assert end(waiting) == (canceled, Result.RESULT_OK, "canceled after 0 steps")
+        assert wait(first.cancel_goal_async()).goals_canceling
+        status, code, text = end(first)
+        assert (status, code) == (canceled, Result.RESULT_OK)
+        stamp = 1_000_000 * (60 + int(text.split()[2]))
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == stamp, "the state in which it ended")
+
+        status, code, text = end(send(0))
+        assert (status, code) == (aborted, Result.RESULT_OPERATION_FAILED) and "no steps" in text
+        listener.pause(False)
+        status, code, text = end(send(5))
+        assert (status, code) == (aborted, Result.RESULT_OPERATION_FAILED) and "pause it" in text
+        assert process.end() == 0
+
+
 def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> None:
     from tf2_msgs.msg import TFMessage
 

@@ -15,49 +15,11 @@ from typing import Any, Self
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.mechanism.values.expression import evaluate, names_in, require_valid
 from mbd_sim.recordings.run.paths import RecordingError, RecordingPaths
 from mbd_sim.recordings.run.run_recorder import RunRecorder
-from mbd_sim.simulation.contact.records import ContactChange
-from mbd_sim.simulation.model.state_records import Energies
+from mbd_sim.recordings.run.run_watch import RunWatch
 from mbd_sim.simulation.run.events import EventKind, Payload
 from mbd_sim.simulation.run.simulation import BaseSimulation
-
-IMPACT = "impact"
-CHECKS = 1000.0  # of a threshold, in each second of simulated time, at most one in each step
-
-
-class Threshold:
-    """A condition such as `abs(elbow.velocity) > 3`, of coordinates, their velocities, energies and the time `t`."""
-
-    __repr__ = short_repr
-
-    def __init__(self, simulation: BaseSimulation, text: str) -> None:
-        """Check the expression; it holds where it is neither 0 nor false.
-
-        :raises InputError: it is no expression, or has an unknown name.
-        """
-        self.text, self._simulation = text, simulation
-        self._coordinates = {name: index for index, name in enumerate(simulation.coordinate_names)}
-        known = ["t", *self._coordinates, *(f"{name}.velocity" for name in self._coordinates)]
-        known += [f"energy.{name}" for name in Energies._fields]
-        require_valid(self._condition, known, {})
-        self._names = names_in(self._condition)
-
-    @property
-    def _condition(self) -> str:
-        return f"where({self.text}, 1, 0)"
-
-    def holds(self) -> bool:
-        """Whether it holds in the present state."""
-        simulation = self._simulation
-        positions, speeds = simulation.model.coordinates(simulation.state), simulation.u
-        values = {"t": simulation.time}
-        for name, index in self._coordinates.items():
-            values[name], values[f"{name}.velocity"] = float(positions[index]), float(speeds[index])
-        if any(name.startswith("energy.") for name in self._names):
-            values |= {f"energy.{name}": float(value) for name, value in simulation.energies._asdict().items()}
-        return evaluate(self._condition, values) != 0.0
 
 
 class RingRecorder:
@@ -88,7 +50,7 @@ class RingRecorder:
 
         :param path: .mcap; a second file has `_part2` in its name.
         :param seconds: of simulated time that are kept.
-        :param when: `impact`, or a condition, see `Threshold`; then the files are written, once, and recording ends. By
+        :param when: `impact`, or a condition, see `RunWatch`; then the files are written, once, and recording ends. By
             default they are written at the end, also if the motion diverges.
         :param after: seconds that are recorded after the event.
         :param options: of `RunRecorder`.
@@ -98,12 +60,9 @@ class RingRecorder:
             message = f"a ring of {seconds:g} s, and {after:g} s after its event, is not possible"
             raise InputError(message, "Give positive times.")
         self.path, self.cause, self.written = Path(path), "", tuple[Path, ...]()
-        self._simulation, self._options, self._after = simulation, options, after
+        self._simulation, self._options = simulation, options
         self._steps = max(round(seconds / simulation.step_size), 1)
-        self._on_impact = when == IMPACT
-        self._threshold = Threshold(simulation, when) if when and not self._on_impact else None
-        self._check_steps = max(round(1.0 / CHECKS / simulation.step_size), 1)
-        self._ends_at: int | None = None
+        self._watch = RunWatch(simulation, when, after)
         self._count = 0  # steps in the present file
         self._recorder: RunRecorder | None = None
         if not self.path.parent.is_dir():
@@ -123,7 +82,7 @@ class RingRecorder:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         problem = str(error) if isinstance(error, Exception) else ""
-        if (self._threshold is None and not self._on_impact) or problem or self._ends_at is not None:
+        if not self._watch.looks or problem or self._watch.has_event:
             self.write(problem or "end of the run", problem)
         self.close()
 
@@ -141,7 +100,7 @@ class RingRecorder:
         if self._recorder is None:
             return self.written
         self._end_file(problem)
-        self.cause = self.cause or cause
+        self.cause = self._watch.cause or cause
         paths = RecordingPaths(self.path)
         try:
             for number, file in enumerate(self._files):
@@ -166,33 +125,21 @@ class RingRecorder:
             if self._recorder is None:
                 yield steps
                 return
-            part = min(steps, self._steps - self._count)
-            if (self._threshold is not None or self._on_impact) and self._ends_at is None:
-                part = min(part, self._check_steps)
-            if self._ends_at is not None:
-                part = min(part, max(self._ends_at - self._simulation.steps, 1))
+            part = self._watch.most_steps(min(steps, self._steps - self._count))
             yield from self._recorder.parts_of(part)
             steps -= part
             self._count += part
-            self._after_part()
+            self._after_part(part)
 
     def report(self, kind: EventKind, payload: Payload = None) -> None:
         """Record an event; see `RunListener`."""
         if self._recorder is None:
             return
         self._recorder.report(kind, payload)
-        if kind is EventKind.CONTACT and self._on_impact and _is_impact(str(payload)):
-            self._triggered(str(payload))
+        self._watch.notice(kind, payload)
 
-    def _triggered(self, cause: str) -> None:
-        if self._ends_at is None:
-            self.cause = cause
-            self._ends_at = self._simulation.steps + round(self._after / self._simulation.step_size)
-
-    def _after_part(self) -> None:
-        if self._threshold is not None and self._ends_at is None and self._threshold.holds():
-            self._triggered(f"{self._threshold.text} at t = {self._simulation.time:.9g} s")
-        if self._ends_at is not None and self._simulation.steps >= self._ends_at:
+    def _after_part(self, steps: int) -> None:
+        if self._watch.passed(steps):
             self.write()
         elif self._count >= self._steps:
             self._end_file("")
@@ -213,7 +160,3 @@ class RingRecorder:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             recorder.close(problem)
-
-
-def _is_impact(text: str) -> bool:
-    return f": {ContactChange.IMPACT} at " in text

@@ -9,6 +9,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.ros.node.parameters import NodeParameters
 from mbd_sim.ros.publishing.recordings import NodeRecordings
+from mbd_sim.ros.publishing.ring import NodeRing
 from mbd_sim.ros.stepping.thread import SteppingThread
 
 SERVICES = (
@@ -17,6 +18,7 @@ SERVICES = (
     ("~/reset", "std_srvs/srv/Trigger: return to the start state, or to the one that the parameter start gives"),
     ("~/record", "std_srvs/srv/SetBool: start (true) or stop a recording"),
     ("~/split_recording", "std_srvs/srv/Trigger: continue the recording in another file"),
+    ("~/record_last", "std_srvs/srv/Trigger: write the last seconds, which the parameter record_last keeps"),
 )
 
 
@@ -29,15 +31,17 @@ class RunServices:
         stepping_thread: SteppingThread,
         parameters: NodeParameters,
         recordings: NodeRecordings,
+        ring: NodeRing | None,
         on_recording: Callable[[], None],
     ) -> None:
         self._stepping_thread, self._parameters, self._recordings = stepping_thread, parameters, recordings
-        self._log, self._on_recording = node.get_logger(), on_recording
+        self._log, self._ring, self._on_recording = node.get_logger(), ring, on_recording
         node.create_service(Trigger, "~/reset", self._on_reset)
         node.create_service(SetBool, "~/pause", self._on_pause)
         node.create_service(Trigger, "~/step", self._on_step)
         node.create_service(SetBool, "~/record", self._on_record)
         node.create_service(Trigger, "~/split_recording", self._on_split_recording)
+        node.create_service(Trigger, "~/record_last", self._on_record_last)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self._stepping_thread.reset(self._parameters["reset_rewinds_clock"])
@@ -72,4 +76,11 @@ class RunServices:
 
     def _on_split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = self._recordings.split()
+        return response
+
+    def _on_record_last(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._ring is None:
+            response.message = "nothing is kept: start the node with record_last, the number of seconds"
+        else:
+            response.success, response.message = self._ring.write()
         return response

@@ -49,6 +49,7 @@ from mbd_sim.recordings.messages.topics import (
 from mbd_sim.recordings.run.metadata import run_metadata
 from mbd_sim.recordings.run.paths import FORMATS, new_recording_paths
 from mbd_sim.recordings.run.recorder import Recorder
+from mbd_sim.recordings.run.run_watch import RunWatch
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.joint_commands import CommandRanges
 from mbd_sim.ros.commands.wrenches import ALL, WrenchTargets, wrench_targets
@@ -56,11 +57,13 @@ from mbd_sim.ros.node.parameters import NodeParameters
 from mbd_sim.ros.node.subscriptions import JOINT_COMMANDS
 from mbd_sim.ros.publishing.publishers import FOLLOWED_CLOCK, TopicPublisher, message_type
 from mbd_sim.ros.publishing.recordings import NodeRecordings, SplitLimits
+from mbd_sim.ros.publishing.ring import NodeRing, RingTrigger
 from mbd_sim.ros.publishing.thread import PublishingThread
 from mbd_sim.ros.stepping.clock import FollowedClock, Rates
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.model.live_values import names_with_matches
 from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.run.events import EventKind
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 if TYPE_CHECKING:
@@ -210,18 +213,70 @@ def node_recordings(
     if file_format not in FORMATS:
         raise ValueError(f"record_format: there is no format '{file_format}'. {nearest(file_format, FORMATS)}")
 
-    def open_recorder() -> Recorder:
-        paths = new_recording_paths(Path(parameters["record_dir"]), mechanism.name, rosbag2=file_format == "rosbag2")
-        return Recorder(paths, publishing_thread.recorded_topics(), mechanism_text(mechanism.source))
-
     return NodeRecordings(
-        open_recorder,
+        partial(_open_recorder, parameters, mechanism, publishing_thread, mechanism.name),
         metadata=lambda moment: run_metadata(simulation, moment, parameters.values),
         request_moment=stepping_thread.request_moment,
         on_failure=lambda failure: log.error(f"{failure}. The simulation continues."),
         on_long_files=log.warning,
         limits=split_limits(parameters),
     )
+
+
+def _open_recorder(
+    parameters: NodeParameters, mechanism: Mechanism, publishing_thread: PublishingThread, name: str
+) -> Recorder:
+    """A recorder of a new recording with this name and the time.
+
+    :raises RecordingError: it cannot be opened.
+    """
+    rosbag2 = parameters["record_format"] == "rosbag2"
+    paths = new_recording_paths(Path(parameters["record_dir"]), name, rosbag2=rosbag2)
+    return Recorder(paths, publishing_thread.recorded_topics(), mechanism_text(mechanism.source))
+
+
+def node_ring(
+    parameters: NodeParameters,
+    stepping_thread: SteppingThread,
+    publishing_thread: PublishingThread,
+    recordings: NodeRecordings,
+    log: Any,
+) -> NodeRing | None:
+    """The ring of the last seconds, with what triggers it; None without one.
+
+    :raises ValueError: a parameter has no effect, or its event is not possible.
+    """
+    seconds, when, after = (parameters[f"record_{name}"] for name in ("last", "when", "after"))
+    if (when or after) and not seconds:
+        raise ValueError("record_when, record_after: no last seconds are kept. Give record_last too.")
+    if after and not when:
+        raise ValueError("record_after: there is no event. Give record_when too.")
+    if not seconds:
+        return None
+    simulation = stepping_thread.simulation
+    mechanism = simulation.mechanism
+    try:
+        watch = RunWatch(simulation, when, after, rest=seconds)
+    except InputError as error:
+        raise ValueError(f"record_when: {error}") from error
+
+    def written(text: str) -> None:
+        if stepping_thread.has_ended:
+            log.info(text)
+        else:
+            stepping_thread.tell(EventKind.NOTE, text)
+
+    ring = NodeRing(
+        seconds,
+        simulation.step_size,
+        partial(_open_recorder, parameters, mechanism, publishing_thread, f"{mechanism.name}_last"),
+        metadata=lambda moment: run_metadata(simulation, moment, parameters.values),
+        request=recordings.request,
+        on_written=written,
+        on_failure=lambda failure: log.error(f"{failure}. The simulation continues."),
+    )
+    stepping_thread.run.output.watch = RingTrigger(ring, watch)
+    return ring
 
 
 def split_limits(parameters: NodeParameters) -> SplitLimits:

@@ -32,6 +32,7 @@ from mbd_sim.ros.node.setup import (
     initial_rates,
     lab_page,
     node_recordings,
+    node_ring,
     requested_topics,
     rerun_viewer,
     split_limits,
@@ -160,6 +161,10 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.publishing_thread.prepare(self.stepping_thread.run.output.journal.snapshot(Due.NEW))
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, self.get_logger())
         self.publishing_thread.recordings = self.recordings
+        self.ring = node_ring(
+            parameters, self.stepping_thread, self.publishing_thread, self.recordings, self.get_logger()
+        )
+        self.publishing_thread.ring = self.ring
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, self.get_logger())
         self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
         subscriptions = self.subscribed = Subscriptions(
@@ -183,7 +188,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """Offer the services, and the action, that control the run from outside."""
         thread, parameters = self.stepping_thread, self.parameters
         # The threads of a recording are new, and need their priority.
-        self.run_services = RunServices(self, thread, parameters, self.recordings, self._prioritize)
+        self.run_services = RunServices(self, thread, parameters, self.recordings, self.ring, self._prioritize)
         self.simulation_services = serve_simulation_interfaces(self, thread, end, parameters["frame_prefix"])
         self.trajectory_action = None
         if parameters["follow_joint_trajectory"]:
@@ -210,8 +215,12 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self._add_note(refusal)
         if self.followed is not None:
             log.info("following /clock: waiting for the node that publishes it")
-        if self.parameters["record"]:
-            # The file of a run that follows a clock begins when that clock is known.
+        # What is recorded of a run that follows a clock begins when that clock is known.
+        if self.ring is not None and self.followed is not None:
+            self.recordings.request(self.ring.begin)
+        elif self.ring is not None:
+            self.ring.begin(self.stepping_thread.moment())
+        elif self.parameters["record"]:
             started, answer = self.recordings.start(None if self.followed else self.stepping_thread.moment())
             if not started:
                 log.error(f"{answer} The run is not recorded.")
@@ -228,6 +237,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         for companion in self.companions:
             companion.stop()
         self.publishing_thread.join()
+        if self.ring is not None:
+            writes = self.parameters["record"] and not self.parameters["record_when"]
+            self.ring.close("end of the run" if writes else "")
         if self.lab is not None:
             self.lab.close()
         self.diagnostics.collection.close()

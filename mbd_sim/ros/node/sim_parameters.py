@@ -99,6 +99,17 @@ PARAMETERS = (
         0.0, 1e9, live=True,
     ),
     ParameterSpec(
+        "record_last", 0.0,
+        "simulated s of which the last ones are kept in memory, instead of recording the run from the start, until "
+        "~/record_last, an event or a failure writes them, or the end with record; 0: none",
+        0.0, 1e6,
+    ),
+    ParameterSpec(
+        "record_when", "",
+        "with record_last: the event that writes them: impact, or a condition such as 'abs(elbow.velocity) > 3'",
+    ),
+    ParameterSpec("record_after", 0.0, "with record_when: simulated s after the event", 0.0, 1e6),
+    ParameterSpec(
         "wrenches", ALL,
         "parts and points (part.point) that accept wrenches, separated by commas; all; or empty: none", takes_all=True,
     ),

@@ -139,6 +139,10 @@ class NodeRecordings:
         """`summary` for the end of the node: "" if `stop` has finished the last recording long before."""
         return "" if self.recorder is self._stopped else self.summary()
 
+    def request(self, action: Callable[[Snapshot], None]) -> None:
+        """Have the publishing thread call a function with the next state for a recording; from any thread."""
+        self._requests.submit(action)
+
     def at_moment(self, moment: Snapshot) -> None:
         """Serve the request that asked for this moment; for the publishing thread."""
         self._requests.serve_next(moment)

@@ -25,6 +25,7 @@ from mbd_sim.recordings.run.recorder import Recorder
 from mbd_sim.ros.publishing.markers import Markers
 from mbd_sim.ros.publishing.publishers import STAMP, MessageTemplate, TopicPublisher
 from mbd_sim.ros.publishing.recordings import NodeRecordings
+from mbd_sim.ros.publishing.ring import NodeRing
 from mbd_sim.ros.stepping.output import Item, SteppingOutput
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.state_records import Energies
@@ -63,6 +64,7 @@ class PublishingThread:
         """
         self.model = model
         self.recordings: NodeRecordings | None = None
+        self.ring: NodeRing | None = None
         self.viewer: Viewer | None = None
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
@@ -241,5 +243,8 @@ class PublishingThread:
         publisher = self._topics[name]
         publisher.publisher.publish(payload)
         recorded = publisher.topic.recorded
-        if self.recordings is not None and recorded is not Recorded.NO and not repeated:
-            self.recordings.put(name, payload, time_ns, ticks, in_each_file=recorded is Recorded.EACH_FILE)
+        if recorded is Recorded.NO or repeated:
+            return
+        for sink in (self.recordings, self.ring):
+            if sink is not None:
+                sink.put(name, payload, time_ns, ticks, in_each_file=recorded is Recorded.EACH_FILE)

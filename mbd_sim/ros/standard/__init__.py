@@ -1,1 +1,1 @@
-"""The services of `simulation_interfaces`, a standard that simulators share."""
+"""The services and the action of `simulation_interfaces`, a standard that simulators share."""

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.ros.standard.entities import EntityServices
 from mbd_sim.ros.standard.messages import fail, serve
+from mbd_sim.ros.standard.step_action import serve_step_action
 from mbd_sim.ros.stepping.thread import SteppingThread
 
 FEATURES = (
@@ -23,6 +24,7 @@ FEATURES = (
     "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
     "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE",
 )  # fmt: skip
+STEP_ACTION = "STEP_SIMULATION_ACTION"
 UNSUPPORTED = {
     **dict.fromkeys(("SpawnEntity", "SpawnEntities", "DeleteEntity"), "the parts are those of the mechanism's file"),
     "GetSpawnables": "nothing can be spawned: the parts are those of the mechanism's file",
@@ -46,7 +48,8 @@ def serve_simulation_interfaces(
     except ImportError:
         return None
     EntityServices(node, stepping_thread, messages, services, frame_prefix)
-    return SimulationServices(node, stepping_thread, end, messages, services)
+    acts = serve_step_action(node, stepping_thread, messages) is not None
+    return SimulationServices(node, stepping_thread, end, messages, services, acts=acts)
 
 
 class SimulationServices:
@@ -59,7 +62,11 @@ class SimulationServices:
         end: Callable[[], None],
         messages: ModuleType,
         services: ModuleType,
+        *,
+        acts: bool,
     ) -> None:
+        """:param acts: whether steps are also taken by an action."""
+        self._features = (*FEATURES, STEP_ACTION) if acts else FEATURES
         self._node = node
         self._stepping_thread, self._end, self._messages = stepping_thread, end, messages
         self._result, self._states = messages.Result, messages.SimulationState
@@ -98,7 +105,7 @@ class SimulationServices:
 
     def _on_get_features(self, request: Any, response: Any) -> Any:
         known = self._messages.SimulatorFeatures
-        response.features.features = [getattr(known, name) for name in FEATURES if hasattr(known, name)]
+        response.features.features = [getattr(known, name) for name in self._features if hasattr(known, name)]
         response.features.custom_info = f"mbd_sim: {self._stepping_thread.simulation.mechanism.name}"
         return response
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
+from typing import Protocol
 
 from mbd_sim.recordings.messages.events import Journal
 from mbd_sim.recordings.messages.states import Due, Snapshot
@@ -49,6 +50,19 @@ class ContactReports:
         return texts
 
 
+class OutputWatch(Protocol):
+    """What watches the run between steps."""
+
+    def most_steps(self, steps: int) -> int:
+        """These steps, or fewer, to take until it must be told."""
+
+    def passed(self, steps: int) -> None:
+        """Take that some more steps have been taken."""
+
+    def notice(self, kind: EventKind, payload: Payload) -> None:
+        """Take an event of the run."""
+
+
 MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
 
 
@@ -70,6 +84,7 @@ class SteppingOutput:
         self._silent, self._held_moments = silent, 0
         self.shown, self.shows = self.journal.snapshot(), False  # the state for pages; whether they want a newer one
         self._contacts = ContactReports()
+        self.watch: OutputWatch | None = None
 
     @property
     def silence(self) -> float:
@@ -115,8 +130,15 @@ class SteppingOutput:
             self.shown, self.shows = self.journal.snapshot(), False
 
     def parts_of(self, steps: int) -> Iterator[int]:
-        """All steps at once; afterwards the clock has gone on. See `RunListener`."""
-        yield steps
+        """All steps at once, or in parts after which the watch is told; the clock goes on. See `RunListener`."""
+        while self.watch is not None and steps > 0:
+            part = self.watch.most_steps(steps)
+            yield part
+            self.journal.count_steps()
+            steps -= part
+            self.watch.passed(part)
+        if steps > 0:
+            yield steps
         self.journal.count_steps()
 
     def report(self, kind: EventKind, payload: Payload = None) -> Event:
@@ -127,6 +149,8 @@ class SteppingOutput:
                 self.queue.put(replace(event, payload=text))
         else:
             self.queue.put(event)
+        if self.watch is not None:
+            self.watch.notice(kind, payload)
         return event
 
     def put_moment(self) -> None:

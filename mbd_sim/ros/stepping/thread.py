@@ -138,9 +138,12 @@ class SteppingThread:
         """Reset the state to the start state, the clock to zero, or both; returns the problem, or "" on success."""
         return self.between_steps(lambda: self._reset(rewind_clock, state))
 
-    def step(self, steps: int) -> str:
-        """Take some steps while paused; returns the problem, or "" on success."""
-        return self.between_steps(lambda: self._step_paused(steps))
+    def step(self, steps: int, each: Callable[[], bool] | None = None) -> str:
+        """Take some steps while paused; returns the problem, or "" on success.
+
+        :param each: is called after each single step, in the stepping thread; the rest is left out if it returns false.
+        """
+        return self.between_steps(lambda: self._step_paused(steps, each))
 
     def set_live(self, changes: Mapping[str, float], *, reassemble: bool = False) -> str:
         """Change live values of the mechanism; returns the problem, and then nothing has changed, or "" on success.
@@ -166,9 +169,13 @@ class SteppingThread:
 
     def warn(self, text: str) -> None:
         """Report a warning as an event between two steps; returns at once."""
+        self.tell(EventKind.WARNING, text)
+
+    def tell(self, kind: EventKind, text: str) -> None:
+        """Report an event between two steps; returns at once."""
 
         def report() -> None:
-            self._output.report(EventKind.WARNING, text)
+            self._output.report(kind, text)
 
         self._requests.submit(report)
 
@@ -179,7 +186,10 @@ class SteppingThread:
 
     def request_moment(self) -> None:
         """Have a state for a recording put into the output between two steps; returns at once."""
-        self._requests.submit(self._output.put_moment)
+        if threading.current_thread() is self._thread:  # between two steps of a request, perhaps of many
+            self._output.put_moment()
+        else:
+            self._requests.submit(self._output.put_moment)
 
     def moment(self) -> Snapshot:
         """Everything that determines the motion from here on; for the stepping thread, or before it starts."""
@@ -254,6 +264,11 @@ class SteppingThread:
     def waits_for_clock(self) -> bool:
         """Whether there is a clock to follow that has not begun."""
         return self.followed is not None and not self._follows
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the thread has been stopped."""
+        return self._stopping
 
     @property
     def is_stepping(self) -> bool:
@@ -368,18 +383,20 @@ class SteppingThread:
         self._output.emit(due)
         self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
 
-    def _step_paused(self, steps: int) -> str:
+    def _step_paused(self, steps: int, each: Callable[[], bool] | None) -> str:
         if not self.paused:
             return "the simulation is running: pause it before stepping"
         if self.waits_for_clock:
             return "no /clock has arrived yet: start the node that publishes it"
         left = steps
         while left > 0 and not self._stopping:
-            batch = min(left, self._steps_until_due())
+            batch = min(left, self._steps_until_due()) if each is None else 1
             if problem := self._advance(batch):
                 return problem
             left -= batch
             self._wait_for_output()
+            if each is not None and not each() and left > 0:
+                return ""  # what is shown at the end follows with the rest
         if self._output.last_emitted != self.ticks:
             self._output.emit(Due.STATE | Due.CLOCK)  # markers and the Rerun scene follow with the next repeated state
         return ""
