@@ -58,6 +58,9 @@ def _execute(options: argparse.Namespace) -> int:
         raise CommandError("--numbers and --symbols choose what --latex prints", "Give one of them, with --latex.")
     if options.no_linearization and not options.latex:
         raise CommandError("--no-linearization chooses what --latex prints", "Give it with --latex.")
+    if options.latex and (unused := [name for name in ("json", "inertia", "cost") if getattr(options, name)]):
+        names = ", ".join(f"--{name}" for name in unused)
+        raise CommandError(f"{names}: --latex prints equations instead of the report", "Leave one of them out.")
     require_drawing(options)
     mechanism = changed_mechanism(options)
     try:

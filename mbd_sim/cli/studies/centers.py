@@ -44,7 +44,7 @@ def _add(parser: argparse.ArgumentParser) -> None:
     )
     add_set(parser)
     parser.add_argument(
-        "--speed", default="1", metavar="V", help="of the first drive: rad/s, m/s, or 60rpm (default 1)"
+        "--speed", metavar="V", help="of the first drive, with --polygons: rad/s, m/s, or 60rpm (default 1)"
     )
     parser.add_argument("--polygons", action="store_true", help="velocity and acceleration polygons of the joints")
     add_repeatable(parser, "--centrodes", "PART", "the centrodes of a part over the range of the drive; repeatable")
@@ -60,10 +60,12 @@ def _centers(options: argparse.Namespace) -> int:
     require_table(options.out)
     if options.out is not None and not options.centrodes:
         raise InputError("--out without centrodes", "Give --centrodes PART and a range of the drive.")
+    if options.speed is not None and not options.polygons:
+        raise InputError("--speed has no effect without --polygons", "Give --polygons too, or leave it out.")
     mechanism = changed_mechanism(options)
     given = [drive_range(text, mechanism) for text in options.drive]
     print_notes(remark for text in options.drive if (remark := bare_range_remark(text, mechanism)))
-    speed = drive_speed(options.speed, mechanism, [one for one, _ in given])
+    speed = drive_speed(options.speed or "1", mechanism, [one for one, _ in given])
     if speed == 0.0:
         raise InputError("with a speed of 0 nothing moves", "Give a positive speed.")
     ranges = {one.name: (one.start, one.stop) for one, _ in given}

@@ -92,7 +92,9 @@ def _add_kinematics(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", type=int, default=0, metavar="N", help="random samples within the tolerances (default: none)"
     )
-    parser.add_argument("--seed", type=seed_number, default=0, help="seed of the random samples (default 0)")
+    parser.add_argument(
+        "--seed", type=seed_number, metavar="N", help="with --samples: of the random numbers (default 0)"
+    )
     _add_outputs(parser)
 
 
@@ -123,6 +125,8 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
 
 def _kinematics(options: argparse.Namespace) -> int:
     """Analyze the motion, print the report, and write the table and the picture."""
+    if options.seed is not None and not options.samples:
+        raise InputError("--seed has no effect without --samples", "Give --samples too, or leave it out.")
     limits = [column_limit(text) for text in options.limit]
     show = shown_plots(options, options.plot)
     require_groups(show)
@@ -211,7 +215,7 @@ def _accuracy(
         columns |= report.sensitivity_columns(sensitivity, options.point)
     if options.tolerance:
         given = dict(parameter_value(text, mechanism) for text in options.tolerance)
-        tolerances = ToleranceAnalysis(mechanism, motion, given, samples=options.samples, seed=options.seed)
+        tolerances = ToleranceAnalysis(mechanism, motion, given, samples=options.samples, seed=options.seed or 0)
         lines += report.tolerance_lines(tolerances, options.point)
         columns |= report.tolerance_columns(tolerances, options.point)
     elif options.samples:
@@ -269,7 +273,7 @@ def _add_global(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="search everywhere between the bounds and in all assembly modes, by differential evolution, then polish",
     )
-    parser.add_argument("--seed", type=seed_number, help="of the search with --global (default 0)")
+    parser.add_argument("--seed", type=seed_number, metavar="N", help="of the search with --global (default 0)")
     parser.add_argument(
         "--generations",
         type=int,

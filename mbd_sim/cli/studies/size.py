@@ -85,7 +85,9 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
         "GEAR",
         "a ratio, lead=10mm, a name of the catalog, or 'best', the ratio of least RMS torque; repeatable",
     )
-    group.add_argument("--efficiency", type=float, default=1.0, help="of gears that are given by numbers (default 1)")
+    group.add_argument(
+        "--efficiency", type=float, default=1.0, metavar="X", help="of gears that are given by numbers (default 1)"
+    )
     group.add_argument(
         "--ambient", type=float, default=AMBIENT, metavar="C", help=f"surroundings, °C (default {AMBIENT:g})"
     )

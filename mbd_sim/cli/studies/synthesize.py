@@ -59,7 +59,9 @@ def _add(parser: argparse.ArgumentParser) -> None:
     dead = parser.add_argument_group("dead-center")
     dead.add_argument("--swing", metavar="ANGLE", help="the angle through which the rocker of a crank-rocker swings")
     dead.add_argument("--stroke", type=positive_in("m"), metavar="M", help="the stroke of a slider-crank")
-    dead.add_argument("--time-ratio", type=positive_number, help="of the slow to the fast stroke (default 1)")
+    dead.add_argument(
+        "--time-ratio", type=positive_number, metavar="X", help="of the slow to the fast stroke (default 1)"
+    )
     dead.add_argument("--rocker", type=positive_in("m"), metavar="M", help="of a crank-rocker (default 1 m)")
     dead.add_argument("--crank", type=positive_in("m"), metavar="M", help="its length (default: the best)")
     dead.add_argument("--longest", type=positive_number, help="ratio of the longest to the shortest link (default 10)")

@@ -35,9 +35,12 @@ from mbd_sim.mechanism.values.names import unique_name
 from mbd_sim.mechanism.values.source import Location, Source
 
 
-def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
+def build(
+    file: MechanismFile, parameters: Mapping[str, float], source: Source, *, mend_loops: bool = True
+) -> Mechanism:
     """The mechanism that a file describes.
 
+    :param mend_loops: whether loops that are exact only to the digits of the file are made exact.
     :raises MechanismError: with every invalid reference, mass and connection.
     """
     elements = build_elements(file, source)
@@ -78,6 +81,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         sensor_seed=round(file.sensor_seed),
         ranges=file.ranges,
     )
+    if not mend_loops:
+        return mechanism
     return with_exact_loops(mechanism, file.tolerance) if file.tolerance else _as_written(mechanism, file)
 
 

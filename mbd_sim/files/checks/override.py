@@ -37,10 +37,11 @@ _SECTIONS = (
 )
 
 
-def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
+def with_values(mechanism: Mechanism, changes: Mapping[str, Any], *, mend_loops: bool = True) -> Mechanism:
     """The mechanism with other values, each a number in SI units or as in the file: `"30 deg"`, `"2*l"`, `[0, 0, 1]`.
 
     :param changes: the values by their keys; a parameter of the file may be given by its name alone.
+    :param mend_loops: whether loops that are exact only to the digits of the file are made exact, as in a file.
     :raises MechanismError: a key does not exist, or a value is not valid there.
     """
     source, locations, problems = mechanism.source, {}, []
@@ -72,7 +73,7 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
     source = replace(source, data=data, changed=True, changes={**source.changes, **changes})
     from mbd_sim.files.builders.mechanism import build
 
-    return build(*_validated(source), source)
+    return build(*_validated(source), source, mend_loops=mend_loops)
 
 
 def _validated(source: Source) -> tuple[MechanismFile, dict[str, float]]:

@@ -50,13 +50,14 @@ def layout(mechanism: Mechanism, suffix: str, namespace: str = "", node: str = "
     """The text of a layout.
 
     :param suffix: `.json` for Foxglove, `.xml` for PlotJuggler.
-    :param namespace: that of the node, if it has one, such as `/left`.
+    :param namespace: that of the node, if it has one, such as `/left` or `left`.
     :param node: its name, which is in the topics of sensors.
     :raises InputError: there is no layout of another suffix.
     """
-    found = _panels(mechanism, namespace.rstrip("/"), node)
+    namespace = f"/{namespace.strip('/')}".rstrip("/")
+    found = _panels(mechanism, namespace, node)
     if suffix == FOXGLOVE:
-        return json.dumps(_foxglove(found, namespace.rstrip("/")), indent=2) + "\n"
+        return json.dumps(_foxglove(found, namespace), indent=2) + "\n"
     if suffix == PLOTJUGGLER:
         return _plotjuggler(mechanism.name, found)
     raise InputError(f"there is no layout '{suffix}'", "Write a .json file for Foxglove, or .xml for PlotJuggler.")

@@ -55,6 +55,15 @@ class NumberSamples:
     built_in: Mapping[str, str]
 
 
+def sampled(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
+    """The mechanism with other values, for samples of numbers that follow from them.
+
+    Where nothing of it was mended, its numbers are as written, and so are those of the samples: loops of random
+    lengths that do not close, or nearly, would be mended by something that no formula describes.
+    """
+    return with_values(mechanism, changes, mend_loops=bool(mechanism.moved))
+
+
 def number_samples(
     changed: Changed,
     start: Mapping[str, float | None],
@@ -227,7 +236,7 @@ def symbolic_values(mechanism: Mechanism, keys: Sequence[str]) -> SymbolicValues
     mechanism = as_in_textbooks(mechanism)
     data, base = equation_data(mechanism), _numbers(mechanism)
     samples = number_samples(
-        lambda changes: as_in_textbooks(with_values(mechanism, changes)),
+        lambda changes: as_in_textbooks(sampled(mechanism, changes)),
         values_of(mechanism, keys),
         _numbers,
         _numbers_of_variants,

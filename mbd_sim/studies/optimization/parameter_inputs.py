@@ -18,13 +18,13 @@ from mbd_sim.base.errors import MechanismError, Problem
 from mbd_sim.base.geometry.batch import of_all
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.kinematics.parameters import Path, SymbolicParameters, equation_data, equation_data_of_variants
-from mbd_sim.files.checks.override import location_of, values_of, with_values
+from mbd_sim.files.checks.override import location_of, values_of
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.algebra.formulas import Formula, ParameterSamples, formulas
 from mbd_sim.studies.algebra.polynomial import Exact
-from mbd_sim.studies.algebra.samples import number_samples, with_forces_alone
+from mbd_sim.studies.algebra.samples import number_samples, sampled, with_forces_alone
 
 ONE = Formula(((Exact(Fraction(1)), ()),))
 
@@ -85,7 +85,7 @@ def parameter_inputs(
         return np.concatenate([found, list(start_numbers(one).values())]) if starts else found
 
     samples = number_samples(
-        lambda changes: reduced(with_values(whole, changes)),
+        lambda changes: reduced(sampled(whole, changes)),
         start,
         numbers_of,
         None if starts else _numbers_of_variants,

@@ -58,6 +58,15 @@ def test_centers_are_printed_tabulated_and_drawn(tmp_path, monkeypatch, capsys):
         (["synthesize", "dead-center", "--stroke", "1", "--rocker", "2"], "--rocker has no effect on a slider-crank"),
         (["synthesize", "function", "--input-start", "9deg"], "--input-start has no effect on 5 positions"),
         (["centers", "four_bar", "--drive", "crank_pivot=1", "--centrodes", "coupler"], "centrodes need a range"),
+        (
+            ["centers", "four_bar", "--drive", "crank_pivot=1", "--speed", "2"],
+            "--speed has no effect without --polygons",
+        ),
+        (
+            ["kinematics", "four_bar", "--drive", "crank_pivot=1", "--seed", "2"],
+            "--seed has no effect without --samples",
+        ),
+        (["check", "four_bar", "--latex", "--json", "--cost"], "--json, --cost: --latex prints equations"),
     ],
 )
 def test_mistakes_are_named(words, message, capsys):
