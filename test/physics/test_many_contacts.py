@@ -52,6 +52,20 @@ def test_the_least_thickness_of_an_arch_of_many_voussoirs_is_that_of_milankovitc
     assert least_thickness(60) == pytest.approx(0.1075, abs=1e-4)
 
 
+def test_no_contact_of_an_arch_pulls_at_the_start():
+    """The pressures of equal elastic supports would be -14.5 N at the crown, inside: these joints open there."""
+    arch = Simulation.from_file("arch")
+    states = arch.contacts().values()
+    assert min(state.normal for state in states) >= 0.0
+    assert all(abs(force) <= state.normal for state in states for force in state.friction)
+    area = 7 * math.sin(math.pi / 7) / 2 * (1.075**2 - 0.925**2)
+    carried = sum(state.force[2] for name, state in arch.contacts().items() if "ground" in name)
+    assert carried == pytest.approx(2000 * 0.2 * area * G, rel=1e-9)
+    before = [state.normal for state in states]
+    arch.step()
+    assert [state.normal for state in arch.contacts().values()] == pytest.approx(before, abs=1e-6)
+
+
 def test_an_arch_stands_above_its_least_thickness_and_falls_below_it():
     least = least_thickness(5)
     standing = Simulation.from_file("arch", parameters={"n": 5, "t": 1.01 * least})

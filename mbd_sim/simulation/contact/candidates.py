@@ -33,6 +33,7 @@ RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
 AT_LIMIT = 1.0 - 1e-9  # use of its limit, from which on friction at rest has reached it
 FORCE_ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are those of elastic supports
+PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not the round-off of one without force
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
@@ -345,7 +346,7 @@ class ModeFinder:
 
         :raises NoSolutionError: no forces are admissible.
         """
-        inputs = inputs.copy()
+        inputs, pulled = inputs.copy(), frozenset[int]()
         for _ in range(ATTEMPTS):
             readings, terms = self._model.readings(time, y, inputs), self._model.terms(time, y, inputs)
             state = Candidates(self._model, readings, terms, self.is_touching(readings), forced)
@@ -356,10 +357,20 @@ class ModeFinder:
             self._model.modes(inputs)[:] = modes
             guards = self._model.readings(time, y, inputs)
             overloaded = self._overloaded(guards, terms, modes)
-            if not overloaded:
+            pulling = self._pulling(guards, modes) - pulled
+            if not overloaded and not pulling:
                 return modes
-            forced = replace(forced, overloaded=forced.overloaded | overloaded)
+            pulled |= pulling
+            forced = replace(forced, open=forced.open | pulling, overloaded=forced.overloaded | overloaded)
         raise NoSolutionError("the contacts keep changing their states")
+
+    def _pulling(self, found: OneSidedReadings, modes: Array) -> frozenset[int]:
+        """Closed gaps that would pull, as where several share a load that is indeterminate."""
+        model = self._model
+        forces, loads = found.forces[: model.layout.gaps], model.loads[: model.layout.gaps]
+        scale = loads * (1.0 + float(np.max(np.abs(found.forces) / model.loads, initial=0.0)))
+        closed = modes[model.layout.closed] != 0.0
+        return frozenset(np.flatnonzero(closed & (forces < -PULL * scale)).tolist())
 
     def _overloaded(self, found: OneSidedReadings, terms: OneSidedTerms, modes: Array) -> frozenset[int]:
         """Sticking elements that carry more than they can, as where several share a load that is indeterminate."""

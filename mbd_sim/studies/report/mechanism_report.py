@@ -139,9 +139,20 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "coordinates": list(mechanism.coordinate_names),
         "bases": [_base(base) for base in mechanism.bases],
         "sensors": [sensor_report(sensor, mechanism.step) for sensor in mechanism.sensors],
+        "inactive_contacts": list(_inactive_contacts(mechanism)),
         "mass": mechanism.mass,
         "gravity": mechanism.gravity.tolist(),
     }
+
+
+def _inactive_contacts(mechanism: Mechanism) -> Iterator[str]:
+    """The names of contacts that the file only lists. Notes of other formats tell of theirs."""
+    entries = mechanism.source.data.get("contacts") if isinstance(mechanism.source.data, dict) else None
+    if not isinstance(entries, dict) or mechanism.source.notes:
+        return
+    yield from (
+        str(name) for name, entry in entries.items() if isinstance(entry, dict) and entry.get("active") is False
+    )
 
 
 def _import_notes(mechanism: Mechanism) -> Iterator[str]:

@@ -59,6 +59,7 @@ def _structure(found: dict[str, Any]) -> list[str]:
         ),
         *(f"Base                {_base(base)}" for base in found["bases"]),
         *(f"Sensor              {_sensor(sensor)}" for sensor in found["sensors"]),
+        *(f"Contact             {name}: not active, see 'active' in the file" for name in found["inactive_contacts"]),
     ]
 
 

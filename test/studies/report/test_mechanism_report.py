@@ -78,3 +78,11 @@ def test_compliant_contacts_are_listed_apart_from_one_sided_elements():
 def test_a_joint_that_slides_with_friction_by_its_load_keeps_its_degree_of_freedom():
     text = report_text(report(Simulation.from_file("slider_crank_friction")))
     assert "One-sided           1 element leaves 1 of 1 degrees of freedom at the start\n" in text
+
+
+def test_contacts_that_are_not_active_are_listed():
+    contacts = "contacts: {floor: {parts: [rod], plane: ground, active: false}}\n"
+    ball = PENDULUM.replace("ANGLE", "0").replace("{mass: 1,", "{shape: {type: sphere, radius: 0.1}, mass: 1,")
+    line = "Contact             floor: not active, see 'active' in the file\n"
+    assert line in report_text(report(Simulation.from_text(ball + contacts)))
+    assert "not active" not in report_text(report(Simulation.from_text(ball)))

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
+from mbd_sim.dynamics.contact.smooth_rows import ITERATED, smooth_touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.files.builders.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
@@ -113,3 +113,18 @@ def test_a_row_has_the_gap_of_the_narrow_phase_and_the_rate_of_it(kinds):
     rate = (float(values(flat(moved(step)))[0]) - float(values(flat(moved(-step)))[0])) / (2.0 * step)
     assert found @ (slide + np.cross(spin, point - at.position)) == pytest.approx(rate, abs=1e-8)
     assert pair.margin(at, other[2], features.numbers) > 0.0
+
+
+@pytest.mark.parametrize("order", (1, -1))
+def test_an_edge_that_lies_flat_on_a_round_end_has_no_point_at_its_rim(order):
+    """There their normal is not defined: the forces of such a row are noise, some of them without bound."""
+    chance, half = np.random.default_rng(7), np.array([0.3, 0.2, 0.1])
+    cylinder, block = body("cylinder", [0.25, 0.4]), body("block", 2.0 * half)
+    pair = SmoothPair(*(cylinder, block)[::order], 16)
+    for _ in range(40):
+        turn = Rotation.from_rotvec([0.0, 0.0, chance.uniform(-3.0, 3.0)])
+        x, y = 1.4 * chance.uniform(-half[:2], half[:2])
+        end = Pose(turn.apply([x, y, half[2] + 0.2]), turn.as_matrix())
+        found = pair.touching(*(end, Pose(np.zeros(3), turn.as_matrix()))[::order], 1e-12)
+        kinds = [int(np.flatnonzero(each.numbers[16:20])[0]) for each in found]
+        assert kinds and max(kinds) < ITERATED

@@ -37,6 +37,7 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
 from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, COUNT, SUPPORT, TURNED
 from mbd_sim.simulation.contact.compiled.features.round_bodies import (
     CODES,
+    FLAT,
     PlacedRound,
     codes,
     farthest,
@@ -67,6 +68,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 )
 
 HINT = 0.1  # rad by which a normal may turn from its hint
+LEVEL = 1e-9  # sine of the angle at which an edge that crosses a rim comes to lie on the end within it
 ROUND_OFF = 1e-6  # of `near`: a distance that is not less is at least the one found first
 # Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet.
 NORMAL, GAP, MARGIN, POINT = 0, 3, 4, 5
@@ -218,6 +220,8 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         key_at(p, index, key)
         if index >= simple:
             copy(normals[3 * (index - simple) :], normal)
+            if count[0] > 0 and level(a, b, key, normal, FLAT) < 0.0:
+                continue
         elif not simple_normal(a, b, key, normal):
             continue
         is_face = key[KIND] in (CORNER_FACE, FACE_CORNER)
@@ -228,6 +232,20 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         else:
             consider(p, a, b, key, normal, normal, bottom, tolerance, slots, points, count)
     return count[0]
+
+
+def level(a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, limit: float) -> float:
+    """In m, negative where an edge lies on the end of a body so flat that it does not cross the rim at a normal.
+
+    There the support of the rim has no derivative; the points of edges and the corners on this end carry it.
+
+    :param limit: the sine of the angle up to which it lies flat.
+    """
+    if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
+        return (tilt(b, key[SECOND], normal) - limit) * b.hull.rims[key[SECOND]]
+    if key[KIND] == CORNER_SIDE and not b.hull.ruled[key[SECOND]] and a.hull.curved[key[FIRST]]:
+        return (tilt(a, key[FIRST], normal) - limit) * a.hull.rims[key[FIRST]]
+    return math.inf
 
 
 def consider_face(
@@ -393,7 +411,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     margin = min(meeting[MARGIN], size_of(side) - TURNED)
     if is_iterated(key[KIND]):
         turn(b.pose, numbers[22:], stored)
-        margin = min(margin, HINT - distance_of(normal, stored))
+        margin = min(min(margin, HINT - distance_of(normal, stored)), level(a, b, key, normal, LEVEL))
     return margin
 
 
