@@ -19,6 +19,7 @@ from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.equations import Equations, require_equations
+from mbd_sim.dynamics.layouts.coordinate_names import names_of_q
 from mbd_sim.mechanism.contents import channel_names
 from mbd_sim.mechanism.natural_units import natural_units
 
@@ -107,7 +108,8 @@ def linearize(
     given = own.copy() if inputs is None else equations.inputs.checked(inputs)
     given[equations.inputs.efforts] = finite_vector(efforts, nv, "efforts")
     y = equations.start_state.copy()
-    y[:nq], y[nq : nq + nv] = finite_vector(q, nq, "q"), finite_vector(u, nv, "u")
+    y[:nq] = finite_vector(q, nq, "q", lambda: names_of_q(equations.mechanism, equations.layout))
+    y[nq : nq + nv] = finite_vector(u, nv, "u", lambda: equations.mechanism.coordinate_names)
     if states is not None:
         y[nq + nv : equations.core.stop] = finite_vector(states, equations.core.stop - nq - nv, "states")
     return linearize_at(equations, t, y, given)

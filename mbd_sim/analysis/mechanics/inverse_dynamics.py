@@ -21,6 +21,7 @@ from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.actuators.functions import MOTOR_READINGS
 from mbd_sim.dynamics.equations import Equations, derive, require_equations
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
+from mbd_sim.dynamics.layouts.coordinate_names import names_of_q
 from mbd_sim.dynamics.terms import tree_efforts
 from mbd_sim.mechanism.elements.constraints import two_sided
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
@@ -78,6 +79,9 @@ class InverseDynamics:
         self._equations = equations
         self._contact: OneSidedMotion | None = None
 
+    def _names_of_u(self) -> tuple[str, ...]:
+        return self.mechanism.coordinate_names
+
     def __call__(
         self, q: _Numbers, u: _Numbers, u_rates: _Numbers, t: float = 0.0, inputs: Array | None = None
     ) -> Array:
@@ -92,8 +96,11 @@ class InverseDynamics:
             these accelerations; or a contact would have to pull or to hold more than its friction.
         """
         layout = self._tree_layout
-        q, u = vector(q, layout.nq, "q"), vector(u, layout.nv, "u")
-        u_rates = vector(u_rates, layout.nv, "u_rates")
+        q = vector(q, layout.nq, "q", lambda: names_of_q(self.mechanism, layout))
+        u, u_rates = (
+            vector(u, layout.nv, "u", self._names_of_u),
+            vector(u_rates, layout.nv, "u_rates", self._names_of_u),
+        )
         if self._equations is None and not self._direct:
             self._equations = derive(self.mechanism)
         if inputs is None:

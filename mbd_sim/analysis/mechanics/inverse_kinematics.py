@@ -1,18 +1,20 @@
 """Inverse kinematics: the coordinates that bring a point or a pose of a part to a target, with all loops closed.
 
 Each step is damped least squares (Levenberg and Marquardt) along the free directions of the loops, with the Jacobian of
-the point; then the loops are closed again. Coordinates at a limit towards which a step points stay there.
+the point; then the loops are closed again. Coordinates at a limit towards which a step points stay there. Drives that
+follow commands move as coordinates do, within their ranges, because they can be commanded to any position there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.analysis.mechanics.free_drives import FreeDrives
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import InputError, listed, nearest
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
@@ -40,12 +42,16 @@ Mask = NDArray[np.bool_]
 class InverseKinematics:
     """What `inverse_kinematics` found: coordinates `q` (nq,), in the order of `Simulation.q`, with all loops closed.
 
+    `positions` are the same in rad and m by the names of coordinates, those of drives that follow commands among them:
+    what to command. A free joint has x, y, z and its rotation vector. In q, these drives are at rest.
+
     If the target is not `reached`, q is the nearest position that was found, where 1 rad counts as much as the size of
     the mechanism, which is its largest part. `distance` in m and `angle` in rad are those from the target, `at_limits`
     names the coordinates that limits hold back there, and `reason` is a sentence about it.
     """
 
     q: Array
+    positions: Mapping[str, float]
     reached: bool
     distance: float
     angle: float
@@ -83,15 +89,16 @@ def inverse_kinematics(
     :param position: (3,) in m, where the origin of the frame shall be; None for anywhere.
     :param rotation: (3, 3), how its axes shall stand in ground's; None for any way.
     :param q: (nq,) where to begin, by default at the start.
-    :param time: in s, on which drives depend.
-    :param limits: whether the coordinates stay within the `limits` of their joints.
+    :param time: in s, on which drives by expressions depend: these prescribe the motion of their joints.
+    :param limits: whether the coordinates stay within the `limits` of their joints, and drives within their ranges.
     :param tries: how many starts are tried.
     :param tolerance: up to which the target counts as reached, in rad and relative to the size of the mechanism.
     :raises ValueError: there is no such frame, or numbers do not fit; or no position from q closes the loops.
     """
-    problem = _Reaching(kinematics, frame, _target(position, rotation), time, limits)
+    drives = kinematics.free_drives
+    problem = _Reaching(drives.kinematics, frame, _target(position, rotation), time, limits)
     random, best, alike = np.random.default_rng(0), None, 0
-    start = problem.kinematics.closed(kinematics.start if q is None else q, time)
+    start = drives.kinematics.closed(drives.released(kinematics.checked(q)), time)
     for attempt in range(max(1, tries)):
         begin = start if attempt == 0 else problem.scattered(random, start)
         if begin is None:
@@ -104,7 +111,7 @@ def inverse_kinematics(
         if best.error <= tolerance or alike >= MOST_ALIKE:
             break
     assert best is not None
-    return problem.answer(best, tolerance)
+    return problem.answer(best, tolerance, drives)
 
 
 @dataclass(frozen=True)
@@ -127,12 +134,6 @@ def _target(position: Sequence[float] | Array | None, rotation: Sequence[Sequenc
     ):
         raise InputError("the rotation must be a rotation matrix (3, 3)", "Give one, such as that of a Pose.")
     return _Target(at, turned)
-
-
-def _is_rotation(matrix: Array) -> bool:
-    if matrix.shape != (3, 3) or not np.allclose(matrix.T @ matrix, np.eye(3), atol=1e-9):
-        return False
-    return float(np.linalg.det(matrix)) > 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,18 +273,29 @@ class _Reaching:
         closing = close_loops(self.constraints, self.time, q, np.ones(len(self.scales), dtype=bool))
         return closing.q if closing.closed else None
 
-    def answer(self, found: _Found, tolerance: float) -> InverseKinematics:
+    def answer(self, found: _Found, tolerance: float, drives: FreeDrives) -> InverseKinematics:
         """The result, with what stands in the way."""
         residual, count = found.residual, 0 if self.target.position is None else 3
         distance = self.size * float(np.linalg.norm(residual[:count]))
         angle = float(np.linalg.norm(residual[count:]))
-        if found.error <= tolerance:
-            return InverseKinematics(found.q, True, distance, angle)
+        reached = found.error <= tolerance
+        result = InverseKinematics(
+            drives.commanded(found.q), self.kinematics.positions(found.q), reached, distance, angle
+        )
+        if reached:
+            return result
         held = tuple(name for name, place in zip(self.names, self.places[0], strict=True) if found.held[place])
         parts = [f"{distance:.3g} m" if count else "", f"{angle:.3g} rad" if len(residual) > count else ""]
         near = f"the nearest position that was found is {' and '.join(filter(None, parts))} from the target"
         why = f"The limits of {listed(held)} hold it back: " if held else "The target is out of reach: "
-        return InverseKinematics(found.q, False, distance, angle, held, f"{why}{near}.")
+        return replace(result, at_limits=held, reason=f"{why}{near}.{self._prescribed()}")
+
+    def _prescribed(self) -> str:
+        """A sentence about the joints that cannot be moved, as they are functions of time."""
+        if not (names := self.kinematics.mechanism.driven_names):
+            return ""
+        what = "is a function" if len(names) == 1 else "are functions"
+        return f" {listed(names)} {what} of time, here at {self.time:g} s: only the other joints were moved."
 
 
 def _frame(kinematics: Kinematics, name: str) -> tuple[str, Pose]:

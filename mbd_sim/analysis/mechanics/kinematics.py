@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import InputError, nearest
+from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.start import assemble
 from mbd_sim.dynamics.kinematics.tracing import trace
+from mbd_sim.dynamics.layouts.coordinate_names import named_positions, names_of_q
 from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.mechanism.spanning_tree import split_reference
+
+if TYPE_CHECKING:
+    from mbd_sim.analysis.mechanics.free_drives import FreeDrives
 
 
 class Kinematics:
@@ -60,7 +67,7 @@ class Kinematics:
         :param time: in s, on which drives depend.
         :raises ValueError: the number of coordinates is wrong.
         """
-        rows = np.array(self._poses(time, self._coordinates(q), self._values)).reshape(-1, 12)
+        rows = np.array(self._poses(time, self.checked(q), self._values)).reshape(-1, 12)
         positions, rotations = unpack_poses(rows)
         return {
             name: Pose(position.copy(), rotation.copy())
@@ -84,12 +91,34 @@ class Kinematics:
         pose = self.poses(q, time)[part]
         return np.asarray(pose.position + pose.rotation @ local)
 
+    def positions(self, q: Sequence[float] | Array | None = None) -> Mapping[str, float]:
+        """The position in rad or m of each coordinate and of each drive that follows commands, by its name.
+
+        A free joint has x, y, z and its rotation vector; those of drives by expressions of time are not among them.
+
+        :param q: (nq,) the coordinates, by default those at the start.
+        :raises ValueError: the number of coordinates is wrong.
+        """
+        return named_positions(self.mechanism, self.layout, self.checked(q))
+
+    @cached_property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """What each of the coordinates q (nq,) is: see `names_of_q`."""
+        return names_of_q(self.mechanism, self.layout)
+
+    @cached_property
+    def free_drives(self) -> FreeDrives:
+        """The same with the joints of drives that follow commands as coordinates."""
+        from mbd_sim.analysis.mechanics.free_drives import FreeDrives  # which has kinematics itself
+
+        return FreeDrives(self)
+
     def closed(self, q: Sequence[float] | Array, time: float = 0.0) -> Array:
         """The coordinates (nq,) near q that close the loops at a time.
 
         :raises ValueError: there are none, or the number of coordinates is wrong.
         """
-        closing = close_loops(self.constraints, time, self._coordinates(q), np.ones(self.layout.nv, dtype=bool))
+        closing = close_loops(self.constraints, time, self.checked(q), np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
             raise ValueError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
@@ -97,8 +126,9 @@ class Kinematics:
             )
         return closing.q
 
-    def _coordinates(self, q: Sequence[float] | Array | None) -> Array:
-        given = self.start if q is None else np.asarray(q, dtype=float)
-        if given.shape != self.start.shape or not np.all(np.isfinite(given)):
-            raise ValueError(f"q must be {len(self.start)} finite numbers.")
-        return given
+    def checked(self, q: Sequence[float] | Array | None) -> Array:
+        """The coordinates (nq,) as an array, by default those at the start.
+
+        :raises ValueError: wrong length, or one is not finite.
+        """
+        return self.start if q is None else finite_vector(q, len(self.start), "q", lambda: self.coordinate_names)

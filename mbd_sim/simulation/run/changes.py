@@ -19,6 +19,7 @@ from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product
+from mbd_sim.dynamics.layouts.coordinate_names import names_of_q
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
@@ -254,9 +255,9 @@ def started(
     y, inputs = model.start.copy(), model.inputs.copy()
     positions, speeds = (value if isinstance(value, Mapping) else {} for value in (q, u))
     if q is not None and not isinstance(q, Mapping):
-        y[model.q_range] = finite_vector(q, model.layout.nq, "q")
+        y[model.q_range] = finite_vector(q, model.layout.nq, "q", lambda: names_of_q(model.mechanism, model.layout))
     if u is not None and not isinstance(u, Mapping):
-        y[model.u_range] = finite_vector(u, model.layout.nv, "u")
+        y[model.u_range] = finite_vector(u, model.layout.nv, "u", lambda: model.coordinate_names)
     inputs[model.input_layout.values] = values
     model.normalize(y)
     if q is None and u is None and np.array_equal(inputs, model.inputs):

@@ -165,3 +165,36 @@ def test_an_orientation_alone(planar):
     assert found.reached and found.q.sum() == pytest.approx(2.0, abs=1e-12)
     tilted = inverse_kinematics(planar, "lower", rotation=from_rpy(0.3, 0.0, 0.0), tries=2)
     assert not tilted.reached and tilted.angle == pytest.approx(0.3, rel=1e-6)
+
+
+@pytest.mark.parametrize("commands", [("position", "position"), ("velocity", None), (None, "position")])
+def test_joints_whose_drives_follow_commands_reach_what_they_reach_without_drives(planar, commands):
+    text = PLANAR
+    for joint, command in zip(("shoulder", "elbow"), commands, strict=True):
+        drive = f"drive: {{command: {command}, bandwidth: 50, lower: -3, upper: 2.9, position: 0.1}}"
+        if command is not None:
+            line = next(line for line in PLANAR.splitlines() if line.strip().startswith(joint))
+            text = text.replace(line, line.replace(", position: 0.5", "").replace("}", f", {drive}}}"))
+    arm = Kinematics(parse_mechanism(text))
+    found = inverse_kinematics(arm, "lower.tip", [0.6, 0.4, 0.0])
+    assert found.reached and arm.point("lower.tip", found.q) == pytest.approx([0.6, 0.4, 0.0], abs=1e-9)
+    plain = [found.positions["shoulder"], found.positions["elbow"]]
+    assert planar.point("lower.tip", plain) == pytest.approx([0.6, 0.4, 0.0], abs=1e-9)
+    again = inverse_kinematics(arm, "lower.tip", [0.6, 0.4, 0.0], q=found.q)
+    assert again.positions == pytest.approx(found.positions, abs=1e-9)  # which begins there
+    behind = inverse_kinematics(arm, "lower.tip", [-(ONE + TWO), 0.0, 0.0])  # by half a turn of the shoulder
+    assert behind.reached == (commands[0] is None)
+    assert behind.reached or (behind.at_limits == ("shoulder",) and abs(behind.positions["shoulder"]) >= 2.9)
+
+
+def test_what_an_expression_of_time_moves_is_named_where_a_target_is_out_of_reach():
+    arm = Kinematics(parse_mechanism(PLANAR.replace("0, 1]}", "0, 1], drive: t}", 1)))
+    found = inverse_kinematics(arm, "lower.tip", [0.0, 1.2, 0.0], time=0.5)
+    assert not found.reached and found.reason.endswith(
+        " shoulder is a function of time, here at 0.5 s: only the other joints were moved."
+    )
+
+
+def test_coordinates_of_a_wrong_number_are_named_in_their_order(planar):
+    with pytest.raises(ValueError, match="They are, in this order: shoulder, elbow"):
+        planar.poses([0.1])
