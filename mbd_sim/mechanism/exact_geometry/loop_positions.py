@@ -22,6 +22,7 @@ from mbd_sim.mechanism.spanning_tree import loop_through
 NEARLY = 3e-3  # a singular value of a loop's twists that counts as zero within the digits of a file
 LONGEST_STEP = 0.6  # rad, or parts of the size
 ITERATIONS, ATTEMPTS = 60, 12
+LATELY = 10  # iterations in which a gap is at least halved if it is ever to be closed
 CONVERGED = 1e-14  # step, rad or parts of the size
 CLOSED, NEAR = 1e-12, 0.1  # a gap that is round-off, and how far it may take to close it; rad or parts of the size
 
@@ -84,6 +85,7 @@ class Loops:
         """The poses at the start values of the file."""
         return self._placed({joint.name: start_of(joint) for joint in self.tree})
 
+    @cached_property
     def closed(self) -> Placement | None:
         """A configuration near the start values of the file in which all loops are closed, nearly; None: not found."""
         random = np.random.default_rng(0)
@@ -118,9 +120,12 @@ class Loops:
 
     def _converged(self, q: Mapping[str, Array], free: Array, least: float) -> Placement:
         """Gauss-Newton from q, with singular values above the `least` fraction of the largest."""
-        place = self._placed(q)
+        place, largest = self._placed(q), list[float]()
         for _ in range(ITERATIONS):
             gaps, slopes = self.gaps(place)
+            largest.append(float(np.max(np.abs(gaps), initial=0.0)))
+            if _is_hopeless(largest):
+                break
             left, sizes, right = np.linalg.svd(slopes[:, free], full_matrices=False)
             used = sizes > least * np.max(sizes, initial=0.0)
             step = np.zeros(len(free))
@@ -192,6 +197,12 @@ class Loops:
     def open_by(self, name: str, place: Placement) -> Array:
         """The twist (6,) by which a loop is open, about ground's origin."""
         return displacement(self.closing[name], *place.frames(self.closing[name]))
+
+
+def _is_hopeless(gaps: Sequence[float]) -> bool:
+    """Whether a gap that is far from closed has hardly become smaller lately: even a stretched chain halves it."""
+    lately = min(gaps[-LATELY:])
+    return len(gaps) >= 2 * LATELY and lately > NEARLY and lately > 0.5 * min(gaps[:-LATELY])
 
 
 def start_of(joint: Joint) -> Array:

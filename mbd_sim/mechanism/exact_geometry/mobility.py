@@ -32,19 +32,18 @@ WITHIN = 1.0 - 1e-6  # half units of the last digit
 ITERATIONS, ATTEMPTS, LAWSON = 30, 3, 100
 
 
-def mobile(written: Mechanism, mended: Mechanism) -> dict[str, Joint]:
+def mobile(written: Mechanism, loops: Loops) -> dict[str, Joint]:
     """The joints that are to be moved so that the loops of a mechanism move, by their names; none if nothing is.
 
-    :param mended: the mechanism with exact directions of axes.
+    :param loops: those of the mechanism with exact directions of axes.
     """
-    loops = Loops(mended)
-    place = loops.closed()
+    place, mended = loops.closed, loops.mechanism
     if place is None or not _is_nearly_redundant(loops, [place], _rank(loops, place)):
         return {}
     turned = {name: _turned(joint, mended.all_joints[name]) for name, joint in written.all_joints.items()}
     mechanism = _without_drives(with_joints(written, turned))
     loops = Loops(mechanism)
-    start = loops.closed()
+    start = loops.closed
     if start is None or not _is_nearly_redundant(loops, [start], _rank(loops, start)):
         return {}
     places = _path(loops, start)

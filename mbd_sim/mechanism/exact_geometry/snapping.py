@@ -52,15 +52,18 @@ def inexact(mechanism: Mechanism, tolerance: float) -> tuple[str, ...]:
 
 
 def _exact(mechanism: Mechanism, tolerance: float) -> Mechanism:
-    return _with_exact_couplings(_moving(mechanism, _mended(mechanism, tolerance)), tolerance)
+    loops = Loops(with_guides(mechanism, guides(mechanism)))
+    if loops.closed is not None:
+        mended = _mended(mechanism, loops, loops.closed, tolerance)
+        if mended is not mechanism:
+            loops = Loops(with_guides(mended, guides(mended)))
+        mechanism = _moving(mechanism, mended, loops)
+    return _with_exact_couplings(mechanism, tolerance)
 
 
-def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
+def _mended(mechanism: Mechanism, loops: Loops, place: Placement, tolerance: float) -> Mechanism:
+    """A mechanism with exact directions of axes."""
     found = guides(mechanism)
-    loops = Loops(with_guides(mechanism, found))
-    place = loops.closed()
-    if place is None:
-        return mechanism
     massless = {guide.pin.name: guide.pin.parent for guide in found}
     groups = Groups()
     mended: dict[str, Joint] = {}
@@ -90,11 +93,11 @@ def _mended(mechanism: Mechanism, tolerance: float) -> Mechanism:
     return dataclasses.replace(mechanism, constraints=tuple(constraints.values()), moved=moves)
 
 
-def _moving(written: Mechanism, mended: Mechanism) -> Mechanism:
-    """A mechanism whose axes are mended, with the lengths with which its loops move."""
+def _moving(written: Mechanism, mended: Mechanism, loops: Loops) -> Mechanism:
+    """A mechanism whose axes are mended, which has these loops, with the lengths with which they move."""
     found = guides(written)
     before = with_guides(written, found)
-    changed = mobile(before, with_guides(mended, guides(mended)))
+    changed = mobile(before, loops)
     if not changed:
         return mended
     moves = {name: _move(joint, changed[name]) for name, joint in written.all_joints.items() if name in changed}

@@ -135,7 +135,7 @@ class AnyPage:
         """Type a number beside a slider, also one that the page shows but has not sent."""
         field = self.field(label)
         with contextlib.suppress(sync_api.TimeoutError):
-            if field.input_value() == text:
+            if field.input_value(timeout=AT_ONCE) == text:
                 field.fill("", timeout=AT_ONCE)
             field.fill(text, timeout=AT_ONCE)
             field.press("Enter", timeout=AT_ONCE)
