@@ -161,10 +161,6 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.publishing_thread.prepare(self.stepping_thread.run.output.journal.snapshot(Due.NEW))
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, self.get_logger())
         self.publishing_thread.recordings = self.recordings
-        self.ring = node_ring(
-            parameters, self.stepping_thread, self.publishing_thread, self.recordings, self.get_logger()
-        )
-        self.publishing_thread.ring = self.ring
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, self.get_logger())
         self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
         subscriptions = self.subscribed = Subscriptions(
@@ -185,8 +181,10 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._serve(end)
 
     def _serve(self, end: Callable[[], None]) -> None:
-        """Offer the services, and the action, that control the run from outside."""
+        """Offer the services, and the action, that control the run from outside; keep what one of them writes."""
         thread, parameters = self.stepping_thread, self.parameters
+        self.ring = node_ring(parameters, thread, self.publishing_thread, self.recordings, self.get_logger())
+        self.publishing_thread.ring = self.ring
         # The threads of a recording are new, and need their priority.
         self.run_services = RunServices(self, thread, parameters, self.recordings, self.ring, self._prioritize)
         self.simulation_services = serve_simulation_interfaces(self, thread, end, parameters["frame_prefix"])

@@ -27,7 +27,7 @@ Message = tuple[str, bytes, int, int]  # topic, payload, time in ns, tick
 
 
 @dataclass
-class _Piece:
+class _KeptPiece:
     """A part of the run: what determines it, the messages with which a file begins, and those that follow."""
 
     moment: Snapshot
@@ -41,7 +41,7 @@ class _Piece:
 class _Writing:
     """A recording to be written: its pieces, why, and, once `done` is set, how that went."""
 
-    pieces: list[_Piece]
+    pieces: list[_KeptPiece]
     cause: str
     done: threading.Event = field(default_factory=threading.Event)
     path: str = ""
@@ -75,7 +75,7 @@ class NodeRing:
         self.piece_steps = max(self._steps // PIECES, 1)
         self._open_recorder, self._metadata, self._request = open_recorder, metadata, request
         self._on_written, self._on_failure = on_written, on_failure
-        self._pieces: list[_Piece] = []
+        self._pieces: list[_KeptPiece] = []
         self._each_file: dict[str, bytes] = {}  # the last message of each topic that begins every file
         self._size, self._asked, self._short = 0, False, False
         self._jobs: queue.SimpleQueue[_Writing | None] = queue.SimpleQueue()
@@ -85,7 +85,7 @@ class NodeRing:
     def begin(self, moment: Snapshot) -> None:
         """Begin the next piece with what is put from now on; for the publishing thread, or before it starts."""
         self._asked = False
-        self._pieces.append(_Piece(moment, self._metadata(moment), dict(self._each_file)))
+        self._pieces.append(_KeptPiece(moment, self._metadata(moment), dict(self._each_file)))
         self._forget(moment.ticks)
 
     def put(self, name: str, payload: bytes, time_ns: int, ticks: int, *, in_each_file: bool = False) -> None:

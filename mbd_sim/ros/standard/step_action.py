@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
@@ -23,7 +23,7 @@ FEEDBACK = QoSProfile(depth=BURST)
 
 
 def serve_step_action(node: Node, stepping_thread: SteppingThread, messages: ModuleType) -> StepAction | None:
-    """Serve the action; None if the installed package has none, as before its version 1.0."""
+    """Serve the action; None if the installed package has none."""
     try:
         actions = importlib.import_module("simulation_interfaces.action")
     except ImportError:
@@ -34,12 +34,12 @@ def serve_step_action(node: Node, stepping_thread: SteppingThread, messages: Mod
 class _NextTurn:
     """Awaited by a coroutine that the executor is to continue after what else has arrived."""
 
-    def __await__(self) -> Iterator[None]:
+    def __await__(self) -> Generator[None]:
         yield
 
 
 @dataclass
-class _Progress:
+class _StepProgress:
     """How far a goal is."""
 
     steps: int
@@ -94,7 +94,7 @@ class StepAction:
         if not handle.request.steps:
             handle.abort()
             return self._codes.RESULT_OPERATION_FAILED, "no steps: give one or more"
-        progress = _Progress(int(handle.request.steps))
+        progress = _StepProgress(int(handle.request.steps))
         while progress.left:
             if handle.is_cancel_requested:
                 self._stepping_thread.step(0)  # publishes the state in which the goal ends
@@ -107,7 +107,7 @@ class StepAction:
         handle.succeed()
         return self._codes.RESULT_OK, ""
 
-    def _take_piece(self, handle: Any, progress: _Progress) -> str:
+    def _take_piece(self, handle: Any, progress: _StepProgress) -> str:
         """Take some more steps of a goal; returns the problem, or ""."""
         until = time.monotonic() + WORK
 
