@@ -7,7 +7,7 @@ mass are exact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import casadi as ca
@@ -25,6 +25,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.algebra.formulas import Formula, ParameterSamples, formulas
 from mbd_sim.studies.algebra.polynomial import Exact
 from mbd_sim.studies.algebra.samples import number_samples, sampled, with_forces_alone
+from mbd_sim.studies.optimization.derived_parameters import derived_parameters, derived_values
 
 ONE = Formula(((Exact(Fraction(1)), ()),))
 
@@ -36,6 +37,8 @@ class ParameterInputs:
     `numbers` are symbols of the equations. Each is the quotient of two `formulas` in the parameters. `points` has the
     formulas of the position (3,) of each point, by part and name, in the part's frame.
 
+    The formulas are those in `variables`: the parameters, or these and others of the file that follow from them.
+
     `starts` has those of the numbers at the start, by the paths of `start_numbers`; of a number without a short
     formula, the indices of the parameters on which it depends. It is empty if they were not asked for.
     """
@@ -46,18 +49,20 @@ class ParameterInputs:
     formulas: tuple[tuple[Formula, Formula], ...]
     points: Mapping[tuple[str, str], tuple[Formula, ...]]
     starts: Mapping[Path, Formula | tuple[int, ...]] = field(default_factory=dict)
+    variables: Callable[[ca.SX], ca.SX] = lambda parameters: parameters
 
     def numbers_at(self, parameters: ca.SX) -> ca.SX:
         """The numbers of the equations for parameters (n,)."""
+        variables = self.variables(parameters)
         quotients = (
-            casadi_expression(above, parameters) / casadi_expression(below, parameters)
-            for above, below in self.formulas
+            casadi_expression(above, variables) / casadi_expression(below, variables) for above, below in self.formulas
         )
         return ca.vertcat(ca.SX(0, 1), *quotients)
 
     def point_at(self, part: str, point: str, parameters: ca.SX) -> ca.SX:
         """The position (3,) of a point in its part's frame."""
-        return ca.vertcat(*(casadi_expression(formula, parameters) for formula in self.points[part, point]))
+        variables = self.variables(parameters)
+        return ca.vertcat(*(casadi_expression(formula, variables) for formula in self.points[part, point]))
 
 
 def parameter_inputs(
@@ -76,6 +81,25 @@ def parameter_inputs(
         numbers without a short formula.
     """
     keys = (keys,) if isinstance(keys, str) else tuple(keys)
+    try:
+        return _inputs(mechanism, keys, reduced, starts=starts)
+    except _NoFormulaError:
+        derived = [] if starts else derived_parameters(mechanism, keys)
+        if not derived:
+            raise
+    # Numbers may have short formulas in parameters that the file computes, whatever the formulas of these.
+    values = derived_values(mechanism, keys, derived)
+    found = _inputs(mechanism, (*keys, *derived), reduced, starts=False)
+    return replace(found, keys=keys, values=found.values[: len(keys)], variables=values)
+
+
+class _NoFormulaError(MechanismError):
+    """A number depends on the parameters by no short formula."""
+
+
+def _inputs(
+    mechanism: Mechanism, keys: tuple[str, ...], reduced: Callable[[Mechanism], Mechanism], *, starts: bool
+) -> ParameterInputs:
     whole, mechanism, start = mechanism, reduced(mechanism), values_of(mechanism, keys)
     _require_each_once(mechanism, keys)
     data = equation_data(mechanism)
@@ -181,7 +205,7 @@ def _quotient(
         if isinstance(above, Formula) and isinstance(below, Formula):
             return above, below
     what = ".".join(map(str, path[1:]))
-    raise MechanismError([_problem(mechanism, keys[0], f"{what} depends on the inputs by no short formula")])
+    raise _NoFormulaError([_problem(mechanism, keys[0], f"{what} depends on the inputs by no short formula")])
 
 
 def _numbers(mechanism: Mechanism) -> Array:
