@@ -86,7 +86,8 @@ def test_an_animation_moves(keep):
     name, data = keep.downloaded("Animation")
     animation = Image.open(io.BytesIO(data))
     assert name == "four_bar.webp"
-    assert 5 <= animation.n_frames <= 51
+    # A busy machine takes few steps in the time of a frame.
+    assert 2 <= animation.n_frames <= min(51, len(keep.lab.session.history.points()))
     first = np.asarray(animation.convert("RGB"))
     animation.seek(animation.n_frames - 1)
     assert np.any(first != np.asarray(animation.convert("RGB")))
