@@ -315,7 +315,9 @@ class _ControlBlocks:
             record = {"type": "imu", "at": reference(frame)}
             record |= {"orientation": {}} if interfaces & ORIENTATION else {}
         own = accepted_names([name], "sensor")[name]
-        self.sensors.setdefault(own, record)
+        if isinstance(written := self.sensors.setdefault(own, record), dict):
+            same = written.get("type") in (None, record["type"])
+            self.sensors[own] = {**record, **written} if same else written
         self.served.setdefault("sensors", []).append(own)
 
     def _joint_before(self, part: str) -> str | None:
