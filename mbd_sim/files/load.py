@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from mbd_sim.base.disk_cache import cached
 from mbd_sim.base.errors import MechanismError, Problem, few_suggestions, quoted
-from mbd_sim.files.text.library import XACRO_SUFFIX, digest_of_file, find, read_text, split_arguments
+from mbd_sim.files.text.library import (
+    XACRO_SUFFIX,
+    ArgumentValue,
+    argument_texts,
+    digest_of_file,
+    find,
+    read_text,
+    split_arguments,
+)
 from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ def load_mechanism(
     floor: bool = False,
     limits: Literal["stops"] | None = None,
     hulls: bool = False,
-    xacro: Mapping[str, str] | None = None,
+    xacro: Mapping[str, ArgumentValue] | None = None,
     control: Interface | None = None,
 ) -> Mechanism:
     """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
@@ -41,14 +49,14 @@ def load_mechanism(
     :param floor: whether it stands on a floor, see `on_floor`.
     :param limits: `stops` makes the limits of joints rigid stops.
     :param hulls: whether meshes of `<collision>` and of geoms touch as their hulls also where the file has no contacts.
-    :param xacro: values of the arguments of a xacro file.
+    :param xacro: values of the arguments of a xacro file: words, numbers, or True and False.
     :param control: makes the `<ros2_control>` blocks of the robot act: the command interface that a joint serves which
         has several of them.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
     named, arguments = split_arguments(str(mechanism))
     path = find(named)
-    arguments |= xacro or {}
+    arguments |= argument_texts(xacro or {})
     found = parse_mechanism(read_text(path), str(path), base, hulls=hulls or floor, xacro=arguments, control=control)
     return set_up(found, {"limits": limits} if limits else {}, floor=floor)
 
@@ -75,7 +83,7 @@ def parse_mechanism(
     base: Base | None = None,
     *,
     hulls: bool = False,
-    xacro: Mapping[str, str] | None = None,
+    xacro: Mapping[str, ArgumentValue] | None = None,
     control: Interface | None = None,
 ) -> Mechanism:
     """The mechanism that the text of a mechanism file, a URDF, an MJCF or an SDF describes.
@@ -85,14 +93,15 @@ def parse_mechanism(
     :raises MechanismError: see `load_mechanism`.
     """
     way = " ".join(word for word in (base, "with hulls" if hulls else "", control and f"control {control}") if word)
-    plain = text
+    plain, arguments = text, dict[str, str]()
     if xacro or "xacro" in text or file.endswith(XACRO_SUFFIX):
         from mbd_sim.files.text.xacro_files import expanded
 
-        plain = expanded(text, file, xacro or {})
+        arguments = argument_texts(xacro or {})
+        plain = expanded(text, file, arguments)
     mechanism = cached_mechanism(plain, file, way, lambda: _parsed(plain, file, base, hulls, control))
     if plain is not text:
-        mechanism.source.xacro = dict(xacro or {})  # the text is found in the cache whichever arguments wrote it
+        mechanism.source.xacro = arguments  # the text is found in the cache whichever arguments wrote it
     return mechanism
 
 

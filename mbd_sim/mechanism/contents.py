@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, assert_never
 
 from mbd_sim.base.errors import MechanismError, Problem, listed
-from mbd_sim.mechanism.elements.constraints import is_one_sided
+from mbd_sim.mechanism.elements.constraints import Coupling, is_one_sided
 from mbd_sim.mechanism.elements.forces import (
     AppliedEffort,
     AppliedForce,
@@ -32,6 +32,21 @@ if TYPE_CHECKING:  # few mechanisms have actuators
 def commanded_drives(mechanism: Mechanism) -> Mapping[str, CommandedDrive]:
     """The drives that follow commands, by the names of their joints, in the order of the file."""
     return {name: joint.drive for name, joint in mechanism.joints.items() if isinstance(joint.drive, CommandedDrive)}
+
+
+def led_by_drives(mechanism: Mechanism) -> dict[str, str]:
+    """The coordinates that couplings with driven ones prescribe, each with the coordinate that leads it."""
+    exact = [one for one in mechanism.constraints if isinstance(one, Coupling) and not (one.play or one.bound)]
+    prescribed, found = set(mechanism.driven_names), dict[str, str]()
+    while exact:
+        ends = [(one, [name for name in one.factors if name not in prescribed]) for one in exact]
+        led = {names[0]: one for one, names in ends if len(names) == 1}
+        if not led:
+            break
+        found |= {name: next((other for other in one.factors if other != name), "") for name, one in led.items()}
+        prescribed |= led.keys()
+        exact = [one for one, names in ends if len(names) > 1]
+    return found
 
 
 def require_no_commanded_drives(mechanism: Mechanism, what: str) -> None:

@@ -6,53 +6,46 @@ is taken as one without a drive.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.mechanism.contents import commanded_drives
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint, Limits
 from mbd_sim.mechanism.mechanism import Mechanism
 
 
+@dataclass(frozen=True)
 class FreeDrives:
-    """The kinematics of a mechanism with the joints of commanded drives as coordinates, within the ranges of these.
+    """Coordinates of a mechanism and of the same with free drives, by their layouts."""
 
-    Without such drives, they are those of the mechanism itself.
-    """
-
-    def __init__(self, driven: Kinematics) -> None:
-        self.driven = driven
-        self._drives = commanded_drives(driven.mechanism)
-        self.kinematics = Kinematics(_released(driven.mechanism)) if self._drives else driven
+    driven: CoordinateLayout
+    free: CoordinateLayout
 
     def released(self, q: Array) -> Array:
         """The coordinates with those of the drives, from those (nq,) of the mechanism itself."""
-        if not self._drives:
-            return q
-        found = np.zeros(self.kinematics.layout.nq)
-        for name, place in self.kinematics.layout.q.items():
-            own = self.driven.layout.q[name]
-            found[place] = q[self.driven.layout.drives[name].start] if name in self._drives else q[own]
+        found = np.zeros(self.free.nq)
+        for name, place in self.free.q.items():
+            drive = self.driven.drives.get(name)
+            found[place] = q[self.driven.q[name]] if drive is None else q[drive.start]
         return found
 
     def commanded(self, q: Array) -> Array:
         """The coordinates (nq,) of the mechanism itself, with drives at rest, from those with the drives."""
-        if not self._drives:
-            return q
-        found = np.zeros(self.driven.layout.nq)
-        for name, place in self.kinematics.layout.q.items():
-            if name in self._drives:
-                found[self.driven.layout.drives[name].start] = q[place][0]
+        found = np.zeros(self.driven.nq)
+        for name, place in self.free.q.items():
+            drive = self.driven.drives.get(name)
+            if drive is None:
+                found[self.driven.q[name]] = q[place]
             else:
-                found[self.driven.layout.q[name]] = q[place]
+                found[drive.start] = q[place][0]
         return found
 
 
-def _released(mechanism: Mechanism) -> Mechanism:
+def with_free_drives(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with the joints of commanded drives as free ones, within the ranges of these."""
     joints = {name: _without_commanded_drive(joint) for name, joint in mechanism.joints.items()}
     return replace(mechanism, joints=joints)
 
@@ -65,7 +58,10 @@ def _without_commanded_drive(joint: Joint) -> Joint:
         joint,
         drive=(),
         position=np.array([drive.start]),
-        **{key: np.zeros(1) for key in ("velocity", "stiffness", "rest", "damping")},
+        velocity=np.zeros(1),
+        stiffness=np.zeros(1),
+        rest=np.zeros(1),
+        damping=np.zeros(1),
         limits=(Limits(drive.lower, drive.upper),),
         fixed_in_assembly=(True,),
         fixed_speeds=(True,),

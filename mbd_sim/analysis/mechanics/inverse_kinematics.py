@@ -95,10 +95,11 @@ def inverse_kinematics(
     :param tolerance: up to which the target counts as reached, in rad and relative to the size of the mechanism.
     :raises ValueError: there is no such frame, or numbers do not fit; or no position from q closes the loops.
     """
-    drives = kinematics.free_drives
-    problem = _Reaching(drives.kinematics, frame, _target(position, rotation), time, limits)
+    free = kinematics.with_free_drives
+    drives = FreeDrives(kinematics.layout, free.layout)
+    problem = _Reaching(free, frame, _target(position, rotation), time, limits)
     random, best, alike = np.random.default_rng(0), None, 0
-    start = drives.kinematics.closed(drives.released(kinematics.checked(q)), time)
+    start = free.closed(drives.released(kinematics.checked(q)), time)
     for attempt in range(max(1, tries)):
         begin = start if attempt == 0 else problem.scattered(random, start)
         if begin is None:

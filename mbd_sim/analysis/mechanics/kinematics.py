@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbd_sim.analysis.mechanics.free_drives import with_free_drives
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
@@ -22,9 +22,6 @@ from mbd_sim.dynamics.math.expressions import require_smooth
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.mechanism.spanning_tree import split_reference
-
-if TYPE_CHECKING:
-    from mbd_sim.analysis.mechanics.free_drives import FreeDrives
 
 
 class Kinematics:
@@ -107,11 +104,9 @@ class Kinematics:
         return names_of_q(self.mechanism, self.layout)
 
     @cached_property
-    def free_drives(self) -> FreeDrives:
-        """The same with the joints of drives that follow commands as coordinates."""
-        from mbd_sim.analysis.mechanics.free_drives import FreeDrives  # which has kinematics itself
-
-        return FreeDrives(self)
+    def with_free_drives(self) -> Kinematics:
+        """The same with the joints of drives that follow commands as coordinates; itself if there are none."""
+        return Kinematics(with_free_drives(self.mechanism)) if self.layout.drives else self
 
     def closed(self, q: Sequence[float] | Array, time: float = 0.0) -> Array:
         """The coordinates (nq,) near q that close the loops at a time.

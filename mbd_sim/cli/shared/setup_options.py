@@ -11,6 +11,7 @@ from mbd_sim.cli.shared.command import Waiting
 from mbd_sim.cli.shared.common import add_repeatable
 from mbd_sim.files.load import load_mechanism, set_up
 from mbd_sim.files.text.units import parse_value, split_unit
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import in_quotes, split_assignment
 
@@ -163,6 +164,11 @@ def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) ->
     for name, text in starts:
         joint, number = _coordinate(mechanism, name)
         key = f"joints.{in_quotes(joint)}.position"
+        if drive := mechanism.all_joints[joint].drive:
+            if not isinstance(drive, CommandedDrive):
+                message = f"--start {name}: an expression of time drives this joint, also at the start"
+                raise InputError(message, f"Change it: --set joints.{in_quotes(joint)}.drive=…")
+            key = f"joints.{in_quotes(joint)}.drive.position"
         if number is None:
             found[key] = _value(text, f"--start {name}")
             continue

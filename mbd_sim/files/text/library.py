@@ -9,9 +9,10 @@ import functools
 import hashlib
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-from mbd_sim.base.errors import MechanismError, Problem, nearest, quoted
+from mbd_sim.base.errors import InputError, MechanismError, Problem, nearest, quoted
 from mbd_sim.files.text.ros_packages import package_folders
 
 READ_SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf", ".world")
@@ -39,6 +40,9 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.rglob("*.yaml"))} if folder else {}
 
 
+ArgumentValue = str | float | bool  # of a xacro file
+
+
 def split_arguments(mechanism: str) -> tuple[str, dict[str, str]]:
     """The file, and the arguments after it: `robot.urdf.xacro name:=left size:=2`, as the program xacro takes them.
 
@@ -51,6 +55,20 @@ def split_arguments(mechanism: str) -> tuple[str, dict[str, str]]:
     return mechanism[: found[0].start()], {
         match[1]: mechanism[match.end() : end].strip() for match, end in zip(found, ends, strict=True)
     }
+
+
+def argument_texts(given: Mapping[str, object]) -> dict[str, str]:
+    """The values of the arguments of a xacro file as texts: words, numbers and truth values, as xacro takes them.
+
+    :raises InputError: a value is none of these.
+    """
+    found = {}
+    for name, value in given.items():
+        if not isinstance(value, str | int | float):
+            remedy = "Give a word, a number, true or false."
+            raise InputError(f"the argument {name} cannot be {quoted(value)}", remedy)
+        found[str(name)] = str(value).lower() if isinstance(value, bool) else str(value)
+    return found
 
 
 def find(mechanism: str | Path) -> Path:

@@ -26,6 +26,7 @@ IMU = {f"{quantity}.{axis}" for quantity in ("angular_velocity", "linear_acceler
 ORIENTATION = {f"orientation.{axis}" for axis in (*AXES, "w")}
 FORCE_TORQUE = {f"{quantity}.{axis}" for quantity in ("force", "torque") for axis in AXES}
 READ_IN_JOINT = ("command_interface", "state_interface", "param")
+BY_ACTUATORS = "efforts by actuators, as their ranges are not symmetric; actuator_timeout ends their commands"
 TRANSMISSION = "<transmission>, which changes nothing, because commands and states are those of the joints"
 
 
@@ -188,7 +189,7 @@ class _ControlBlocks:
 
     def _serve(self, name: str, commands: Mapping[Interface, _Limits], states: Mapping[Interface, _Limits]) -> None:
         """Let a joint take the commands of one interface, and start where the states say."""
-        record = self.joints[name]
+        record, by_actuator = self.joints[name], False
         if record.get("drive") is not None or name in self.moved:
             self.served.setdefault("by what the file has", []).append(name)
             return
@@ -210,13 +211,12 @@ class _ControlBlocks:
             self.joints[name] = self._driven(name, chosen, commands, start)
         else:
             self.joints[name] = {**{key: start[key] for key in ("position", "velocity") if key in start}, **record}
-            if chosen == "effort":
-                self._limit_effort(name, commands["effort"])
+            by_actuator = chosen == "effort" and self._limit_effort(name, commands["effort"])
         if "effort" in start:
             self._leave_out("initial values of efforts", name)
         if chosen is not None:
             kind = {"position": "positions by drives", "velocity": "velocities by drives", "effort": "efforts"}[chosen]
-            self.served.setdefault(kind, []).append(name)
+            self.served.setdefault(BY_ACTUATORS if by_actuator else kind, []).append(name)
 
     def _driven(
         self, name: str, chosen: Interface, commands: Mapping[Interface, _Limits], start: Mapping[Interface, float]
@@ -261,14 +261,21 @@ class _ControlBlocks:
         largest = max(ends, default=None)
         return _innermost(min, largest if largest else None, own)
 
-    def _limit_effort(self, name: str, limits: _Limits) -> None:
-        if limits.least is None and limits.most is None:
-            return
-        if limits.least is None or limits.most is None:
+    def _limit_effort(self, name: str, limits: _Limits) -> bool:
+        """Bound the effort of a joint; whether that needs an actuator, because the range is not symmetric."""
+        least, most = limits.least, limits.most
+        if least is None and most is None:
+            return False
+        if least is None or most is None:
             self._leave_out("ranges of efforts with one end", name)
-            return
+            return False
+        if least == -most:
+            record = self.joints[name]
+            self.joints[name] = {**record, "effort_limit": _innermost(min, most, record.get("effort_limit"))}
+            return False
         own = unique_name(name, self.actuators)
-        self.actuators[own] = {"type": "effort", "joint": name, "command_range": [limits.least, limits.most]}
+        self.actuators[own] = {"type": "effort", "joint": name, "command_range": [least, most]}
+        return True
 
     def _let_followers_start(self) -> None:
         """Let joints that follow another one start where they follow it."""
@@ -315,7 +322,9 @@ class _ControlBlocks:
             record = {"type": "imu", "at": reference(frame)}
             record |= {"orientation": {}} if interfaces & ORIENTATION else {}
         own = accepted_names([name], "sensor")[name]
-        self.sensors.setdefault(own, record)
+        if isinstance(written := self.sensors.setdefault(own, record), dict):
+            same = written.get("type") in (None, record["type"])
+            self.sensors[own] = {**record, **written} if same else written
         self.served.setdefault("sensors", []).append(own)
 
     def _joint_before(self, part: str) -> str | None:

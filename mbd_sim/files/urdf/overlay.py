@@ -10,8 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, get_args
 
-from mbd_sim.base.errors import MechanismError, nearest, quoted
-from mbd_sim.files.text.library import PACKAGE_URI, digest_of, packaged, read_text, split_arguments
+from mbd_sim.base.errors import InputError, MechanismError, nearest, quoted
+from mbd_sim.files.text.library import PACKAGE_URI, argument_texts, digest_of, packaged, read_text, split_arguments
 from mbd_sim.files.text.mesh_files import seen_from
 from mbd_sim.files.text.xacro_files import expanded
 from mbd_sim.files.text.xml import Base
@@ -69,15 +69,13 @@ def _arguments(source: Source) -> dict[str, str]:
         remedy = "Write for example xacro: {name: left}."
         source.problems.append(source.problem(("xacro",), "must be a mapping of arguments", remedy, given))
         return {}
+    found: dict[str, str] = {}
     for name, value in given.items():
-        if not isinstance(value, str | int | float):
-            remedy = "Write a word, a number, true or false."
-            source.problems.append(source.problem(("xacro", name), "is no value of an argument", remedy, value))
-    return {
-        str(name): str(value).lower() if isinstance(value, bool) else str(value)
-        for name, value in given.items()
-        if isinstance(value, str | int | float)
-    }
+        try:
+            found |= argument_texts({name: value})
+        except InputError as error:
+            source.problems.append(source.problem(("xacro", name), "is no value of an argument", error.remedy, value))
+    return found
 
 
 def _path(source: Source, urdf: str) -> Path:

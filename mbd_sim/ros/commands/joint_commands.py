@@ -81,6 +81,7 @@ class JointCommandRouter:
             return actuator
         if name not in self._takers:
             self._effort_map.require(name)
+            self._effort_map.require_leading(name)
         remedy = "Give it an actuator with a servo that controls its position."
         raise CommandError(f"joint '{name}' takes no position, which a trajectory commands", remedy)
 
@@ -108,6 +109,7 @@ class JointCommandRouter:
             taken = listed([cast(str, other) for other in self._takers[name]])
             what = "drive" if name in self._drives else "actuator"
             raise CommandError(f"the {what} of '{name}' takes no {channel}", f"Command its {taken}.")
+        self._effort_map.require_leading(name)
         if channel != EFFORT:
             self._effort_map.require(name)
             raise CommandError(f"joint '{name}' takes no {channel}, as it has no servo", "Command its effort.")

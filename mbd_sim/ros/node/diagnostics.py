@@ -31,7 +31,11 @@ MAX_VIOLATION = 1e-6  # of the constraints, in m and m/s
 MAX_WAITING = 1000  # snapshots that may wait to be published
 LARGE_SHARE = 0.1  # of the last second, from which something counts as the cause of lost time
 BUSY = "other programs are using the processor"
-PUBLISHING = "publishing takes {share:.0%} of the time: lower publish_rate, or request fewer outputs"
+PUBLISHING = "publishing takes {share:.0%} of the time: {remedy}"
+LOST = (
+    "{count} with states and measurements of the last second were neither published nor recorded, as too many wait "
+    "to be published: {remedy}"
+)
 COLLECTING = "Python's garbage collector searched for {seconds:.2g} s, after requests that made many objects"
 UNKNOWN = "requests to this node, or a stall of the machine, kept the interpreter busy"
 STEPS_TOO_EXPENSIVE = "stepping uses all available time: use a larger step or a cheaper method"
@@ -52,6 +56,7 @@ class CounterSample:
     rejected: int
     limited: int
     dropped: int
+    lost: int
     collecting: float
     waiting: float
 
@@ -110,6 +115,7 @@ class Diagnostics:
             rejected=self.subscriptions.rejected,
             limited=self.subscriptions.commands.limited,
             dropped=self._dropped + (recorder.dropped if recorder else 0),
+            lost=self.stepping_thread.counters.dropped,
             collecting=self.collection.seconds,
             waiting=waiting_time(stepping_thread.thread_id),
         )
@@ -168,10 +174,24 @@ class Diagnostics:
         shares = {
             COLLECTING.format(seconds=seconds): seconds / elapsed,
             BUSY: (now.waiting - last.waiting) / elapsed,
-            PUBLISHING.format(share=share): share - 0.5,  # its thread may use all time that is left
+            PUBLISHING.format(share=share, remedy=self._lighter): share
+            - 0.5,  # its thread may use all time that is left
         }
         cause = max(shares, key=shares.__getitem__)
         return cause if shares[cause] >= LARGE_SHARE else UNKNOWN
+
+    @property
+    def _lighter(self) -> str:
+        """What makes publishing cheaper: the sensors are named if these send more messages than states have."""
+        thread = self.stepping_thread
+        general, step = "lower publish_rate, or request fewer outputs", thread.simulation.step_size
+        rates = {one.name: one.sampling.rate or 1.0 / step for one in thread.simulation.mechanism.sensors}
+        if (total := sum(rates.values())) <= attained_rate(thread.rates.publish, step):
+            return general
+        names = sorted(rates, key=lambda name: -rates[name])
+        sent = listed([f"{name} {rates[name]:g} Hz" for name in names], 4)
+        key = f"sensors: {{{names[0]}: {{rate: 50 Hz}}}}"
+        return f"{total:g} measurements per simulated second ({sent}): give sensors a lower rate, {key}; or {general}"
 
     def _clock_problem(self, text: str) -> str:
         """The problem with the clock that the node publishes or follows, or ""."""
@@ -264,12 +284,16 @@ class Diagnostics:
             problem = recorder.failure
         if viewer is not None:
             values["dropped from Rerun"] = str(viewer.dropped)
+        if lost := now.lost - self._last.lost:
+            text_of_loss = LOST.format(count=counted(lost, "snapshot"), remedy=self._lighter)
+            self._node.get_logger().warning(text_of_loss, throttle_duration_sec=WARNING_PERIOD)
+            problem = problem or text_of_loss
         if not problem and (dropped := now.dropped - self._last.dropped) > 0:
             age = f", and states are {1e3 * self.publishing_thread.age:.0f} ms old when they are published"
             problem = f"{counted(dropped, 'message')} dropped in the last second"
-            problem += f"{age if self.publishing_thread.left_out else ''}: lower publish_rate, or request fewer outputs"
+            problem += f"{age if self.publishing_thread.left_out else ''}: {self._lighter}"
         elif not problem and waiting > MAX_WAITING and self.stepping_thread.rates.real_time_factor:
-            problem = f"{waiting} states wait to be published: lower publish_rate"
+            problem = f"{waiting} states wait to be published: {self._lighter}"
         return self._status("output", problem or text, bool(problem), values)
 
     def _status(

@@ -155,7 +155,7 @@ def requested_topics(parameters: NodeParameters, model: Model, node: Node) -> li
         if topic is ROBOT_DESCRIPTION and parameters["ros2_control"]:
             topics = ControlTopics(*map(node.resolve_topic_name, (JOINT_COMMANDS, JOINT_STATES.name)))
             own = [block.attributes.get("name", "") for block in control_blocks(model.mechanism)]
-            if own and not parameters["control"]:
+            if own and not model.mechanism.source.data.get("control"):
                 node.get_logger().warning(KEPT_BLOCKS.format(names=listed(own)))
             requested.append(replace(topic, at_start=partial(robot_description, control=topics)))
             continue

@@ -248,6 +248,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             f"stopped after {counted(self.stepping_thread.ticks, 'step')}{residual}; "
             f"{pacer.lateness.summary().in_words()}; {counted(pacer.overruns, 'overrun')}"
         )
+        if lost := self.stepping_thread.counters.dropped:
+            self.get_logger().warning(
+                f"{counted(lost, 'snapshot')} with states and measurements were neither published nor recorded: "
+                "publishing could not keep up"
+            )
         if summary := self.recordings.closing_summary():
             self.get_logger().info(summary)
 

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from mbd_sim.base.errors import CommandError, InputError, nearest, quoted
 from mbd_sim.files.checks.bare_angles import bare_argument_remark
 from mbd_sim.files.text.units import parse_value
+from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.names import split_assignment, split_words
 from mbd_sim.recordings.messages.topics import TOPICS
@@ -194,7 +195,7 @@ def start_values(text: str, parameters: Mapping[str, Any], model: Model) -> Stat
             raise CommandError(f"start: {name} is given twice", "Give one value.")
         values[name] = value
     try:
-        return checked_values(model, positions, speeds)
+        return checked_values(model, positions, speeds, at_start=True)
     except CommandError as error:
         raise CommandError(f"start: {error.message}", error.remedy) from error
 
@@ -223,11 +224,6 @@ def bare_angles_of(text: str, parameters: Mapping[str, Any], mechanism: Mechanis
 
 
 def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
-    """The SI unit of each free coordinate by its name."""
-    units = [
-        coordinate.unit
-        for joint in mechanism.joints.values()
-        if not joint.drive
-        for coordinate in joint.kind.coordinates
-    ]
-    return dict(zip(mechanism.coordinate_names, units, strict=True))
+    """The SI unit of each coordinate that has a start by its name: of free ones, and of drives that follow commands."""
+    names = (*mechanism.coordinate_names, *commanded_drives(mechanism))
+    return {name: mechanism.coordinate(name).unit for name in names}

@@ -19,6 +19,7 @@ from mbd_sim.base.errors import CommandError, listed, nearest
 from mbd_sim.ros.commands.command_buffer import Followed
 from mbd_sim.ros.commands.trajectory_player import Outcome, Setpoint, Tolerance, TrajectoryGoal
 from mbd_sim.ros.node.subscriptions import nanoseconds, trajectory_of
+from mbd_sim.ros.standard.messages import installs
 from mbd_sim.ros.stepping.thread import SteppingThread
 from mbd_sim.simulation.run.run_point import joint_state_arrays, joint_state_names
 
@@ -33,7 +34,7 @@ def serve_trajectory_action(
     try:
         actions = importlib.import_module("control_msgs.action")
     except ImportError:
-        node.get_logger().warning(f"{ACTION} is not served: control_msgs is not installed")
+        node.get_logger().warning(f"{ACTION} is not served: control_msgs is not installed. {installs('control_msgs')}")
         return None
     return TrajectoryAction(node, stepping_thread, reject, actions)
 

@@ -2,6 +2,8 @@
 
 It decouples the stepping thread from DDS, disks and viewers, so that stepping never waits for any of them. If it cannot
 keep up in real time, it leaves out states, markers and samples for the viewer, so that those that it publishes are new.
+If measurements alone take all of its time, it publishes the newest state out of turn, so that controllers still get
+some; this state is recorded in its turn.
 """
 
 from __future__ import annotations
@@ -9,7 +11,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
@@ -37,6 +40,10 @@ if TYPE_CHECKING:
 
 PATIENCE = 1.0  # s by which publishing may be late, as after a stall of the machine, before states are left out
 IMPATIENCE = 0.02  # s, the same until that long none has been left out
+STARVED = 0.1  # s without a state, after which the newest one is published out of turn
+
+
+_Sink = Callable[[str, bytes, int, int, bool], None]  # of a message: its topic, payload, time in ns, ticks, repetition
 
 
 class PublishingThread:
@@ -70,7 +77,8 @@ class PublishingThread:
         self.latest: Snapshot | None = None
         self.busy = self.age = 0.0  # s; spent in publishing
         self.left_out = 0
-        self._left_out_at = -math.inf  # s of the steady clock
+        self._left_out_at = self._stated_at = -math.inf  # s of the steady clock; the last state was published then
+        self._ahead: deque[Snapshot] = deque()  # published out of turn, and still in the queue
         self._output: SteppingOutput | None = None
         self._log = node.get_logger()
         self._topics = {topic.name: TopicPublisher(node, topic) for topic in requested}
@@ -170,9 +178,14 @@ class PublishingThread:
                 if self._clock is not None:
                     self._clock.publisher.publish(self._clock_message.payload())
         self.latest = snapshot
-        if self._is_outdated(snapshot):
+        if self._ahead and snapshot is self._ahead[0]:
+            self._ahead.popleft()
+            self._write_state(snapshot, self._record)
+            snapshot = _without_state(snapshot)
+        elif self._is_outdated(snapshot):
             self.left_out += 1
-            snapshot = replace(snapshot, due=snapshot.due & (Due.CLOCK | Due.SENSORS))
+            self._publish_newest()
+            snapshot = _without_state(snapshot)
         if Due.STATE in snapshot.due or Due.VIEW in snapshot.due:
             self._publish_state(snapshot)
         for one in self._sensors.measured(snapshot.arrivals, snapshot.clock_ns):
@@ -192,26 +205,44 @@ class PublishingThread:
         age = max(0.0, now - snapshot.taken)
         patience = IMPATIENCE if now - self._left_out_at < PATIENCE else PATIENCE
         newest = self._output.newest if self._output is not None else None
-        if age > patience and newest is not None and newest.ticks > snapshot.ticks:
+        if self._ahead or (age > patience and newest is not None and newest.ticks > snapshot.ticks):
             self._left_out_at = now
             return True
         self.age = age
         return False
 
+    def _publish_newest(self) -> None:
+        """Publish the newest state out of turn, if none has been published for long."""
+        now, newest = time.perf_counter(), self._output.newest if self._output is not None else None
+        if newest is None or now - self._stated_at < STARVED or (self._ahead and newest is self._ahead[-1]):
+            return
+        self._ahead.append(newest)
+        self._stated_at, self.age = now, max(0.0, now - newest.taken)
+        self._write_state(newest, self._publish)
+
     def _publish_state(self, snapshot: Snapshot) -> None:
         """Publish, record and show the state, as far as each of them is due."""
-        energies = self.model.energies(
-            snapshot.time, snapshot.point.state, snapshot.point.start_energy, snapshot.point.inputs
-        )
-        self.energies = energies
+        energies = self._energies(snapshot)
         if Due.STATE in snapshot.due:
-            for name, writer in self._state_writers.items():
-                payload = writer.payload(snapshot, energies)
-                self._send(name, payload, snapshot.clock_ns, snapshot.ticks, repeated=snapshot.repeated)
+            self._stated_at = time.perf_counter()
+            self._write_state(snapshot, self._publish, self._record, energies=energies)
         if Due.VIEW in snapshot.due and self.viewer is not None:
             self.viewer.offer(
                 snapshot.clock_ns * 1e-9, snapshot.point.state, snapshot.point.inputs, energies, snapshot.time
             )
+
+    def _energies(self, snapshot: Snapshot) -> Energies:
+        point = snapshot.point
+        self.energies = self.model.energies(snapshot.time, point.state, point.start_energy, point.inputs)
+        return self.energies
+
+    def _write_state(self, snapshot: Snapshot, *sinks: _Sink, energies: Energies | None = None) -> None:
+        """Write the messages of a state, each for all of the sinks."""
+        energies = energies or self._energies(snapshot)
+        for name, writer in self._state_writers.items():
+            payload = writer.payload(snapshot, energies)
+            for sink in sinks:
+                sink(name, payload, snapshot.clock_ns, snapshot.ticks, snapshot.repeated)
 
     def _publish_markers(self, snapshot: Snapshot) -> None:
         """Publish markers if there is a subscriber."""
@@ -238,13 +269,23 @@ class PublishingThread:
         elif event.kind not in (EventKind.COMMAND, EventKind.NEW_STATE):  # which may come with each move of a hand
             self._log.info(event.text)
 
-    def _send(self, name: str, payload: bytes, time_ns: int, ticks: int, *, repeated: bool = False) -> None:
-        """Publish a message, and record it unless it repeats the last one."""
-        publisher = self._topics[name]
-        publisher.publisher.publish(payload)
-        recorded = publisher.topic.recorded
+    def _send(self, name: str, payload: bytes, time_ns: int, ticks: int) -> None:
+        """Publish and record a message."""
+        self._publish(name, payload, time_ns, ticks)
+        self._record(name, payload, time_ns, ticks)
+
+    def _publish(self, name: str, payload: bytes, time_ns: int, ticks: int, repeated: bool = False) -> None:
+        self._topics[name].publisher.publish(payload)
+
+    def _record(self, name: str, payload: bytes, time_ns: int, ticks: int, repeated: bool = False) -> None:
+        """Record a message, unless it repeats the last one."""
+        recorded = self._topics[name].topic.recorded
         if recorded is Recorded.NO or repeated:
             return
         for sink in (self.recordings, self.ring):
             if sink is not None:
                 sink.put(name, payload, time_ns, ticks, in_each_file=recorded is Recorded.EACH_FILE)
+
+
+def _without_state(snapshot: Snapshot) -> Snapshot:
+    return replace(snapshot, due=snapshot.due & (Due.CLOCK | Due.SENSORS))

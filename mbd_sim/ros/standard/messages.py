@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from types import ModuleType
@@ -61,6 +62,12 @@ def twist_message(motion: PartMotion) -> Twist:
 def acceleration_message(motion: PartMotion) -> Accel:
     """The accelerations of a motion."""
     return Accel(linear=filled(Vector3(), motion.acceleration), angular=filled(Vector3(), motion.angular_acceleration))
+
+
+def installs(package: str) -> str:
+    """How a missing package of ROS is installed."""
+    name = f"ros-{os.environ.get('ROS_DISTRO', 'jazzy')}-{package.replace('_', '-')}"
+    return f"Where ROS 2 comes from apt: sudo apt install {name}. Else build {package} in a workspace and source that."
 
 
 def serve(node: Node, services: ModuleType, name: str, callback: Callable[[Any, Any], Any]) -> None:

@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from mbd_sim.files.text.yaml_text import mechanism_text
 from mbd_sim.ros.standard.entities import EntityServices
-from mbd_sim.ros.standard.messages import fail, serve
+from mbd_sim.ros.standard.messages import fail, installs, serve
 from mbd_sim.ros.standard.step_action import serve_step_action
 from mbd_sim.ros.stepping.thread import SteppingThread
 
@@ -42,10 +42,14 @@ MAX_STEPS = 10_000_000  # in one call; the node answers no other request meanwhi
 def serve_simulation_interfaces(
     node: Node, stepping_thread: SteppingThread, end: Callable[[], None], frame_prefix: str
 ) -> SimulationServices | None:
-    """Create the services; None if the package is not installed. `end` ends the program."""
+    """Create the services; None, which is logged, if the package is not installed. `end` ends the program."""
     try:
         messages, services = (importlib.import_module(f"simulation_interfaces.{kind}") for kind in ("msg", "srv"))
     except ImportError:
+        node.get_logger().info(
+            "the services of simulation_interfaces, such as get_entities and reset_simulation, are not served: this "
+            "package is not installed. " + installs("simulation_interfaces")
+        )
         return None
     EntityServices(node, stepping_thread, messages, services, frame_prefix)
     acts = serve_step_action(node, stepping_thread, messages) is not None

@@ -98,7 +98,7 @@ class Ensemble(ReadOnlyAttributes):
         variants = Variants(mechanism, changes, progress)
         self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
         self._variants = variants
-        self._effort_map = EffortMap(self.model.coordinate_names, variants.effort_limits(), self.model.driven_names)
+        self._effort_map = EffortMap.of(self.model.mechanism, variants.effort_limits())
         self._failures: dict[int, MemberFailure] = {}
         self._starts, values = variants.starts(self.model)
         self._steppers = member_steppers(self.model, variants, len(changes))

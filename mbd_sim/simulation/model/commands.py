@@ -16,6 +16,7 @@ import numpy as np
 from mbd_sim.base.errors import CommandError, counted, listed, nearest, printable, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
+from mbd_sim.mechanism.contents import commanded_drives, led_by_drives
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -136,7 +137,7 @@ class UnknownJointError(CommandError):
         self.name, self._valid = name, valid
 
     def __str__(self) -> str:
-        remedy = nearest(self.name, self._valid) or "No joint of this mechanism accepts efforts."
+        remedy = nearest(self.name, self._valid) or "No joint of this mechanism takes commands."
         return printable(f"{self.message}. {remedy}")
 
 
@@ -148,11 +149,28 @@ class EffortMap:
 
     __repr__ = short_repr
 
-    def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
-        """Efforts of `names` up to `limits`; `driven` coordinates take none."""
-        self.names, self._driven = tuple(names), frozenset(driven)
+    def __init__(
+        self,
+        names: Sequence[str],
+        limits: Array,
+        driven: Sequence[str] = (),
+        commanded: Mapping[str, CommandedDrive] | None = None,
+        led: Mapping[str, str] | None = None,
+    ) -> None:
+        """Efforts of `names` up to `limits`; `driven` coordinates take none, of which some are `commanded`.
+
+        :param led: coordinates that follow driven ones, see `led_by_drives`.
+        """
+        self._led = led or {}
+        self.names, self._driven, self._commanded = tuple(names), dict.fromkeys(driven), commanded or {}
         self._index = {name: index for index, name in enumerate(self.names)}
         self.limits = np.array(limits, dtype=float)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, limits: Array) -> EffortMap:
+        """That of the coordinates of a mechanism."""
+        drives, led = commanded_drives(mechanism), led_by_drives(mechanism)
+        return cls(mechanism.coordinate_names, limits, mechanism.driven_names, drives, led)
 
     def limit(self, limits: Array) -> None:
         """Set the largest absolute values from now on, in place: compiled code reads them."""
@@ -215,14 +233,24 @@ class EffortMap:
         """
         self._index_of(name)
 
+    def require_leading(self, name: str) -> None:
+        """Refuse a joint that follows a driven one, whose motion no command of its own can change.
+
+        :raises CommandError: it follows one.
+        """
+        if (leader := self._led.get(name)) is not None:
+            remedy = f"Command {leader}." if leader in self._commanded or leader in self._led else ""
+            raise CommandError(f"joint '{name}' follows '{leader}', so that it takes no commands", remedy)
+
     def _index_of(self, name: str) -> int:
         if name in self._driven:
+            drive = self._commanded.get(name)
+            remedy = f"Command its {listed(list(drive.channels))}." if drive else "Command another joint."
             raise CommandError(
-                f"joint '{name}' is driven: its drive prescribes the motion, so it accepts no effort",
-                "Command another joint.",
+                f"joint '{name}' is driven: its drive prescribes the motion, so it accepts no effort", remedy
             )
         if name not in self._index:
-            raise UnknownJointError(name, self._index)
+            raise UnknownJointError(name, (*self.names, *self._driven))
         return self._index[name]
 
 

@@ -20,6 +20,8 @@ from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.layouts.coordinate_names import names_of_q
+from mbd_sim.mechanism.contents import commanded_drives
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.source import Location
@@ -44,31 +46,52 @@ class StateValues(NamedTuple):
         return ", ".join([*positions, *speeds])
 
 
-def checked_values(model: Model, positions: Mapping[str, float], speeds: Mapping[str, float]) -> StateValues:
+def checked_values(
+    model: Model, positions: Mapping[str, float], speeds: Mapping[str, float], *, at_start: bool
+) -> StateValues:
     """Positions and speeds by the names of coordinates.
+
+    At the start, drives that follow commands can be given positions as well.
 
     :raises CommandError: an unknown or driven coordinate, a value that is not finite, or nothing to set.
     """
+    drives = commanded_drives(model.mechanism)
     for key, values in (("position", positions), ("velocity", speeds)):
         for name in values:
-            if name in model.driven_names:
+            if name in model.driven_names and not (at_start and name in drives and key == "position"):
+                raise _driven_error(name, drives.get(name), at_start)
+            if name not in model.coordinate_names and name not in drives:
                 raise CommandError(
-                    f"joint '{name}' is driven: its drive prescribes the motion", "Name only other joints."
+                    f"there is no joint '{name}'", nearest(name, (*model.coordinate_names, *model.driven_names))
                 )
-            if name not in model.coordinate_names:
-                raise CommandError(f"there is no joint '{name}'", nearest(name, model.coordinate_names))
         if bad := [name for name, value in values.items() if not math.isfinite(value)]:
             raise CommandError(f"the {key} of {listed(bad)} is not finite", "Give finite numbers.")
+    for name in positions.keys() & drives.keys():
+        lower, upper = drives[name].lower, drives[name].upper
+        if not lower <= positions[name] <= upper:
+            text = f"{name} = {positions[name]:.6g} is beyond the range of its drive, {lower:.6g} to {upper:.6g}"
+            raise CommandError(text, "Give a position within it.")
     if not positions and not speeds:
         raise CommandError("it sets nothing", "Give names, and a position or a velocity for each.")
     return StateValues(dict(positions), dict(speeds))
 
 
+def _driven_error(name: str, drive: CommandedDrive | None, at_start: bool) -> CommandError:
+    text = f"joint '{name}' is driven: its drive prescribes the motion"
+    if drive is None:
+        return CommandError(text, "Name only other joints.")
+    if at_start:
+        return CommandError(f"{text}, and begins at rest", f"Give {name} a position, or command its velocity.")
+    again = f"reset(q={{'{name}': …}}), or in a node ~/reset with the parameter start '{name} = …'"
+    return CommandError(text, f"Command its {drive.channels[0]}, or start again from another one: {again}.")
+
+
 def state_with(model: Model, time: float, y: Array, values: Array, given: StateValues) -> Array:
     """The state y with given positions and speeds, at a time in s.
 
-    Coordinates that are not given keep their values, except as far as loops and constraints require others: then they
-    move as little as possible. In a singular configuration, speeds are those of one of the branches that meet there.
+    Drives with a given position are at rest there. Coordinates that are not given keep their values, except as far as
+    loops and constraints require others: then they move as little as possible. In a singular configuration, speeds are
+    those of one of the branches that meet there.
 
     :param values: (n,) the live values among the inputs of the equations.
     :raises CommandError: with these values the loops cannot be closed, or the constraints cannot be satisfied.
@@ -90,11 +113,11 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         free = close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
         closed = moved.copy()
         closed[model.q_range] = free.q
-        found = dict(zip(names, model.coordinates(closed), strict=True))
+        found = {**given.positions, **dict(zip(names, model.coordinates(closed), strict=True))}  # drives stay
         if not free.closed:
             gap = f"a gap of {np.max(np.abs(free.gaps)):.3g} remains"
             raise CommandError(f"the loops cannot be closed near these positions: {gap}", "Give others.")
-        if any(abs(found[name] - value) > ROUNDING * sizes[name] for name, value in given.positions.items()):
+        if any(abs(found[n] - value) > ROUNDING * sizes.get(n, 0.0) for n, value in given.positions.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.positions)
             raise CommandError(
                 "the loops cannot be closed with these positions", f"Name fewer joints, or give {nearby}."
@@ -158,6 +181,9 @@ def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> A
     for joint, coordinates in model.layout.q.items():
         if any(name in positions for name in names[model.layout.u[joint]]):
             moved[coordinates] = replaced[coordinates]
+    for name, states in model.layout.drives.items():
+        if name in positions:
+            moved[states] = positions[name], 0.0, 0.0
     return moved
 
 
@@ -263,7 +289,7 @@ def started(
     if q is None and u is None and np.array_equal(inputs, model.inputs):
         return y, inputs
     if positions or speeds:
-        y = state_with(model, 0.0, y, values, checked_values(model, positions, speeds))
+        y = state_with(model, 0.0, y, values, checked_values(model, positions, speeds, at_start=True))
     else:
         given = y[model.u_range].copy()
         model.project(y, values)
@@ -276,7 +302,7 @@ def started(
 
 def moved(model: Model, memory: KernelMemory, positions: Mapping[str, float], speeds: Mapping[str, float]) -> Array:
     """The present state with positions and speeds by name: see `Simulation.set_state`."""
-    given = checked_values(model, positions, speeds)
+    given = checked_values(model, positions, speeds, at_start=False)
     time, before, inputs = memory.now
     y = state_with(model, time, before, inputs[model.input_layout.values], given)
     require_outside(model, time, y, inputs)

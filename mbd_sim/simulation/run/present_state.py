@@ -38,7 +38,7 @@ class PresentState(ReadOnlyAttributes):
         """Allocate the memory, and what reads it."""
         self.mechanism, self.model, self.step_size, self._live = mechanism, model, step, live
         memory = self._memory = KernelMemory(model, step)
-        self.effort_map = EffortMap(model.coordinate_names, mechanism.effort_limits(), model.driven_names)
+        self.effort_map = EffortMap.of(mechanism, mechanism.effort_limits())
         self._compiled = CompiledReadings(model, memory)
         self._dynamics = DynamicsReadings(model, memory, self.effort_map)
         self._sensors = RunSensors(model, mechanism, step, memory)

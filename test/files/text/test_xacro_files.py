@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from mbd_sim import Kinematics
-from mbd_sim.base.errors import MechanismError
+from mbd_sim.base.errors import InputError, MechanismError
 from mbd_sim.base.packages import MissingPackageError
 from mbd_sim.cli.main import main
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.library import split_arguments
+from mbd_sim.files.text.library import argument_texts, split_arguments
+from mbd_sim.files.text.xacro_files import expanded
 from mbd_sim.files.text.xml import parse_xml
 from mbd_sim.files.text.yaml_text import mechanism_text
 
@@ -162,3 +163,21 @@ def test_a_hostile_instruction_in_a_plain_file_does_no_harm():
         '<?mbd_sim-files {"files": 3}?><?mbd_sim-place x?><robot name="r"><?mbd_sim-place 9 9?><link name="a"/></robot>'
     )
     assert [(one.file, one.line) for one in parse_xml(text, "r.urdf").walk()] == [("r.urdf", 1), ("r.urdf", 1)]
+
+
+ARGUMENT = (
+    '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a" default="0"/>'
+    '<xacro:if value="${float($(arg a)) > 0}"><link name="heavy"/></xacro:if><link name="base"/></robot>'
+)
+FLAG = ARGUMENT.replace("${float($(arg a)) > 0}", "$(arg a)")
+
+
+@pytest.mark.parametrize(("text", "value", "heavy"), [
+    (ARGUMENT, 0.5, True), (ARGUMENT, 0, False), (ARGUMENT, "0.5", True), (ARGUMENT, np.float64(0.5), True),
+    (FLAG, True, True), (FLAG, False, False), (FLAG, "true", True),
+])  # fmt: skip
+def test_arguments_in_python_are_words_numbers_and_truth_values(text, value, heavy):
+    written = expanded(text, "r.urdf.xacro", argument_texts({"a": value}))
+    assert ("heavy" in written) is heavy
+    with pytest.raises(InputError, match="the argument a cannot be"):
+        parse_mechanism(text, "r.urdf.xacro", xacro={"a": [value]})

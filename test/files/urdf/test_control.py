@@ -187,3 +187,34 @@ def test_a_mechanism_file_has_the_key_and_keeps_its_own_actuators(tmp_path):
     assert not commanded_drives(mechanism) and [one.name for one in mechanism.actuators] == ["m"]
     with pytest.raises(MechanismError, match="no <ros2_control> block"):
         load_mechanism("rod_pendulum", control="position")
+
+
+IMU = '<sensor name="a"><state_interface name="orientation.x"/></sensor>'
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ("{rate: 50 Hz}", (50, True)),
+        ("{rate: 20 Hz, orientation: }", (20, False)),
+        ("{type: imu, at: base, rate: 50 Hz}", (50, True)),
+        ("{type: force_torque, joint: j, rate: 10 Hz}", (10, None)),  # another sensor, which is as it is written
+    ],
+)
+def test_sensors_of_the_block_are_merged_key_by_key(tmp_path, keys, expected):
+    (tmp_path / "arm.urdf").write_text(block(IMU))
+    path = tmp_path / "arm.yaml"
+    path.write_text(f"urdf: arm.urdf\ncontrol: position\nsensors: {{a: {keys}}}\n")
+    (sensor,) = load_mechanism(path).sensors
+    assert sensor.sampling.rate == pytest.approx(expected[0])
+    assert getattr(sensor, "orientation", None) is expected[1]
+
+
+@pytest.mark.parametrize(("most", "own", "limit"), [(3, 5, 3), (7, 5, 5)])
+def test_symmetric_ranges_of_efforts_are_effort_limits_and_others_are_actuators_with_a_remark(most, own, limit):
+    text = '<joint name="j"><command_interface name="effort" min="{}" max="{}"/></joint>'
+    mechanism = parse_mechanism(block(text.format(-most, most)), "arm.urdf", control="effort")
+    assert not mechanism.actuators and mechanism.joints["j"].effort_limit == limit <= own
+    mechanism = parse_mechanism(block(text.format(-1, most)), "arm.urdf", control="effort")
+    assert len(mechanism.actuators) == 1
+    assert any("actuator_timeout ends their commands: j" in remark for remark in mechanism.source.remarks)

@@ -74,6 +74,42 @@ def test_slow_publishing_leaves_states_out_but_no_times_and_says_how_old_states_
         assert list(dict.fromkeys(running)) == [n * 1_000_000 for n in range(max(clocks) // 1_000_000 + 1)]
 
 
+def test_measurements_that_take_all_time_leave_new_states_which_are_recorded_in_their_turn(
+    tmp_path: Path, monkeypatch
+) -> None:
+    for name, value in (("PATIENCE", 0.05), ("STARVED", 0.05)):
+        monkeypatch.setattr(publishing_thread, name, value)
+    with stepped_node(tmp_path, "balancing_pendulum", real_time_factor=1.0, clock_rate=0.0) as node:
+        thread, ages, recorded = node.publishing_thread, [], []
+        measured, publish, record = thread._sensors.measured, thread._publish, thread._record
+
+        def slow(arrivals, clock_ns):
+            time.sleep(0.004)  # for each step of 1 ms
+            return measured(arrivals, clock_ns)
+
+        def publish_state(name, payload, time_ns, ticks, repeated=False):
+            if name == "joint_states":
+                ages.append((node.stepping_thread.ticks - ticks) * node.stepping_thread.simulation.step_size)
+            publish(name, payload, time_ns, ticks, repeated)
+
+        def record_state(name, payload, time_ns, ticks, repeated=False):
+            recorded.append(time_ns)
+            record(name, payload, time_ns, ticks, repeated)
+
+        monkeypatch.setattr(thread._sensors, "measured", slow)
+        monkeypatch.setattr(thread, "_publish", publish_state)
+        monkeypatch.setattr(thread, "_record", record_state)
+        node.stepping_thread.pause(False)
+        wait_until(lambda: node.stepping_thread.output.qsize() > 500 and len(ages) > 12, "states all the time")
+        lighter = node.diagnostics._lighter
+        node.stepping_thread.pause(True)
+        monkeypatch.setattr(thread._sensors, "measured", measured)
+        wait_until(lambda: not node.stepping_thread.output.qsize() and not thread._ahead, "an empty queue")
+        assert max(ages[-3:]) < 0.3  # while what waits is older than 0.5 s
+        assert recorded == sorted(recorded)
+        assert "measurements per simulated second (" in lighter and "give sensors a lower rate, sensors: {" in lighter
+
+
 @pytest.mark.parametrize("mechanism", ["slider_crank_friction"])
 def test_a_run_imports_and_derives_nothing_and_sets_off_no_search_for_garbage(tmp_path: Path, mechanism: str) -> None:
     done = subprocess.run(
