@@ -47,15 +47,19 @@ class NodePage(browser_page.AnyPage):
         mouse, box = self.page.mouse, self.page.locator("canvas").first.bounding_box()
         across, down = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
 
+        moved = 0
+
         def attempt():
-            mouse.up()
-            mouse.move(across - 2, down)
-            self.listener.spin(0.2)
-            mouse.move(across, down)
-            mouse.down()
-            for step in range(1, 5):
-                mouse.move(across, down - 20 * step)
-                self.listener.spin(0.05)
+            nonlocal moved
+            if moved % 12 == 0:  # the browser may not have drawn the arm yet
+                mouse.up()
+                mouse.move(across - 2, down)
+                self.listener.spin(0.2)
+                mouse.move(across, down)
+                mouse.down()
+            moved += 1
+            mouse.move(across, down - 80 * (moved % 12) / 12)
+            self.listener.spin(0.1)
 
         wait_until(condition, what, meanwhile=attempt, report=lambda: self.listener.process.text)
 
@@ -87,7 +91,7 @@ def node(tmp_path_factory):
             """Whether the wrench changes while the mouse stands still, as that of a spring does."""
             count = len(pulls)
             listener.spin(0.5)
-            return len(pulls) > count + 20 and any(pulls[-1][:6])
+            return len(pulls) > count + 5 and any(pulls[-1][:6])
 
         yield SimpleNamespace(
             folder=folder, process=process, listener=listener, pulls=pulls,
