@@ -6,6 +6,8 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
+from mbd_sim.cli.runs.run import _summary
+from mbd_sim.cli.shared.common import pace
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.ros.commands.joint_commands import JointCommandRouter
 
@@ -63,6 +65,14 @@ def test_what_is_said_of_joints_with_drives(slides, call, words):
     with pytest.raises(CommandError) as caught:
         call(slides)
     assert words in str(caught.value)
+
+
+def test_the_final_state_of_a_run_names_driven_joints_and_slow_runs_have_a_pace(slides):
+    slides.reset(q={"left": 0.3})
+    lines = _summary(slides, 50.0 * slides.step_size, "run").splitlines()
+    assert [line.split()[0] for line in lines[-5:]] == ["right", "outer", "loose", "left", "clock"]
+    assert lines[-2].split() == ["left", "0.3", "0", "(driven)"]
+    assert [pace(0.1, 3.0), pace(2.0, 1.0), pace(12345.6, 1.0)] == ["0.0333", "2", "12,346"]
 
 
 @pytest.mark.parametrize("channel", ["position", "velocity", "effort"])
