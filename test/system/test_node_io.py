@@ -202,6 +202,10 @@ def test_live_values_are_parameters_and_what_does_not_fit_is_refused_with_a_reas
         assert list(listener.parameter("gravity")) == [0.0, 0.0, -9.81]
         assert "3 numbers" in set_to("gravity", [0.0, 0.0]).reason
         assert "a number" in set_to("parameters.m", float("nan")).reason
+        reason = set_to("joints.elbow.dampin", 1.0).reason
+        assert (
+            "no parameter 'joints.elbow.dampin'. Did you mean 'joints.elbow.damping'?" in reason and "'live'" in reason
+        )
         refused = set_to("joints.elbow.damping", -1.0)
         assert not refused.successful and "damping" in refused.reason
         assert not set_to("mechanism", 1.0).successful

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from mbd_sim.base.errors import counted
 from mbd_sim.cli.shared.command import SECONDS, Command, ProgressBar
-from mbd_sim.cli.shared.common import add_duration, add_mechanism, add_method_and_step, add_quiet, rounded
+from mbd_sim.cli.shared.common import add_duration, add_mechanism, add_method_and_step, add_quiet, pace, rounded
 from mbd_sim.cli.shared.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.shared.setup_options import add_robot, add_set, add_start, build_simulation
 from mbd_sim.mechanism.natural_units import coordinate_sizes, energy_size
@@ -157,7 +157,7 @@ def _summary(simulation: BaseSimulation, seconds: float, done: str) -> str:
         [
             f"{simulation.mechanism.name}: {simulation.time:g} s in {counted(simulation.steps, 'step')} "
             f"of {simulation.step_size:g} s ({simulation.model.method_name})",
-            f"  {done + ' in':16s} {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
+            f"  {done + ' in':16s} {seconds:.3g} s: {pace(simulation.time, seconds)} × real time, "
             f"{1e6 * seconds / steps:.3g} µs per step",
             *_energies(simulation),
             *(f"  note             {remark}" for remark in simulation.remarks),
@@ -170,7 +170,7 @@ def _summary(simulation: BaseSimulation, seconds: float, done: str) -> str:
 
 
 def _coordinates(simulation: BaseSimulation) -> Iterator[str]:
-    """The position and the velocity of each coordinate, with 0 in place of round-off.
+    """The position and the velocity of each coordinate, with 0 in place of round-off, then those of driven ones.
 
     That of a velocity is what moves the coordinate by the round-off of its position in the whole run, or what is
     round-off in comparison with the largest velocity of this dimension.
@@ -182,6 +182,8 @@ def _coordinates(simulation: BaseSimulation) -> Iterator[str]:
     for name, size, position, speed in zip(names, sizes, positions, speeds, strict=True):
         place, rate = rounded(position, size), rounded(speed, max(largest[size], size / time))
         yield f"  {name:16s} {place: .9g}  {rate: .9g}"
+    for name, drive in simulation.drives().items():
+        yield f"  {name:16s} {drive.position: .9g}  {drive.velocity: .9g}  (driven)"
 
 
 def _energies(simulation: BaseSimulation) -> Iterator[str]:

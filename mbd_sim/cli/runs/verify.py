@@ -16,6 +16,7 @@ from mbd_sim.cli.shared.common import (
     add_quiet,
     add_recordings,
     chosen_style,
+    pace,
     positive_number,
 )
 from mbd_sim.cli.shared.recorded_run import add_run, is_recording, recorded_run
@@ -90,7 +91,7 @@ def verify_text(found: Verification) -> str:
     lines.append(f"  compared         {_counted(found.compared)}; commands: {_counted(found.commands) or 'none'}")
     lines.append(
         f"  computed         {counted(found.steps, 'step')}, {simulated:.6g} s simulated in {found.wall_time:.3g} s: "
-        f"{simulated / max(found.wall_time, 1e-9):,.0f} × real time"
+        f"{pace(simulated, found.wall_time)} × real time"
     )
     if found.problem:
         lines.append(f"  file             {found.problem}; its readable part is compared")

@@ -113,6 +113,12 @@ def rounded(value: float, size: float, round_off: float = ROUND_OFF) -> float:
     return 0.0 if abs(value) <= round_off * size else value
 
 
+def pace(simulated: float, seconds: float) -> str:
+    """How many times faster than real time, with three digits below 10."""
+    ratio = simulated / max(seconds, 1e-9)
+    return f"{ratio:,.0f}" if ratio >= 10.0 else f"{ratio:.3g}"
+
+
 def seed_number(text: str) -> int:
     """The type of a seed: a whole number that is not negative."""
     if not text.strip().isdecimal():

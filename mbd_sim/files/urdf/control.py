@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.files.text.xml import NUMBER, Element, parse_elements
 from mbd_sim.mechanism.values.names import accepted_names, reference, unique_name
-from mbd_sim.mechanism.values.source import Source
+from mbd_sim.mechanism.values.source import Location, Source
 
 Interface = Literal["position", "velocity", "effort"]  # the command interface that a joint with several of them serves
 INTERFACES: tuple[Interface, ...] = get_args(Interface)
@@ -88,6 +88,7 @@ class _ControlBlocks:
         self.couplings = {one["follower"]: one for one in couplings if isinstance(one.get("follower"), str)}
         self.moved = {one.get("joint") for one in self.actuators.values() if isinstance(one, dict)}
         self.seen: dict[str, str] = {}
+        self._at: Location = (KEY,)  # of what is being read
 
     def read(self, block: Element) -> None:
         """Read a block."""
@@ -99,6 +100,7 @@ class _ControlBlocks:
                 self._leave_out(f"{what} of <ros2_control>", f"{name}: {shown}")
         for element in block.children:
             own = element.attributes.get("name", "")
+            self._at = (KEY, own)
             match element.tag:
                 case "hardware":
                     pass
@@ -134,7 +136,7 @@ class _ControlBlocks:
         self.unread.setdefault(what, []).append(name)
 
     def _problem(self, message: str, remedy: str) -> None:
-        self.source.problems.append(self.source.problem((KEY,), message, remedy))
+        self.source.problems.append(self.source.problem(self._at, message, remedy))
 
     def _joint(self, element: Element, name: str, block: str) -> None:
         record = self.joints.get(name)

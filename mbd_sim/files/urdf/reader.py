@@ -8,7 +8,7 @@ Attributes and elements of an XML file that a table of those that are read does 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -186,6 +186,7 @@ class _Robot:
             data["constraints"] = couplings
         if blocks := self.robot.all("ros2_control"):
             data["ros2_control"] = text_of(blocks)
+            self._note_places(blocks)
         for element in self.robot.children:
             if element.tag not in ("link", "joint", "material"):
                 name = element.attributes.get("name") or element.attributes.get("reference") or "without a name"
@@ -320,6 +321,16 @@ class _Robot:
         )
         between = [reference(parent, own if pose else ""), reference(child)]
         return {"type": record.pop("type"), "between": between, **record}, pose
+
+    def _note_places(self, blocks: Sequence[Element]) -> None:
+        """Note the lines of the `<ros2_control>` blocks, and of the joints and sensors in them."""
+        self.origins[("ros2_control",)] = self.reading.origin(blocks[0], "ros2_control")
+        for block in blocks:
+            own = _key("ros2_control", block.attributes.get("name", ""))
+            for element in block.children:
+                if name := element.attributes.get("name", ""):
+                    origin = self.reading.origin(element, f"{own}.{_key(element.tag, name)}")
+                    self.origins[("ros2_control", name)] = origin
 
     def _couplings(self) -> dict[str, Any]:
         couplings: dict[str, Any] = {}

@@ -286,6 +286,8 @@ def set_one_at_a_time(node: Node, callback: Service, reason_of: Callable[[Except
                 reason = f"parameter '{parameter.name}' is read-only: set it when starting the node"
                 return SetParametersResult(successful=False, reason=reason)
             parameter = ParameterMessage(name=parameter.name, value=_as_number(parameter.value, current))
+        else:
+            return SetParametersResult(successful=False, reason=_undeclared(node, parameter.name))
         single = callback(SetParameters.Request(parameters=[parameter]), SetParameters.Response())
         return single.results[0]
 
@@ -299,6 +301,18 @@ def set_one_at_a_time(node: Node, callback: Service, reason_of: Callable[[Except
         return response
 
     return set_parameters
+
+
+def _undeclared(node: Node, name: str) -> str:
+    """Why a parameter that the node does not have cannot be set."""
+    known = [other for other in node._parameters if not other.startswith(RCLPY_PREFIXES)]
+    hint = ""
+    if "." in name and "live" in known:
+        hint = (
+            " Numbers of the mechanism file are parameters if 'live' names them at the start and the equations use "
+            "them: a joint with a drive, for example, has no damping."
+        )
+    return f"there is no parameter '{name}'. {nearest(name, known)}{hint}"
 
 
 def _is_current(value: ParameterValue, current: Parameter) -> bool:

@@ -177,6 +177,12 @@ def test_mistakes_are_answered_with_names_and_remedies(inner, expected):
         parse_mechanism(block(inner), "arm.urdf", control="position")
 
 
+def test_mistakes_stand_at_the_line_of_the_joint_in_the_block():
+    text = block('\n<joint name="j"/>\n<joint name="k"/>\n\n')
+    with pytest.raises(MechanismError, match=re.escape("arm.urdf:3: ros2_control[s].joint[k]: <ros2_control")):
+        parse_mechanism(text, "arm.urdf", control="position")
+
+
 def test_a_mechanism_file_has_the_key_and_keeps_its_own_actuators(tmp_path):
     (tmp_path / "arm.urdf").write_text(block('<joint name="j"><command_interface name="position"/></joint>'))
     path = tmp_path / "arm.yaml"

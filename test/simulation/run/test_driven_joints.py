@@ -6,8 +6,11 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError
+from mbd_sim.cli.runs.run import _summary
+from mbd_sim.cli.shared.common import pace
 from mbd_sim.cli.shared.setup_options import build_simulation
 from mbd_sim.ros.commands.joint_commands import JointCommandRouter
+from mbd_sim.ros.node.sim_parameters import start_values
 
 DRIVE = "drive: {command: position, bandwidth: 50, upper: 0.5}"
 SLIDES = f"""
@@ -63,6 +66,20 @@ def test_what_is_said_of_joints_with_drives(slides, call, words):
     with pytest.raises(CommandError) as caught:
         call(slides)
     assert words in str(caught.value)
+
+
+def test_the_final_state_of_a_run_names_driven_joints_and_slow_runs_have_a_pace(slides):
+    slides.reset(q={"left": 0.3})
+    lines = _summary(slides, 50.0 * slides.step_size, "run").splitlines()
+    assert [line.split()[0] for line in lines[-5:]] == ["right", "outer", "loose", "left", "clock"]
+    assert lines[-2].split() == ["left", "0.3", "0", "(driven)"]
+    assert [pace(0.1, 3.0), pace(2.0, 1.0), pace(12345.6, 1.0)] == ["0.0333", "2", "12,346"]
+
+
+def test_the_parameter_start_of_a_node_places_drives(slides):
+    assert start_values("left = 200 mm, loose = 1", {}, slides.model) == ({"left": 0.2, "loose": 1.0}, {})
+    with pytest.raises(CommandError, match=r"start: there is no joint 'lefd'\. Did you mean 'left'"):
+        start_values("lefd = 0.2", {}, slides.model)
 
 
 @pytest.mark.parametrize("channel", ["position", "velocity", "effort"])
