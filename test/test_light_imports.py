@@ -27,7 +27,7 @@ def test_a_first_step_from_the_cache_traces_and_compiles_nothing(file, live, tmp
     assert needed == {
         "compiler", "compiler.code", "compiler.code.machine_code", "compiler.code.object_code", "compiler.python",
         "compiler.python.bound_kernel", "dynamics", "dynamics.layouts",
-        "dynamics.layouts.vectors",
+        "dynamics.layouts.coordinate_names", "dynamics.layouts.vectors",
     }  # fmt: skip
     assert not {"casadi", "pydantic", "yaml", "logging"} & set(warm)
 

@@ -43,7 +43,7 @@ def test_poses_of_a_robot_without_inertia(gripper):
     assert kinematics.point("arm.turn", [0.25, 0.0]) == pytest.approx([0.5, 0.0, 1.25])
     with pytest.raises(ValueError, match=r"there is no point 'arm.trun'. Did you mean 'arm.turn'"):
         kinematics.point("arm.trun")
-    with pytest.raises(ValueError, match="q must be 2 finite numbers"):
+    with pytest.raises(ValueError, match=r"q must be a list of 2 values, .* in this order: lift, turn"):
         kinematics.poses([0.0])
 
 
