@@ -174,8 +174,8 @@ class Diagnostics:
         shares = {
             COLLECTING.format(seconds=seconds): seconds / elapsed,
             BUSY: (now.waiting - last.waiting) / elapsed,
-            PUBLISHING.format(share=share, remedy=self._lighter): share
-            - 0.5,  # its thread may use all time that is left
+            # Its thread may use all time that is left.
+            PUBLISHING.format(share=share, remedy=self._lighter): share - 0.5,
         }
         cause = max(shares, key=shares.__getitem__)
         return cause if shares[cause] >= LARGE_SHARE else UNKNOWN

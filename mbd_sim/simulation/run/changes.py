@@ -66,7 +66,7 @@ def checked_values(
                 )
         if bad := [name for name, value in values.items() if not math.isfinite(value)]:
             raise CommandError(f"the {key} of {listed(bad)} is not finite", "Give finite numbers.")
-    for name in positions.keys() & drives.keys():
+    for name in (name for name in positions if name in drives):  # in the order in which they are given
         lower, upper = drives[name].lower, drives[name].upper
         if not lower <= positions[name] <= upper:
             text = f"{name} = {positions[name]:.6g} is beyond the range of its drive, {lower:.6g} to {upper:.6g}"
