@@ -26,25 +26,12 @@ from typing import Any
 
 HERE = Path(__file__).parent
 PREFIX = Path(sys.prefix)
+MESSAGES = ("builtin_interfaces", "std_msgs", "geometry_msgs")
+ACTIONS = ("service_msgs", "unique_identifier_msgs", "action_msgs")  # which actions need
 DEPENDENCIES = {
-    "simulation_interfaces": (
-        "builtin_interfaces",
-        "service_msgs",
-        "unique_identifier_msgs",
-        "action_msgs",
-        "std_msgs",
-        "geometry_msgs",
-    ),
-    "tf2_msgs": ("builtin_interfaces", "std_msgs", "geometry_msgs"),
-    "control_msgs": (
-        "builtin_interfaces",
-        "service_msgs",
-        "unique_identifier_msgs",
-        "action_msgs",
-        "std_msgs",
-        "geometry_msgs",
-        "trajectory_msgs",
-    ),
+    "simulation_interfaces": (*MESSAGES, *ACTIONS),
+    "tf2_msgs": MESSAGES,
+    "control_msgs": (*MESSAGES, *ACTIONS, "trajectory_msgs"),
 }
 SUFFIXES = (".msg", ".srv", ".action")
 COMPILERS = {".c": ("gcc", "-std=c11"), ".cpp": ("g++", "-std=c++17")}
