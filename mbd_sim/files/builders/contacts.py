@@ -11,10 +11,11 @@ from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.linear_algebra import product as matrix_product
-from mbd_sim.files.builders.contact_bodies import edges, is_thin, round_body, slots_of, solid
+from mbd_sim.files.builders.bodies.contact_bodies import edges, is_thin, round_body, slots_of, solid
+from mbd_sim.files.builders.bodies.outlines import is_usable, planar_body
+from mbd_sim.files.builders.bodies.parts import touching_shapes
+from mbd_sim.files.builders.bodies.shapes import pose_of
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import is_usable, planar_body
-from mbd_sim.files.builders.parts import pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec

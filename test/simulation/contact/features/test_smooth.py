@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.smooth_rows import ITERATED, smooth_touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
-from mbd_sim.files.builders.contact_bodies import BLOCK
+from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
