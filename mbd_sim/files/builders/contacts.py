@@ -206,7 +206,7 @@ class _ContactBuilder:
     def _outline_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
+        """An outline and another body; None, with a problem, if its shadow is not a chain of lines and arcs."""
         bodies: list[ContactBody] = []
         if any(isinstance(each.shape, schema.OutlineSpec) and not is_usable(each.shape) for each in (first, second)):
             return None

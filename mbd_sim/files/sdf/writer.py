@@ -250,7 +250,7 @@ def _add_joints(document: SdfDocument) -> None:
 
 
 def _placed_at(document: SdfDocument, name: str, pose: Pose) -> SdfDocument:
-    """The document, with the pose of a link that is no part."""
+    """The document, with the pose of a link that is not a part."""
     poses = {**document.placement.poses, name: pose}
     document.placement = LinkPoses(poses, document.placement.offsets)
     return document
