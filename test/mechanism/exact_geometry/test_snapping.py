@@ -15,6 +15,7 @@ from mbd_sim.files.load import parse_mechanism
 from test.mechanism.exact_geometry.linkages import FAMILIES, mechanism_file, sdf_text, urdf_and_loops
 from test.physics.test_cut_joints import LOOPS, random_loop
 
+
 def written(name, seed, digits, **more):
     """A random linkage of a family with this many digits, and the degrees of freedom of the exact one."""
     rng = np.random.default_rng(seed)
