@@ -27,9 +27,9 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    ComplianceLaw,
     Contact,
     ContactBody,
-    Cushion,
     Face,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
@@ -106,8 +106,8 @@ class _ContactBuilder:
         if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
-        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
-        if isinstance(law, Cushion) and any(slots):
+        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, ComplianceLaw)) for pair in pairs]
+        if isinstance(law, ComplianceLaw) and any(slots):
             message = (
                 "only spheres, points, cylinders, discs and rings can have a 'stiffness' in contact with each other"
             )
@@ -362,11 +362,11 @@ def _shape_names(shapes: Sequence[AnyShapeSpec]) -> list[str]:
     ]
 
 
-def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:
+def contact_law(spec: ContactSpec) -> ContactLaw | ComplianceLaw:
     """What happens at the contact."""
     friction = spec.friction or 0.0
     if spec.stiffness is not None:
-        return Cushion(spec.stiffness, spec.exponent, spec.damping, friction, spec.regularization)
+        return ComplianceLaw(spec.stiffness, spec.exponent, spec.damping, friction, spec.regularization)
     return ContactLaw(spec.restitution or 0.0, friction, spec.static_friction or friction)
 
 
