@@ -40,12 +40,12 @@ def test_estimates_compare_the_slope_at_the_start_with_its_extrapolation(method)
 
 
 def energies(name, method, step):
-    """The largest energy residual in J over the first and over the last fifth of 200,000 steps."""
+    """The largest energy residual in J over the first and over the last 10⁵ of 10⁶ steps."""
     simulation = Simulation.from_file(name, method=method, step=step)
     worst = []
-    for _ in range(5):
+    for _ in range(10):
         largest = 0.0
-        for _ in range(39):
+        for _ in range(97):
             simulation.step(1031)
             largest = max(largest, abs(simulation.energies.residual))
         worst.append(largest)
@@ -59,12 +59,12 @@ def energies(name, method, step):
         ("cart_pendulum_spring", "gauss6", 1e-10),  # the mass matrix changes: symmetric only
     ],
 )
-def test_energy_does_not_drift_over_200_000_steps(name, method, bound):
+def test_energy_does_not_drift_over_a_million_steps(name, method, bound):
     first, last = energies(name, method, 1e-2)
     assert first < bound
     assert last < 2.0 * first + 3e-12
     _, drifted = energies(name, "rk4", 1e-2)
-    assert drifted > 20.0 * last
+    assert drifted > 100.0 * last
 
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "cart_pendulum_spring", "heavy_top"])
