@@ -54,10 +54,9 @@ QUICKLY_COMPILED = {
 }
 WAITING = ("system", "examples", "lab/page")  # whose tests start nodes, or share a browser, and wait for them
 LONG_TESTS = {
-    "test_processes_of_several_hash_seeds_derive_and_compute_the_same",
+    "test_processes_with_other_hashes_and_linear_algebra_derive_and_compute_the_same",
     "test_random_mechanisms_with_loops_and_constraints",
 }
-LONG_RUNS = Path(__file__).parent / "physics" / "benchmarks"
 
 if "MBD_SIM_TEST_KERNELS" in os.environ:
     os.environ["MBD_SIM_CACHE"] = os.environ["MBD_SIM_TEST_KERNELS"]
@@ -138,8 +137,7 @@ def pytest_collection_finish():
 def pytest_runtest_setup(item):
     """Choose the level before the first fixture builds something."""
     folder = item.path.relative_to(Path(__file__).parent).parts[0]
-    quick = folder in QUICKLY_COMPILED and LONG_RUNS not in item.path.parents
-    machine_code.LEVEL, machine_code.LONG = (0, math.inf) if quick else (1, LONG)
+    machine_code.LEVEL, machine_code.LONG = (0, math.inf) if folder in QUICKLY_COMPILED else (1, LONG)
 
 
 @pytest.fixture

@@ -66,7 +66,7 @@ def check(mechanism, rng, states=1, t=0.7):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_mechanisms(name):
-    assert check(load_mechanism(name), np.random.default_rng(1), states=10)
+    assert check(load_mechanism(name), np.random.default_rng(1), states=4)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_textbook_mechanisms(text):
     assert check(parse_mechanism(text), np.random.default_rng(2), states=5)
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(random_trees())
 def test_random_trees(drawn):
     text, rng = drawn
@@ -168,7 +168,7 @@ def test_efforts_and_rotors_of_actuators(text):
     rng, mechanism = np.random.default_rng(5), parse_mechanism(text)
     derived = derive(mechanism)
     layout = derived.layout
-    for _ in range(25):
+    for _ in range(10):
         q, u, efforts = random_state(mechanism, rng, reach=0.9)
         y, inputs = derived.start_state.copy(), derived.inputs_without_commands
         y[: len(q) + len(u)], inputs[derived.inputs.efforts] = np.concatenate([q, u]), efforts
@@ -195,7 +195,7 @@ def test_random_mechanisms_with_loops_and_constraints():
     """A few contradict their drives, are rigid, or cannot be closed a little later."""
     outcomes = Counter()
 
-    @settings(max_examples=15)
+    @settings(max_examples=6)
     @given(random_mechanisms())
     def compare(drawn):
         text, rng = drawn
@@ -209,8 +209,8 @@ def test_random_mechanisms_with_loops_and_constraints():
             outcomes["refused"] += 1
 
     compare()
-    assert outcomes["compared"] >= 8
-    assert outcomes["refused"] + outcomes["not comparable"] <= 3
+    assert outcomes["compared"] >= 4
+    assert outcomes["refused"] + outcomes["not comparable"] <= 1
 
 
 def long_chain(number):

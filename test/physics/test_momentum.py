@@ -131,14 +131,13 @@ def in_pieces(text):
 @pytest.mark.parametrize("text", [FOUR_BAR, in_pieces(FOUR_BAR)], ids=["on_its_base", "in_pieces"])
 def test_a_plane_loop_may_tumble(text):
     """The set of independent equations does not change as the plane of the loop rotates relative to ground."""
-    for seed in (1, 2):
-        sim, rng = Simulation.from_text(text, step=5e-4), np.random.default_rng(seed)
-        sim.reset(u=rng.uniform(-3.0, 3.0, len(sim.u)), nearest_speeds=True)
-        (linear, angular), normal = momenta(sim), []
-        for _ in range(60):
-            sim.step(100)
-            normal.append(sim.poses()["base"].rotation[1, 1])
-        moved, spun = momenta(sim)
-        assert min(normal) < -0.5
-        assert moved == pytest.approx(linear, abs=2e-12) and spun == pytest.approx(angular, abs=2e-12)
-        assert abs(sim.energies.residual) < 2e-12
+    sim, rng = Simulation.from_text(text, step=5e-4), np.random.default_rng(1)
+    sim.reset(u=rng.uniform(-3.0, 3.0, len(sim.u)), nearest_speeds=True)
+    (linear, angular), normal = momenta(sim), []
+    for _ in range(60):
+        sim.step(100)
+        normal.append(sim.poses()["base"].rotation[1, 1])
+    moved, spun = momenta(sim)
+    assert min(normal) < -0.5
+    assert moved == pytest.approx(linear, abs=2e-12) and spun == pytest.approx(angular, abs=2e-12)
+    assert abs(sim.energies.residual) < 2e-12

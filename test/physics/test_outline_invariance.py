@@ -71,13 +71,9 @@ def reference():
     return found
 
 
-@pytest.mark.parametrize("changes", [
-    {"plane": "yz"},
-    {"plane": "xz", "rotate": ([3, -1, 1], -2.1)},
-], ids=["yz", "turned xz"])  # fmt: skip
-def test_axes_and_planes_do_not_change_the_motion(reference, changes):
+def test_axes_and_planes_do_not_change_the_motion(reference):
     """An outline, a block and their table: axes of the plane that are wrong in one of the two show here."""
-    np.testing.assert_allclose(motion(block=True, **changes), reference, atol=1e-9)
+    np.testing.assert_allclose(motion(block=True, plane="xz", rotate=([3, -1, 1], -2.1)), reference, atol=1e-9)
 
 
 def test_a_mirrored_mechanism_moves_as_in_a_mirror(reference):

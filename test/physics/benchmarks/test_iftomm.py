@@ -81,12 +81,11 @@ def four_bars(count):
 class TestA02:
     """N four-bars in a row, which lie flat twice per turn, where the constraints lose rank."""
 
-    @pytest.mark.parametrize("seconds", [1.0, 5.0, 10.0])
-    def test_two(self, seconds):
+    def test_two(self):
         sim = Simulation.from_file("a02_four_bars")
         assert sim.u == pytest.approx([1.0, 1.0, 1.0, -1.0, -1.0], abs=1e-14)
-        sim.run(until=seconds)
-        theta, rate = rods(2, seconds)
+        sim.run(until=10.0)
+        theta, rate = rods(2, 10.0)
         assert sim.q == pytest.approx((np.pi / 2 - theta) * np.array([1, 1, 1, -1, -1]), abs=1e-7)
         assert sim.u == pytest.approx(-rate * np.array([1, 1, 1, -1, -1]), abs=1e-7)
 
@@ -113,23 +112,23 @@ class TestA02:
             .replace("bar1: {mass: 1 kg", "bar1: {mass: 0.1 kg")
         )
         sim = Simulation.from_text(text)
-        residual, off = run(sim, 30.0)
+        residual, off = run(sim, 10.0)
         assert np.ptp(sim.q * [1, 1, 1, -1, -1]) < 1e-10
         assert residual < 1e-8
         assert off < 1e-10
 
-    def test_ten(self):
-        """21 rods and bars, whose rates cost in proportion to their number. (scripts/systems_table has N = 40.)"""
-        sim = Simulation.from_text(four_bars(10))
+    def test_five(self):
+        """11 rods and bars, whose rates cost in proportion to their number. (scripts/systems_table has N = 40.)"""
+        sim = Simulation.from_text(four_bars(5))
         sim.run(until=5.0)
         few, many = (
             instruction_count(arranged(each.model.equations.rates))
             for each in (Simulation.from_file("a02_four_bars"), sim)
         )
-        assert many < 6 * few
-        theta, rate = rods(10, 5.0)
-        assert sim.q == pytest.approx((np.pi / 2 - theta) * np.repeat([1.0, -1.0], [11, 10]), abs=1e-7)
-        assert sim.u == pytest.approx(-rate * np.repeat([1.0, -1.0], [11, 10]), abs=1e-7)
+        assert many < 3 * few
+        theta, rate = rods(5, 5.0)
+        assert sim.q == pytest.approx((np.pi / 2 - theta) * np.repeat([1.0, -1.0], [6, 5]), abs=1e-7)
+        assert sim.u == pytest.approx(-rate * np.repeat([1.0, -1.0], [6, 5]), abs=1e-7)
         assert abs(sim.energies.residual) < 1e-9 * sim.energies.total
 
 

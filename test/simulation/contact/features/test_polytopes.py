@@ -155,7 +155,7 @@ def test_a_tilted_block_touches_with_its_lower_edge_and_leaves_the_face_over_its
 def test_a_ball_has_faces_edges_and_vertices_one_after_the_other():
     """Of a point that goes around a block the margin of its features falls through zero where others are nearest."""
     bodies, found_on_path = (ball(0.05), block(0.2, 0.2, 0.2)), []
-    pair, path = pair_of(bodies, 1), np.linspace(0.0, 1.0, 201)
+    pair, path = pair_of(bodies, 1), np.linspace(0.0, 1.0, 51)
     offset = bodies[0].vertices[0]
     for s in path:
         direction = rot.unit(np.array([1.0, 0.2 + s, 3.0 * s - 1.2]))

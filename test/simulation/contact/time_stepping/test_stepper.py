@@ -10,10 +10,10 @@ from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 STACK = """
 mechanism: stack
 parts:
-  b_{i}: {for: {i: 1..3}, shape: {type: block, mass: 1, size: [0.2, 0.1, 0.1]}}
+  b_{i}: {for: {i: 1..2}, shape: {type: block, mass: 1, size: [0.2, 0.1, 0.1]}}
 joints:
   b_{i}:
-    for: {i: 1..3}
+    for: {i: 1..2}
     type: planar
     between: [ground, "b_{i}"]
     axis: [0, 1, 0]
@@ -21,16 +21,8 @@ joints:
     position: [0.02*i, "0.05 - 0.1*i", 0]
 contacts:
   floor: {parts: [b_1], plane: ground, friction: 0.5}
-  pair_{i}: {for: {i: 1..2}, between: ["b_{i}", "b_{i+1}"], friction: 0.5}
+  pair: {between: [b_1, b_2], friction: 0.5}
 """
-
-
-def error(name, end, step):
-    """The largest error of a coordinate."""
-    exact, own = (Simulation.from_file(name, method=method, step=step) for method in (None, "moreau"))
-    for simulation in (exact, own):
-        simulation.run(until=end)
-    return float(np.max(np.abs(own.q - exact.q)))
 
 
 @pytest.mark.parametrize(("name", "end", "largest"), [
@@ -41,12 +33,17 @@ def error(name, end, step):
     ("slider_crank_friction", 0.3, 1.0),  # friction by the load of a joint in a loop
     ("stops", 0.8, 3.0),  # stops of a joint
     ("freewheel", 2.0, 0.2),  # a one-way clutch
-    ("belt", 1.0, 3.0),  # sticks and slips
 ])  # fmt: skip
 def test_its_error_is_in_proportion_to_the_step(name, end, largest):
     """The error of an impact depends on where in its step it is, so the bound counts and not the ratio of two errors."""
-    for step in (2e-3, 5e-4):
-        assert error(name, end, step) < largest * step
+    exact, *own = (
+        Simulation.from_file(name, method=method, step=step)
+        for method, step in ((None, 5e-4), ("moreau", 2e-3), ("moreau", 5e-4))
+    )
+    for simulation in (exact, *own):
+        simulation.run(until=end)
+    for simulation in own:
+        assert np.max(np.abs(simulation.q - exact.q)) < largest * simulation.step_size
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +65,7 @@ def test_a_stack_rests_without_creep_and_is_read_as_with_events(stack):
 
 
 def test_steps_one_by_one_and_from_a_snapshot_are_the_same_bit_for_bit(stack):
-    stack.reset(u=np.tile([0.3, 0.0, 0.0], 3))
+    stack.reset(u=np.tile([0.3, 0.0, 0.0], 2))
     stack.step(10)
     snapshot = stack.snapshot()
     stack.step(30)
