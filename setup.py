@@ -30,6 +30,7 @@ EXTRAS = {
     "completion": ["argcomplete>=3.1"],  # of commands in a shell
     "control": ["control>=0.10"],  # linear systems as objects of python-control
     "dxf": ["ezdxf>=1.3"],  # drawings from and for CAD
+    "foxglove": ["foxglove-sdk>=0.14"],  # shows runs live in Foxglove
     "gym": ["gymnasium>=1.1"],
     "html": ["plotly>=5.20"],  # plots as pages
     "lab": ["viser>=1.1,<2"],  # the mechanism on a page in the browser
@@ -159,6 +160,7 @@ setup(
             "pytest-xdist>=3.5",
             "ruff>=0.5",
             "types-PyYAML",
+            "websockets>=13",
         ],
         # The site: `make docs`.
         "docs": [

@@ -36,15 +36,21 @@ QUICKLY_COMPILED = {
     "examples",
     "exports",
     "files",
+    "imports",
     "integrators",
+    "lab",
     "many",
     "mechanism",
+    "notebook",
     "physics",
     "pictures",
     "recordings",
     "ros",
     "simulation",
     "studies",
+    "system",
+    "test_docs.py",
+    "test_representations.py",
 }
 WAITING = ("system", "examples", "lab/page")  # whose tests start nodes, or share a browser, and wait for them
 LONG_TESTS = {

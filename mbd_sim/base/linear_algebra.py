@@ -98,6 +98,13 @@ def norms(vectors: Array) -> Array:
     return np.asarray(np.sqrt(total(vectors * vectors, -1)))
 
 
+def cross(one: Array, other: Array) -> Array:
+    """The cross products of vectors (3,) or (n, 3), with the bits of `np.cross`, which takes ten times as long."""
+    a, b, c = one.T
+    x, y, z = other.T
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x]).T
+
+
 @dataclass(frozen=True, eq=False)
 class Triangles:
     """Stacked matrices (k, m, n), of which the columns in an `order` (k, n) are Q R.

@@ -12,6 +12,7 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "PIL": "pillow",
     "collada": "pycollada",
     "dask": "'dask[distributed]'",
+    "foxglove": "foxglove-sdk",
     "mujoco": "mujoco-core",
     "distributed": "'dask[distributed]'",
     "rerun": "rerun-sdk",

@@ -61,7 +61,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.actuators.functions import ActuatorFunctions
-    from mbd_sim.dynamics.contact.compliant import CushionFunctions
+    from mbd_sim.dynamics.contact.compliant import ComplianceFunctions
     from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions
 
 
@@ -150,7 +150,7 @@ class Equations:
 
     `joint_linearization` is for methods that treat only the forces within joints implicitly.
 
-    `cushions` are the functions of compliant contacts; None without these.
+    `compliances` are the functions of compliant contacts; None without these.
 
     `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
     them.
@@ -181,7 +181,7 @@ class Equations:
     like_branches: Sequence[Sequence[Sequence[tuple[int, int]]]]
     step: float
     one_sided: OneSidedFunctions | None = None
-    cushions: CushionFunctions | None = None
+    compliances: ComplianceFunctions | None = None
     actuators: ActuatorFunctions | None = None
 
     @property
@@ -367,6 +367,6 @@ def _packaged(
         like_branches=like_branches(traced.links, traced.layout.nq),
         step=traced.step,
         one_sided=one_sided,
-        cushions=functions.cushions,
+        compliances=functions.compliances,
         actuators=actuators,
     )

@@ -26,7 +26,7 @@ from mbd_sim.dynamics.recursion.reactions import joint_reactions, joint_springs,
 from mbd_sim.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.contact.compliant import CushionFunctions
+    from mbd_sim.dynamics.contact.compliant import ComplianceFunctions
 
 
 def projected_state(traced: TracedMechanism, solver: ConstraintSolver | None) -> ca.SX | None:
@@ -55,7 +55,7 @@ class KernelFunctions:
     violation: ca.Function
     multipliers: ca.SX
     trace_multipliers: Callable[[], ca.Function]
-    cushions: CushionFunctions | None
+    compliances: ComplianceFunctions | None
 
 
 def with_inputs(traced: TracedMechanism) -> list[ca.SX]:
@@ -99,16 +99,16 @@ def kernel_functions(
         violation=merged_function("violation", plain, violation),
         multipliers=multipliers,
         trace_multipliers=partial(merged_function, "multipliers", commanded, multipliers),
-        cushions=_cushions(commanded, forces),
+        compliances=_compliances(commanded, forces),
     )
 
 
-def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | None:
-    if not forces.elements.cushions:
+def _compliances(inputs: list[ca.SX], forces: AppliedForces) -> ComplianceFunctions | None:
+    if not forces.elements.compliances:
         return None
-    from mbd_sim.dynamics.contact.compliant import cushion_functions
+    from mbd_sim.dynamics.contact.compliant import compliance_functions
 
-    return cushion_functions(inputs, forces.elements.cushions)
+    return compliance_functions(inputs, forces.elements.compliances)
 
 
 def gravitational_potential(mechanism: Mechanism, links: Sequence[Link], poses: Sequence[SymbolicPose]) -> ca.SX:

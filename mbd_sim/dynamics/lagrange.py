@@ -19,7 +19,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.dynamics.constraints.equations import coordinates_by_name
 from mbd_sim.dynamics.constraints.rows import constraint_rows
-from mbd_sim.dynamics.contact.compliant import cushion_force
+from mbd_sim.dynamics.contact.compliant import compliance_force
 from mbd_sim.dynamics.contact.shapes import touch
 from mbd_sim.dynamics.forces.bushings import bushing_potential
 from mbd_sim.dynamics.forces.elements import damper_force, force_vector, spring_force
@@ -33,7 +33,7 @@ from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.dynamics.math.expressions import function_of
 from mbd_sim.dynamics.math.spatial import constant, is_absent, skew
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
-from mbd_sim.mechanism.elements.contacts import Contact, Cushion
+from mbd_sim.mechanism.elements.contacts import ComplianceLaw, Contact
 from mbd_sim.mechanism.elements.forces import Bushing
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Part
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -258,8 +258,8 @@ def _energies(
     for bushing in mechanism.bushings:
         _add_bushing(energies, kinematics, bushing)
     for contact in mechanism.contacts:
-        if isinstance(contact.law, Cushion):
-            _add_cushion(energies, kinematics, contact, contact.law)
+        if isinstance(contact.law, ComplianceLaw):
+            _add_compliance(energies, kinematics, contact, contact.law)
     return energies
 
 
@@ -310,7 +310,7 @@ def _add_bushing(energies: _Energies, kinematics: _Kinematics, bushing: Bushing)
     energies.dissipation += 0.5 * ca.dot(rates, constant(bushing.damping) @ rates)
 
 
-def _add_cushion(energies: _Energies, kinematics: _Kinematics, contact: Contact, law: Cushion) -> None:
+def _add_compliance(energies: _Energies, kinematics: _Kinematics, contact: Contact, law: ComplianceLaw) -> None:
     """Add the potential of a compliant contact, and its damping and friction."""
     ends = [contact.first.at, contact.second.at]
     frames = [SymbolicPose(kinematics.point(at), kinematics.rotation(at.part)) for at in ends]
@@ -321,7 +321,7 @@ def _add_cushion(energies: _Energies, kinematics: _Kinematics, contact: Contact,
         for frame in frames
     ]
     relative = velocities[0] - velocities[1]
-    force = cushion_force(law, touching, relative)
+    force = compliance_force(law, touching, relative)
     energies.potential += force.potential
     energies.applied += ca.jacobian(relative, kinematics.q_rates).T @ force.resisting
 

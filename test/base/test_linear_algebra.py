@@ -107,3 +107,9 @@ def test_products_are_those_of_numpy_but_for_round_off():
         assert np.shape(la.product(one, other)) == np.shape(one @ other)
     with pytest.raises(ValueError, match=r"\(2, 3\) and \(2, 4\)"):
         la.product(np.ones((2, 3)), np.ones((2, 4)))
+
+
+def test_cross_products_have_the_bits_of_numpy():
+    one, other = np.random.default_rng(4).normal(size=(2, 5, 3))
+    for pair in ((one, other), (one, other[0]), (one[0], other[0])):
+        assert np.array_equal(la.cross(*pair), np.cross(*pair))

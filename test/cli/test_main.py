@@ -131,14 +131,12 @@ def test_a_wrong_call_is_answered_in_one_piece(capsys, arguments, words):
     assert "Traceback" not in err
 
 
-def test_the_command_itself_prints_the_schema_and_urdf():
+def test_the_command_itself_prints_the_schema_and_urdf(capsys):
     command = str(Path(sys.executable).with_name("mbd_sim"))
-    schema = json.loads(subprocess.run([command, "schema"], check=True, capture_output=True, text=True).stdout)
-    assert "joints" in schema["properties"]
     urdf = subprocess.run([command, "urdf", "double_rod"], check=True, capture_output=True, text=True).stdout
     assert '<robot name="double_rod">' in urdf
-    names = subprocess.run([command, "list"], check=True, capture_output=True, text=True).stdout
-    assert "tumbling" in names
+    assert "joints" in json.loads(answer(capsys, "schema")[1])["properties"]
+    assert "tumbling" in answer(capsys, "list")[1]
 
 
 def test_every_module_of_cli_is_a_command():

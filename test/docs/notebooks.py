@@ -46,6 +46,16 @@ WINDOWS = (
 )  # what opens a window, takes long, or has no file; test_docs parses it
 
 
+RANGE = re.compile(r"(.+=.+?:[^:]+)(?::\d+)?\Z")  # NAME=FROM:TO:POSITIONS
+POSITIONS = {"kinematics": 19, "centers": 19, "size": 19, "modes": 7}  # enough for what the pages say
+
+
+def _coarser(words):
+    """The words of a command, of a motion or a locus with few positions."""
+    most = POSITIONS.get(words[1])
+    return [RANGE.sub(rf"\1:{most}", word) if most else word for word in words]
+
+
 def snippets(text):
     """The language and the code of each block of a page, in order."""
     return SNIPPET.findall(text)
@@ -65,6 +75,7 @@ def execute_snippet(language, code):
     elif language == "sh":
         for line in code.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
+            words = _coarser(words) if words[:1] == ["mbd_sim"] else words
             if "--animate" in words and words[1] == "run":
                 words += ["--time", "0.1"]  # pictures take long
             serves = words[1:2] == ["lab"] and "--html" not in words  # until Ctrl-C

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 
-from mbd_sim.files.builders.outlines import outline_of
+from mbd_sim.files.builders.bodies.outlines import outline_of
 from mbd_sim.files.schema.shapes import OutlineSpec
 from mbd_sim.mechanism.outlines.pieces import Outline
 

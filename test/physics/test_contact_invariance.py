@@ -68,9 +68,7 @@ def turned(data, rng):
     return turned_world(welded(other_frames(reversed_order(data), rng)), random_turn(rng), SHIFT)
 
 
-@pytest.mark.parametrize(
-    ("kind", "change"), [("plane_pile", in_another_plane), ("plane_loop", in_another_plane), ("plane_pile", turned)]
-)
+@pytest.mark.parametrize(("kind", "change"), [("plane_loop", in_another_plane), ("plane_pile", turned)])
 def test_a_scene_in_a_plane(kind, change):
     """Prisms in the plane xz, in another, and, in a turned world, with the rows and the narrow phase of space."""
     data = json.loads(scene(0, kind))
@@ -85,7 +83,7 @@ def test_a_scene_of_outlines_seen_from_behind():
     assert events_while_equal(data, changed, 0, signs) > 1
 
 
-@pytest.mark.parametrize("pair", [("bar", "block"), ("cylinder", "cone"), ("ellipsoid", "hull")])
+@pytest.mark.parametrize("pair", [("bar", "block"), ("ellipsoid", "hull")])
 def test_two_bodies_in_space(pair):
     seed = PAIRS.index(pair) + len(PAIRS)
     data = json.loads(scene(seed, "space_pair"))

@@ -68,16 +68,17 @@ def test_no_contact_of_an_arch_pulls_at_the_start():
 
 def test_an_arch_stands_above_its_least_thickness_and_falls_below_it():
     least = least_thickness(5)
-    standing = Simulation.from_file("arch", parameters={"n": 5, "t": 1.01 * least})
-    start = standing.q.copy()
-    standing.run(until=0.5)
-    assert np.max(np.abs(standing.q - start)) < 1e-14
-    assert abs(standing.energies.residual) < 1e-12
-    falling = Simulation.from_file("arch", parameters={"n": 5, "t": 0.99 * least})
-    falling.run(until=0.5)
+    arch = Simulation.from_file("arch", parameters={"n": 5, "t": 1.01 * least}, live=["t"])
+    start = arch.q.copy()
+    arch.run(until=0.5)
+    assert np.max(np.abs(arch.q - start)) < 1e-14
+    assert abs(arch.energies.residual) < 1e-12
+    arch.set_live({"t": 0.99 * least})
+    arch.reset()
+    arch.run(until=0.5)
     crown = 3 * 2 + 1  # the height of the third voussoir, of which the axis points downward
-    assert falling.q[crown] > 1e-3
-    assert abs(falling.energies.residual) < 1e-10
+    assert arch.q[crown] > 1e-3
+    assert abs(arch.energies.residual) < 1e-10
 
 
 @pytest.mark.parametrize("force", [10.0, 9.0])
@@ -91,10 +92,9 @@ def test_a_grasped_block_is_held_or_slips_as_coulomb_says(force):
         assert any("statically indeterminate" in remark for remark in simulation.remarks)
 
 
-@pytest.mark.parametrize("step", [1e-3, 0.7e-3])
-def test_a_block_that_slips_out_between_two_fingers_leaves_them_without_a_turn(step):
+def test_a_block_that_slips_out_between_two_fingers_leaves_them_without_a_turn():
     """The area in which they touch shrinks to a line: rows of points that coincide gave 7e4 J at that instant."""
-    simulation = Simulation.from_file("grasp", live=["F"], step=step)
+    simulation = Simulation.from_file("grasp", live=["F"], step=0.7e-3)
     for force in (1.0, 3.0, 5.0, 8.0, 9.0, 9.5):
         simulation.reset()
         simulation.set_live({"F": force})

@@ -4,6 +4,8 @@ A node takes half a second of a processor to import its libraries, and the tests
 has its own session, folder, environment, output and signals, and runs the program's `main` with its arguments, as
 `python -m` does; it finds modules on its own PYTHONPATH first. There is one such process for each library in LD_PRELOAD, which
 the linker reads. Ctrl-C while importing is tested with programs that are started by themselves.
+
+Forked programs compile at level 0, as most tests do, unless MBD_SIM_TEST_LEVEL is "user".
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import ctypes
 import gc
 import importlib
 import json
+import math
 import os
 import select
 import signal
@@ -142,6 +145,10 @@ def _become(program: str, arguments: Sequence[str], folder: str, environment: Ma
     os.close(output)
     folders = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path and path not in sys.path]
     sys.path[1:1] = folders  # after the folder of the program, as the interpreter does at its start
+    if os.environ.get("MBD_SIM_TEST_LEVEL") != "user":
+        from mbd_sim.compiler.code import machine_code
+
+        machine_code.LEVEL, machine_code.LONG = 0, math.inf
     module = importlib.import_module(program)
     sys.argv = [str(module.__file__), *arguments]
     return int(module.main())

@@ -31,6 +31,7 @@ def chain(joints: int) -> str:
 @pytest.fixture
 def long_chain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("MBD_SIM_CACHE", "off")
+    monkeypatch.setenv("MBD_SIM_TEST_LEVEL", "user")
     file = tmp_path / "chain.yaml"
     file.write_text(chain(40))
     return file

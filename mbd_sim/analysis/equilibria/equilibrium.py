@@ -33,6 +33,7 @@ LARGEST_TURN = 0.2  # rad in a step
 STRAIGHT, BENT = 0.995, 0.9  # cosines of the angle between tangents with which steps become longer, and shorter
 SLOW, SETTLED = 0.5, 1e-4  # the first step of time while it sinks, and the balance from which Newton's method goes on
 STEPS, CORRECTIONS, ITERATIONS, SETTLING = 300, 6, 60, 200
+UNCHANGED = 60  # steps in a row that leave the load as it is, after which a path is left: a weight that falls
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +57,15 @@ def equilibria_along(balance: RestBalance, direction: float, within: float = mat
         first = _tangent(slopes, balance.force)
     if first is None:
         return
-    place, length = _Place(balance.start, direction * first), FIRST
+    place, length, unchanged = _Place(balance.start, direction * first), FIRST, 0
     for number in range(STEPS):
         following, length = _next(balance, place, length)
         if following is None:
             return
         before, after = place.rest.load_factor, following.rest.load_factor
+        unchanged = unchanged + 1 if abs(after - before) <= CORRECTED else 0
+        if unchanged == UNCHANGED:
+            return
         if before * after <= 0.0 and before != after:
             nearer = place if abs(before) < abs(after) else following
             if (found := balanced(balance, nearer.rest)) is None:

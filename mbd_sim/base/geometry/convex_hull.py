@@ -208,7 +208,7 @@ def _loop(border: dict[int, int]) -> list[int]:
 
 
 def _polygons(points: Array, triangles: Triangles, flat: float) -> list[list[int]]:
-    """The corners of each face: of all triangles in one plane. Points along an edge are no corners.
+    """The corners of each face: of all triangles in one plane. Points along an edge are not corners.
 
     :raises _BrokenLoopError: the triangles of a plane are not one region.
     """

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.batch import array, per_variant, uniform
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.linear_algebra import norm, norms
+from mbd_sim.base.linear_algebra import cross, norm, norms
 from mbd_sim.base.linear_algebra import product as matrix_product
 from mbd_sim.base.rounded import sine_cosine
 
@@ -122,9 +122,9 @@ def aligning_z(axis: Array) -> Array:
         columns[(index + 1) % 3, 0] = 1.0
         columns[(index + 2) % 3, 1] = sign
         return columns
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    x = cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
     x /= norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    return np.column_stack([x, cross(axis, x), axis])
 
 
 @per_variant

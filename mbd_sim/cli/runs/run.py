@@ -35,7 +35,14 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_start(parser)
     add_outputs(parser)
-    parser.add_argument("--rerun", metavar="SINK", help="show the run in Rerun: spawn, serve, connect, or a file.rrd")
+    viewer = parser.add_mutually_exclusive_group()
+    viewer.add_argument("--rerun", metavar="SINK", help="show the run in Rerun: spawn, serve, connect, or a file.rrd")
+    viewer.add_argument(
+        "--foxglove",
+        metavar="PORT",
+        help="show the run to Foxglove, by a server on a port such as 8765: it waits for Foxglove, then runs in real "
+        "time",
+    )
     add_quiet(parser)
 
 
@@ -45,7 +52,8 @@ def _execute(options: argparse.Namespace) -> int:
     simulation = build_simulation(options)
     try:
         with outputs.of(simulation):
-            summary = simulate(simulation, options.time, rerun=options.rerun, quiet=options.quiet, outputs=outputs)
+            viewer = _viewer(options, simulation)
+            summary = simulate(simulation, options.time, viewer=viewer, quiet=options.quiet, outputs=outputs)
         print(summary)
     finally:
         for written in outputs.written:
@@ -53,21 +61,39 @@ def _execute(options: argparse.Namespace) -> int:
     return 0
 
 
+def _viewer(options: argparse.Namespace, simulation: BaseSimulation) -> Viewer | None:
+    """The viewer that is asked for; that of Foxglove is being watched when this returns."""
+    from mbd_sim.pictures.foxglove.viewer import FoxgloveViewer
+    from mbd_sim.pictures.rerun.viewer import Viewer
+
+    if options.rerun:
+        return Viewer(simulation.model, options.rerun, rate=SHOWN_RATE)
+    if options.foxglove is None:
+        return None
+    viewer = FoxgloveViewer(simulation.model, options.foxglove, rate=SHOWN_RATE)
+    print(f"{viewer.address}\nThe run begins when this connection is opened in Foxglove.", flush=True)
+    try:
+        while not viewer.watched.wait(0.2):
+            if viewer.failure is not None:
+                raise viewer.failure
+    except BaseException:
+        viewer.close()
+        raise
+    return viewer
+
+
 def simulate(
     simulation: BaseSimulation,
     duration: float,
     *,
-    rerun: str | None = None,
+    viewer: Viewer | None = None,
     quiet: bool = False,
     outputs: RunOutputs | None = None,
 ) -> str:
-    """Run for `duration` s and return a summary; `rerun` names a sink of the viewer.
+    """Run for `duration` s, in a viewer if there is one, which is closed then; returns a summary.
 
     :raises DivergedError: the state became infinite.
     """
-    from mbd_sim.pictures.rerun.viewer import Viewer
-
-    viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
     feed = None if viewer is None else _ViewerFeed(viewer, simulation)
     samplers: list[PeriodicOutput] = [] if feed is None else [feed]
     if outputs is not None and outputs.frame_rate:
@@ -119,9 +145,12 @@ class _ViewerFeed:
 
     def __init__(self, viewer: Viewer, simulation: BaseSimulation) -> None:
         self._viewer, self._simulation, self._waiting = viewer, simulation, 0
+        self._began = time.monotonic() - simulation.time if viewer.keeps_time else None
 
     def sample(self) -> None:
         simulation = self._simulation
+        if self._began is not None:
+            time.sleep(max(self._began + simulation.time - time.monotonic(), 0.0))
         self._viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
         self._count()
 
@@ -226,7 +255,7 @@ def _constraints(simulation: BaseSimulation) -> list[str]:
 COMMANDS = {
     "run": Command(
         "Run a mechanism as fast as possible, without ROS, and report speed, energy residual and final state. The "
-        "run can be recorded, written as a table, plotted, animated, and shown in Rerun.",
+        "run can be recorded, written as a table, plotted, animated, and shown in Rerun or Foxglove.",
         _add_arguments,
         _execute,
     ),

@@ -7,6 +7,7 @@ import json
 import threading
 import webbrowser
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from mbd_sim.base.errors import CommandError, MechanismError, NoInertiaError, counted
@@ -34,15 +35,21 @@ from mbd_sim.recordings.views.panels import panels, require_names
 from mbd_sim.recordings.views.resampling import interpolation_table, resampled
 from mbd_sim.recordings.views.table import export, read_table, require_table, write_columns
 
+if TYPE_CHECKING:
+    from mbd_sim.pictures.rerun.scene import SceneDescription
+    from mbd_sim.recordings.views.scene import AddressCallback, OpenStream
+
 RATE = 200.0  # states per second shown by default
 
 
 def _add_view(parser: argparse.ArgumentParser) -> None:
     add_run(parser)
     parser.add_argument("--save", metavar="FILE.rrd", help="write a file instead of opening a window")
-    parser.add_argument(
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
         "--rerun", metavar="SINK", default="spawn", help="spawn (default), serve, connect, or a file.rrd"
     )
+    where.add_argument("--foxglove", metavar="PORT", help="play it to Foxglove, by a server on a port such as 8765")
     parser.add_argument(
         "--rate",
         type=positive_in("Hz"),
@@ -68,11 +75,18 @@ def _add_view(parser: argparse.ArgumentParser) -> None:
 
 
 def _view(options: argparse.Namespace) -> int:
-    """Show the run; with `--rerun serve`, until Ctrl-C."""
+    """Show the run; with `--rerun serve` and `--foxglove`, until Ctrl-C."""
+    from mbd_sim.pictures.foxglove.viewer import checked_port
     from mbd_sim.pictures.rerun.sinks import checked_sink
 
-    sink = checked_sink(options.save or options.rerun)
-    require_packages("rerun", purpose="The viewer")
+    if options.foxglove is not None:
+        if options.save:
+            raise CommandError("--save writes a file of Rerun", "Leave it out, or leave out --foxglove.")
+        sink = checked_port(options.foxglove)
+        require_packages("foxglove", purpose="The viewer")
+    else:
+        sink = checked_sink(options.save or options.rerun)
+        require_packages("rerun", purpose="The viewer")
     with recorded_run(options.recording, options, rate=options.rate) as path:
         _show(path, sink, options)
     return 0
@@ -80,28 +94,61 @@ def _view(options: argparse.Namespace) -> int:
 
 def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
     from mbd_sim.pictures.rerun.scene import DisplayOptions
-    from mbd_sim.recordings.views.scene import show_joint_plots, show_run
+    from mbd_sim.recordings.views.scene import rerun_stream, show_run
 
     recording = open_recording(path)
-    on_sent = _serve_until_interrupted if sink == "serve" else _return_at_once
     recomputation, reason = _recomputation(recording)
     if recomputation is None:
-        with ProgressBar("read", options.quiet) as progress:
-            table = read_table(recording, progress.show)
-        address = show_joint_plots(table, sink, on_sent)
-        print_notes(table.notes)
-        print(f"{options.recording}: {reason}, so only its joints are shown, as plots")
-        print(f"  {counted(len(table), 'state')}, {counted(len(table.names), 'joint')}: {address}")
+        _show_joints(recording, reason, sink, options)
+        return
+    display = DisplayOptions(
+        None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions
+    )
+    open_stream: OpenStream
+    on_sent: AddressCallback
+    if options.foxglove is None:
+        open_stream, on_sent = rerun_stream(sink), _serve_until_interrupted if sink == "serve" else _return_at_once
     else:
-        display = DisplayOptions(
-            None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions
+        open_stream, on_sent = _foxglove_player(int(sink))
+    with ProgressBar("show", options.quiet) as progress:
+        address, count, notes = show_run(
+            recording, recomputation, open_stream, options.rate, display, progress.show, on_sent
         )
-        with ProgressBar("show", options.quiet) as progress:
-            address, count, notes = show_run(
-                recording, recomputation, sink, options.rate, display, progress.show, on_sent
-            )
-        print_notes(notes)
-        print(f"{options.recording}: {counted(count, 'state')}: {address}")
+    print_notes(notes)
+    print(f"{options.recording}: {counted(count, 'state')}: {address}")
+
+
+def _show_joints(recording: Recording, reason: str, sink: str, options: argparse.Namespace) -> None:
+    """Show the joints of a recording without a mechanism."""
+    from mbd_sim.recordings.views.scene import show_joint_plots
+
+    if options.foxglove is not None:
+        raise CommandError(
+            f"{options.recording}: {reason}, so there is nothing to play", "Open the recording itself in Foxglove."
+        )
+    with ProgressBar("read", options.quiet) as progress:
+        table = read_table(recording, progress.show)
+    address = show_joint_plots(table, sink, _serve_until_interrupted if sink == "serve" else _return_at_once)
+    print_notes(table.notes)
+    print(f"{options.recording}: {reason}, so only its joints are shown, as plots")
+    print(f"  {counted(len(table), 'state')}, {counted(len(table.names), 'joint')}: {address}")
+
+
+def _foxglove_player(port: int) -> tuple[OpenStream, AddressCallback]:
+    """What opens the player of a run, and what plays it until Ctrl-C."""
+    from mbd_sim.pictures.foxglove.playback import Playback
+
+    opened: list[Playback] = []
+
+    def open_stream(scene: SceneDescription) -> Playback:
+        opened.append(Playback(scene, port))
+        return opened[0]
+
+    def play(_: str) -> None:
+        print(f"{opened[0].address}\nOpen this connection in Foxglove. Press Ctrl-C to stop the server.", flush=True)
+        opened[0].play(threading.Event())
+
+    return open_stream, play
 
 
 def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:
@@ -238,8 +285,8 @@ def _plot(options: argparse.Namespace) -> int:
 
 COMMANDS = {
     "view": Command(
-        "Show a recorded run, or the run of a mechanism, in Rerun: the moving mechanism with plots and events. If a"
-        " recording contains no mechanism, only the joints are plotted.",
+        "Show a recorded run, or the run of a mechanism, in Rerun or Foxglove: the moving mechanism with plots and "
+        "events. If a recording contains no mechanism, only the joints are plotted.",
         _add_view,
         _view,
     ),

@@ -45,7 +45,7 @@ def _started(*arguments: str) -> subprocess.Popen[bytes]:
     """
     paths = [*(path for path in sys.path if isinstance(path, str) and path), _PACKAGES]
     return subprocess.Popen(  # noqa: S603  (own arguments)
-        [sys.executable or "", "-P", "-S", str(PROGRAM), *arguments],
+        [sys.executable or "", "-P", "-S", str(PROGRAM), str(os.getpid()), *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

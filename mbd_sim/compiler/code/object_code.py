@@ -110,8 +110,8 @@ def _end_with(caller: int) -> None:
 def main() -> None:
     """The program."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller, which then ends this program
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
-    _, cpu, features, level = sys.argv
+    _, caller, cpu, features, level = sys.argv
+    threading.Thread(target=_end_with, args=(int(caller),), daemon=True).start()
     code = object_code(sys.stdin.buffer.read().decode(), cpu, features, int(level), is_long=True)
     sys.stdout.buffer.write(code)
     sys.stdout.buffer.flush()

@@ -345,7 +345,7 @@ _RULES: dict[int, Callable[..., int]] = {
 
 
 class NotAnalyticError(Exception):
-    """An operation whose value is no analytic function of time: its name, and the first result that depends on it."""
+    """An operation that is not an analytic function of time: its name, and the first result that depends on it."""
 
     def __init__(self, operation: str, result: int) -> None:
         self.operation, self.result = operation, result

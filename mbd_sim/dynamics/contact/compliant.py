@@ -11,12 +11,12 @@ from mbd_sim.dynamics.contact.shapes import Touch, touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.kinematics.wrenches import AppliedWrenches
 from mbd_sim.dynamics.math.spatial import is_absent
-from mbd_sim.mechanism.elements.contacts import Contact, ContactBody, Cushion
+from mbd_sim.mechanism.elements.contacts import ComplianceLaw, Contact, ContactBody
 from mbd_sim.mechanism.elements.parts import GROUND
 
 
 @dataclass(frozen=True, slots=True)
-class CushionForce:
+class ComplianceForce:
     """The forces (3,) in N of a compliant contact on its first body, in ground's axes, and its powers.
 
     `elastic` is that of the `potential` in J; `resisting` is that of damping and friction, which dissipate `loss` in W.
@@ -30,7 +30,7 @@ class CushionForce:
     loss: ca.SX
 
 
-def cushion_force(law: Cushion, touching: Touch, relative: ca.SX) -> CushionForce:
+def compliance_force(law: ComplianceLaw, touching: Touch, relative: ca.SX) -> ComplianceForce:
     """The force at the depth δ: k δⁿ (1 + c δ'), and friction μ N v / √(v² + v_r²) against the slip v.
 
     At a separation faster than 1 / c contact is lost (Hunt & Crossley 1975).
@@ -46,13 +46,13 @@ def cushion_force(law: Cushion, touching: Touch, relative: ca.SX) -> CushionForc
         square = ca.dot(slip, slip)
         factor = law.friction * (spring + damping) / ca.sqrt(square + law.regularization**2)
         resisting, loss = resisting - factor * slip, loss + factor * square
-    return CushionForce(
+    return ComplianceForce(
         spring + damping, spring * touching.normal, resisting, spring * depth / (law.exponent + 1.0), loss
     )
 
 
 @dataclass(frozen=True, slots=True)
-class AppliedCushion:
+class AppliedCompliance:
     """A compliant contact: its `potential` in J, its dissipated power `loss` in W, its `place` and its `reading`.
 
     The place (6,) is the point in m where it touches, and the force in N on the first body, in ground's axes. The
@@ -67,8 +67,8 @@ class AppliedCushion:
 
 
 @dataclass(frozen=True, eq=False)
-class CushionFunctions:
-    """Functions (t, y, inputs) of all compliant contacts, see `AppliedCushion`.
+class ComplianceFunctions:
+    """Functions (t, y, inputs) of all compliant contacts, see `AppliedCompliance`.
 
     `places` (9, contacts) are points, forces and normals; `readings` one after the other, with as many `directions` of
     friction each.
@@ -79,18 +79,20 @@ class CushionFunctions:
     directions: tuple[int, ...]
 
 
-def cushion_functions(inputs: list[ca.SX], cushions: Sequence[AppliedCushion]) -> CushionFunctions:
+def compliance_functions(inputs: list[ca.SX], compliances: Sequence[AppliedCompliance]) -> ComplianceFunctions:
     """The functions of compliant contacts."""
-    places = ca.horzcat(*[cushion.place for cushion in cushions])
-    readings = ca.vertcat(*[cushion.reading for cushion in cushions])
-    return CushionFunctions(
-        ca.Function("cushions", inputs, [ca.densify(places)], {"cse": True}),
-        ca.Function("cushion_readings", inputs, [ca.densify(readings)], {"cse": True}),
-        tuple((cushion.reading.numel() - 3) // 2 for cushion in cushions),
+    places = ca.horzcat(*[compliance.place for compliance in compliances])
+    readings = ca.vertcat(*[compliance.reading for compliance in compliances])
+    return ComplianceFunctions(
+        ca.Function("compliances", inputs, [ca.densify(places)], {"cse": True}),
+        ca.Function("compliance_readings", inputs, [ca.densify(readings)], {"cse": True}),
+        tuple((compliance.reading.numel() - 3) // 2 for compliance in compliances),
     )
 
 
-def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion, still: int | None) -> AppliedCushion:
+def apply_compliance(
+    applied: AppliedWrenches, contact: Contact, law: ComplianceLaw, still: int | None
+) -> AppliedCompliance:
     """Apply the forces of a compliant contact.
 
     :param still: see `touch`.
@@ -98,16 +100,16 @@ def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion, stil
     bodies = contact.first, contact.second
     touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second), still)
     first, second = (_velocity(applied, body, touching.point) for body in bodies)
-    force = cushion_force(law, touching, first - second)
+    force = compliance_force(law, touching, first - second)
     for body, sign in zip(bodies, (1.0, -1.0), strict=True):
         _apply_at(applied, body, touching.point, sign * (force.elastic + force.resisting))
     total = force.elastic + force.resisting
     reading = _reading(law, touching, first - second, force.normal, total)
     place = ca.vertcat(touching.point, total, touching.normal)
-    return AppliedCushion(force.potential, force.loss, place, reading)
+    return AppliedCompliance(force.potential, force.loss, place, reading)
 
 
-def _reading(law: Cushion, touching: Touch, relative: ca.SX, normal: ca.SX, force: ca.SX) -> ca.SX:
+def _reading(law: ComplianceLaw, touching: Touch, relative: ca.SX, normal: ca.SX, force: ca.SX) -> ca.SX:
     slips = [(side, ca.sparsify(ca.dot(side, relative))) for side in touching.sides]
     possible = [] if is_absent(law.friction) else [(side, slip) for side, slip in slips if slip.nnz()]
     friction = [ca.dot(side, force) for side, _ in possible]

@@ -16,10 +16,20 @@ point; the cosines k (2); 1 for the way in which the normal is found, and 0 for 
 normals two sides have, 1 or -1; 1 if the contact point is on the corner of the second body, and 0 if it is on that of
 the first one, or where both sides cross; the normal (3) in the axes of the second part, or of the first one if it is
 fixed there; a direction across it (3) in the second part; the radii (2) of rims that lie flat, of which points protrude
-(see `shapes`); and the key, by which the narrow phase knows what touches; 0 is not a key.
+(see `shapes`); 1 where a sharp edge crosses a rim; and the key, by which the narrow phase knows what touches; 0 is not
+a key.
+
+Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
+the edge and the tangent of the rim,
+
+    |(p + s d - c)_⊥| = ρ,   r = (p + s d - c)_⊥,   n = ∓ (a × r) × d / |(a × r) × d|,   g = a·(p + s d - c) n·a,
+
+with the sign of the root s. The normal among the numbers is a then, in the part of the end.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -29,9 +39,10 @@ from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
 
-SMOOTH_SIZE = 31  # numbers of a slot, of which the last one is the key
+SMOOTH_SIZE = 32  # numbers of a slot, of which the last one is the key
 NEWTON_STEPS = 3
 TINY = 1e-60
+LEAST = 1e-8  # of the radius of a rim, half of a chord below which this counts as it
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
 
 
@@ -65,9 +76,19 @@ def smooth_touch(
     at, other = first.position + first.rotation @ c_a, second.position + second.rotation @ c_b
     line, side = at - other, second.rotation @ side
     d_a, d_b = first.rotation @ d_a, second.rotation @ d_b
-    grams = [_gram(body, frame, numbers[12 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))]
+    end = _end_of_crossing(bodies)
+    crossed = numbers[30] if end is not None else ca.SX(1, 1)
+    grams = [
+        _gram(body, frame, (1.0 - crossed) * numbers[12 + k])
+        for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
+    ]
     fixed = on_b * (second.rotation @ hint) + on_a * (first.rotation @ hint)
     fixed += two * _across_both(d_a, d_b, k_a, k_b, sign, 1.0 - two)
+    crossing = None
+    if end is not None:
+        axis, edge = frames[end].rotation @ hint, (d_b, d_a)[end]
+        crossing = _crossing(line if end else -line, edge, axis, numbers[12 + end], sign, crossed)
+        fixed += crossed * (crossing.normal if end else -crossing.normal)
     bound, cosine = free * (d_a + d_b), free * (k_b - k_a)
 
     def following(given: ca.SX) -> ca.SX:
@@ -81,18 +102,56 @@ def smooth_touch(
     iterated = IteratedNormal(normal, value, following(normal))
     arms = [_arm(gram, normal) for gram in grams]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
-    used = on_b + on_a + two + free
+    used = on_b + on_a + two + free + crossed
     lifts = [
         _lift(body, frame, fixed, numbers[28 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
     ]
     lift = lifts[0] + lifts[1]
     place, seen = at - arms[0] - radii[0] * normal, other + arms[1] + radii[1] * normal
-    crossing = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
+    own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
+    if crossing is not None:
+        assert end is not None
+        own += crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
+        distance -= crossed * ca.dot(normal, crossing.arm if end else -crossing.arm)
     one = ca.cross(side, normal)
     one /= ca.sqrt(ca.dot(one, one) + TINY)
-    point = on_second * seen + (1.0 - on_second) * crossing
+    point = on_second * seen + (1.0 - on_second) * own
     gap = distance - lift + (1.0 - used) * length
     return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift)
+
+
+@dataclass(frozen=True, eq=False)
+class _Crossing:
+    """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end."""
+
+    along: ca.SX
+    arm: ca.SX
+    normal: ca.SX
+
+
+def _end_of_crossing(bodies: tuple[ContactBody, ContactBody]) -> int | None:
+    """Which of two bodies has round ends that sharp edges of the other can cross."""
+    for end in (0, 1):
+        other = bodies[1 - end]
+        if isinstance(bodies[end], Barrel | ConeBody) and isinstance(other, Solid) and other.edges and not other.radius:
+            return end
+    return None
+
+
+def _crossing(line: ca.SX, edge: ca.SX, axis: ca.SX, radius: ca.SX, sign: ca.SX, used: ca.SX) -> _Crossing:
+    """The crossing of an edge and a rim.
+
+    :param line: from the center of the rim to the start of the edge.
+    :param used: 1 if the slot has a crossing, else 0.
+    """
+    level, flat = edge - axis * ca.dot(axis, edge), line - axis * ca.dot(axis, line)
+    square, half = used * ca.dot(level, level) + (1.0 - used), used * ca.dot(level, flat)
+    rest = half * half - square * (used * (ca.dot(flat, flat) - radius * radius) - (1.0 - used))
+    root = ca.sqrt(ca.fmax(rest, (LEAST * radius) ** 2 + TINY))
+    along = (sign * root - half) / square
+    arm = flat + along * level
+    across = ca.cross(ca.cross(axis, arm), edge)
+    return _Crossing(along, arm, -sign * across / ca.sqrt(ca.dot(across, across) + TINY))
 
 
 def _lift(body: ContactBody, frame: SymbolicPose, normal: ca.SX, radius: ca.SX) -> ca.SX:

@@ -28,7 +28,7 @@ from mbd_sim.mechanism.values.laws import Expressed, GreenStrain, Linear, Varyin
 from mbd_sim.mechanism.values.tables import Piecewise
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.contact.compliant import AppliedCushion
+    from mbd_sim.dynamics.contact.compliant import AppliedCompliance
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class ElementForces:
     """The wrenches F_L (6,) = [moment; force] on each link, the potential in J and the powers in W.
 
     `lengths` (springs and dampers,) are the distances between the ends in m, and `rates` their rates in m/s; those of
-    springs without expressions that vary are left out as zeros. `cushions` are the compliant contacts.
+    springs without expressions that vary are left out as zeros. `compliances` are the compliant contacts.
     """
 
     wrenches: list[ca.SX]
@@ -45,7 +45,7 @@ class ElementForces:
     potential: ca.SX
     applied_power: ca.SX
     dissipated_power: ca.SX
-    cushions: Sequence[AppliedCushion]
+    compliances: Sequence[AppliedCompliance]
 
 
 def element_forces(
@@ -73,32 +73,32 @@ def element_forces(
         energy, loss = apply_bushing(applied, bushing)
         potential += energy
         dissipated += loss
-    cushions = _apply_cushions(applied, mechanism, poses)
-    for cushion in cushions:
-        potential += cushion.potential
-        dissipated += cushion.loss
+    compliances = _apply_compliances(applied, mechanism, poses)
+    for compliance in compliances:
+        potential += compliance.potential
+        dissipated += compliance.loss
     for force in mechanism.applied:
         power.add(force.vector, _apply_force(applied, force, state))
     applied_power += power.applied
     dissipated += power.dissipated
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
-    return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated, cushions)
+    return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated, compliances)
 
 
-def _apply_cushions(
+def _apply_compliances(
     applied: AppliedWrenches, mechanism: Mechanism, poses: Sequence[SymbolicPose]
-) -> list[AppliedCushion]:
+) -> list[AppliedCompliance]:
     if not mechanism.contacts:
         return []
-    from mbd_sim.dynamics.contact.compliant import apply_cushion
+    from mbd_sim.dynamics.contact.compliant import apply_compliance
     from mbd_sim.dynamics.contact.one_sided_equations import still_axis
-    from mbd_sim.mechanism.elements.contacts import Cushion
+    from mbd_sim.mechanism.elements.contacts import ComplianceLaw
 
     return [
-        apply_cushion(applied, contact, contact.law, still_axis(poses))
+        apply_compliance(applied, contact, contact.law, still_axis(poses))
         for contact in mechanism.contacts
-        if isinstance(contact.law, Cushion)
+        if isinstance(contact.law, ComplianceLaw)
     ]
 
 

@@ -24,7 +24,7 @@ from mbd_sim.dynamics.kinematics.links import Link, build_links
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.actuators import Actuator, DcMotor, EffortMotor, FluidCylinder, Gas, Oil, Servo
 from mbd_sim.mechanism.elements.constraints import ContactLaw, Play
-from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Contact, Cushion, EllipsoidBody, PlanarBody, Rim
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, ComplianceLaw, Contact, EllipsoidBody, PlanarBody, Rim
 from mbd_sim.mechanism.elements.forces import Bushing, Spring
 from mbd_sim.mechanism.elements.parts import Attachment, Joint, Limits, Part
 from mbd_sim.mechanism.elements.sensors import AnySensor, RangeFinder
@@ -280,7 +280,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     EllipsoidBody: ("radii",),
     Barrel: ("radius",),
     RangeFinder: ("normal",),
-    Cushion: ("stiffness", "damping", "friction", "regularization"),
+    ComplianceLaw: ("stiffness", "damping", "friction", "regularization"),
 }
 # The fields of each record on which the equations do not depend.
 _UNREAD: Mapping[type, tuple[str, ...]] = {

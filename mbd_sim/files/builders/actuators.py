@@ -348,7 +348,9 @@ class _BaseBuilder:
         named = {joint for _, joint, _ in _wheels(spec)} | {*getattr(spec, "steering", ())}
         for index, joint in enumerate(spec.reversed):
             if joint not in named:
-                self.context.report((*where, "reversed", index), f"'{joint}' is no wheel of it", nearest(joint, named))
+                self.context.report(
+                    (*where, "reversed", index), f"'{joint}' is not one of its wheels", nearest(joint, named)
+                )
         repeated = [joint for _, joint, _ in _wheels(spec)]
         if len(set(repeated)) < len(repeated):
             self.context.report(where, "a wheel is named twice", "Name each wheel once.")

@@ -11,10 +11,11 @@ from mbd_sim.base.errors import InputError, listed, nearest, quoted
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.linear_algebra import product as matrix_product
-from mbd_sim.files.builders.contact_bodies import edges, is_thin, round_body, slots_of, solid
+from mbd_sim.files.builders.bodies.contact_bodies import edges, is_thin, round_body, slots_of, solid
+from mbd_sim.files.builders.bodies.outlines import is_usable, planar_body
+from mbd_sim.files.builders.bodies.parts import touching_shapes
+from mbd_sim.files.builders.bodies.shapes import pose_of
 from mbd_sim.files.builders.context import BuildContext, attachment
-from mbd_sim.files.builders.outlines import is_usable, planar_body
-from mbd_sim.files.builders.parts import pose_of, touching_shapes
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.files.schema.constraints import ALL, ContactSpec
 from mbd_sim.files.schema.file import PartSpec
@@ -26,9 +27,9 @@ from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
     Cam,
+    ComplianceLaw,
     Contact,
     ContactBody,
-    Cushion,
     Face,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
@@ -105,8 +106,8 @@ class _ContactBuilder:
         if len(self._context.problems) > before or not spec.active:
             return []
         law = contact_law(spec)
-        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, Cushion)) for pair in pairs]
-        if isinstance(law, Cushion) and any(slots):
+        slots = [slots_of(*pair[2:], spec.inside, isinstance(law, ComplianceLaw)) for pair in pairs]
+        if isinstance(law, ComplianceLaw) and any(slots):
             message = (
                 "only spheres, points, cylinders, discs and rings can have a 'stiffness' in contact with each other"
             )
@@ -205,7 +206,7 @@ class _ContactBuilder:
     def _outline_pair(
         self, where: Location, first: _TouchingShape, second: _TouchingShape, inside: bool
     ) -> tuple[ContactBody, ContactBody] | None:
-        """An outline and another body; None, with a problem, for those whose shadow is no chain of lines and arcs."""
+        """An outline and another body; None, with a problem, if its shadow is not a chain of lines and arcs."""
         bodies: list[ContactBody] = []
         if any(isinstance(each.shape, schema.OutlineSpec) and not is_usable(each.shape) for each in (first, second)):
             return None
@@ -361,11 +362,11 @@ def _shape_names(shapes: Sequence[AnyShapeSpec]) -> list[str]:
     ]
 
 
-def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:
+def contact_law(spec: ContactSpec) -> ContactLaw | ComplianceLaw:
     """What happens at the contact."""
     friction = spec.friction or 0.0
     if spec.stiffness is not None:
-        return Cushion(spec.stiffness, spec.exponent, spec.damping, friction, spec.regularization)
+        return ComplianceLaw(spec.stiffness, spec.exponent, spec.damping, friction, spec.regularization)
     return ContactLaw(spec.restitution or 0.0, friction, spec.static_friction or friction)
 
 

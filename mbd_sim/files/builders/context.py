@@ -10,13 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
-
 from mbd_sim.base.errors import InputError, Problem, counted, listed, nearest, quoted
 from mbd_sim.base.geometry.batch import array
-from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.geometry.rotation import about, from_quaternion, from_rpy, unit
-from mbd_sim.files.schema.fields import RotationSpec
+from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.text.units import split_unit, unit_factor
 from mbd_sim.mechanism.elements.actuators import Actuator, Base
 from mbd_sim.mechanism.elements.constraints import Constraint
@@ -156,15 +152,3 @@ class MechanismElements:
     joint_bushings: tuple[Bushing, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
-
-
-def rotation_matrix(rotation: RotationSpec | None) -> Array:
-    """The matrix (3, 3) of a rotation; the identity for None."""
-    if rotation is None:
-        return np.eye(3)
-    if rotation.rpy is not None:
-        return from_rpy(*rotation.rpy)
-    if rotation.quaternion is not None:
-        return from_quaternion(unit(rotation.quaternion))
-    assert rotation.axis is not None and rotation.angle is not None
-    return about(unit(rotation.axis), rotation.angle)

@@ -15,7 +15,8 @@ from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.linear_algebra import norm, product
-from mbd_sim.files.builders.context import BuildContext, attachment, rotation_matrix
+from mbd_sim.files.builders.bodies.shapes import rotation_matrix
+from mbd_sim.files.builders.context import BuildContext, attachment
 from mbd_sim.files.schema import joints as schema
 from mbd_sim.files.schema import laws
 from mbd_sim.files.schema.fields import RotationSpec

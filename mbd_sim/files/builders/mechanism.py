@@ -14,12 +14,12 @@ from typing import Any
 from mbd_sim.base.errors import InputError, MechanismError, Problem, listed, nearest
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.files.builders.actuators import actuated_joints, build_actuators, build_bases
+from mbd_sim.files.builders.bodies.parts import build_part, point_poses
 from mbd_sim.files.builders.constraints import build_constraints, coupled_joints
 from mbd_sim.files.builders.contacts import build_contacts
 from mbd_sim.files.builders.context import BuildContext, ForceElements, MechanismElements
 from mbd_sim.files.builders.forces import build_force_elements
 from mbd_sim.files.builders.joints import build_joint, joint_bushing, with_stops
-from mbd_sim.files.builders.parts import build_part, point_poses
 from mbd_sim.files.builders.sensors import build_sensors, measured_joints
 from mbd_sim.files.builders.tree import build_tree, unconnected
 from mbd_sim.files.schema.file import MechanismFile

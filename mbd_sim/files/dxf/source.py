@@ -160,7 +160,7 @@ def _shapes(reader: _Reader, location: Location, shape: dict[str, Any]) -> list[
 def _require_keys(entry: Mapping[str, Any], known: tuple[str, ...]) -> None:
     for key in entry:
         if key not in known:
-            raise InputError(f"'{key}' is no key of a drawing", nearest(str(key), known))
+            raise InputError(f"'{key}' is not a key of a drawing", nearest(str(key), known))
     for key in ("dxf", "layer"):
         if not entry.get(key):
             raise InputError(f"lacks '{key}'", "Write {dxf: plate.dxf, layer: outline}.")

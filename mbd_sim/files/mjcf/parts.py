@@ -106,7 +106,7 @@ def _color(model: CompiledModel, geom: int) -> dict[str, str]:
     return {"color": "#" + "".join(f"{round(255.0 * min(max(value, 0.0), 1.0)):02x}" for value in rgba[:3].tolist())}
 
 
-WORLD = "world_geoms"  # the part with the geoms of the world that are no planes
+WORLD = "world_geoms"  # the part with the geoms of the world that are not planes
 LAST_VISIBLE = 2  # group of geoms that MuJoCo draws by default
 
 UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

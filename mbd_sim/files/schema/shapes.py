@@ -200,12 +200,12 @@ _CURVES = ("through", "center", "radius", "involute")
 
 
 class StrokeSpec(Spec):
-    """A piece of an outline to a point: a line, an arc, or the involute of a circle.
+    """A piece of an outline to a point: a line, an arc, the involute of a circle, or a tabulated curve.
 
-    The point is given by `to`, or in `polar` coordinates. An arc leads `through` a third point, around a `center`, or
-    has a `radius`, positive where it turns to the left; the latter two turn by less than half a turn. The `involute` of
-    a circle with this radius around `center` leads through both ends. `round` is the radius of the arc that replaces
-    the corner at the point.
+    The point is given by `to`, in `polar` coordinates, or as the last one of a `curve`. An arc leads `through` a third
+    point, around a `center`, or has a `radius`, positive where it turns to the left; the latter two turn by less than
+    half a turn. The `involute` of a circle with this radius around `center` leads through both ends. A `curve` leads
+    through all of its points. `round` is the radius of the arc that replaces the corner at the point.
     """
 
     to: PlanePoint | None = None
@@ -214,13 +214,14 @@ class StrokeSpec(Spec):
     center: PlanePoint | None = None
     radius: Length | None = None
     involute: PositiveLength | None = None
+    curve: list[PlanePoint] | None = Field(None, min_length=2, max_length=500, description="in place of 'to'")
     round: PositiveLength | None = None
 
     @model_validator(mode="after")
     def _one_curve(self) -> StrokeSpec:
-        if (self.to is None) == (self.polar is None):
-            raise InputError("needs one of to, polar", "Give the point to which the piece leads.")
-        given = [key for key in _CURVES if getattr(self, key) is not None]
+        if [self.to, self.polar, self.curve].count(None) != 2:
+            raise InputError("needs one of to, polar, curve", "Give the point to which the piece leads.")
+        given = [key for key in (*_CURVES, "curve") if getattr(self, key) is not None]
         if len(given) > 1 and given != ["center", "involute"]:
             raise InputError(f"has {' and '.join(given)}", "Give one of them.")
         return self

@@ -243,7 +243,7 @@ class CoordinateNames:
     unreadable: frozenset[str] = frozenset()
 
     def resolve(self, name: str) -> StateName | None:
-        """What a name in an expression stands for; None if it is no name of a coordinate or speed.
+        """What a name in an expression stands for; None if it is not the name of a coordinate or speed.
 
         :raises InputError: an angular velocity is used as a coordinate.
         """

@@ -17,10 +17,14 @@ def sampling_keys(period: float, delay: float) -> tuple[dict[str, float], list[s
         steps = max(1, round(period / STEP))
         keys["rate"] = 1.0 / (steps * STEP)
         if abs(steps * STEP - period) > ROUND_OFF * period:
-            changed.append(f"rates that are no whole number of steps of {STEP:g} s, of which the nearest one is taken")
+            changed.append(
+                f"rates that are not a whole number of steps of {STEP:g} s, of which the nearest one is taken"
+            )
     if delay > 0.0:
         steps = round(delay / STEP)
         keys["delay"] = steps * STEP
         if abs(steps * STEP - delay) > ROUND_OFF * delay:
-            changed.append(f"delays that are no whole number of steps of {STEP:g} s, of which the nearest one is taken")
+            changed.append(
+                f"delays that are not a whole number of steps of {STEP:g} s, of which the nearest one is taken"
+            )
     return keys, changed

@@ -40,7 +40,7 @@ def expanded(text: str, file: str, arguments: Mapping[str, str]) -> str:
     if is_xacro(text, file):
         return expanded_xacro(text, file, arguments)
     if arguments:
-        message, remedy = "this is no xacro file, and takes no arguments", "Leave them out."
+        message, remedy = "this is not a xacro file, and takes no arguments", "Leave them out."
         if not text.lstrip().startswith("<"):
             remedy = "Write them into the file: 'xacro: {name: value}' beside 'urdf'."
         name, value = next(iter(arguments.items()))
@@ -213,7 +213,7 @@ def _explained(error: BaseException, known: set[str]) -> tuple[str, str]:
         case OSError():
             return f"cannot read {inner.filename or text}: {inner.strerror or inner}", "Check the path."
         case SyntaxError():
-            return f"is no valid expression: {inner.msg}{within}", "Correct it: expressions are Python's."
+            return f"is not a valid expression: {inner.msg}{within}", "Correct it: expressions are Python's."
     if text.startswith("unknown macro name: "):
         return f"there is no macro {text.partition(': ')[2]}", "Include the file that defines it, or correct the name."
     if text.startswith("Undefined parameters"):

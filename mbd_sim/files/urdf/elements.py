@@ -19,6 +19,7 @@ from mbd_sim.base.linear_algebra import added, product
 from mbd_sim.files.text.xml import Element, Reading, capsule, hull, placed, pose_of, rows, with_collisions
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.constraints import Coupling
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -383,7 +384,19 @@ def _single_motions(joint: Joint) -> list[Motion]:
 
 def _type(joint: Joint, rotation: int) -> str:
     """The URDF type of a rotation, by the index of its coordinate. A screw's range is left out."""
-    return "revolute" if joint.limits_of(rotation) and not joint.kind.advances else "continuous"
+    ends = (-math.inf, math.inf) if joint.kind.advances else range_of(joint, rotation)
+    return "continuous" if ends == (-math.inf, math.inf) else "revolute"
+
+
+def range_of(joint: Joint, coordinate: int) -> tuple[float, float]:
+    """The range of a coordinate, by its index: that of its drive if this follows commands, infinite without one.
+
+    A controller takes the shorter way round on a joint without a range, and a drive with one does not go that way.
+    """
+    if isinstance(joint.drive, CommandedDrive):
+        return joint.drive.lower, joint.drive.upper
+    limits = joint.limits_of(coordinate)
+    return (limits.lower, limits.upper) if limits else (-math.inf, math.inf)
 
 
 def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:

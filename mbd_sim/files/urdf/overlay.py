@@ -74,7 +74,9 @@ def _arguments(source: Source) -> dict[str, str]:
         try:
             found |= argument_texts({name: value})
         except InputError as error:
-            source.problems.append(source.problem(("xacro", name), "is no value of an argument", error.remedy, value))
+            source.problems.append(
+                source.problem(("xacro", name), "is not a value of an argument", error.remedy, value)
+            )
     return found
 
 

@@ -23,10 +23,11 @@ from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import to_rpy
 from mbd_sim.files.text import xml as xml_elements
-from mbd_sim.files.urdf.elements import Motion, mimics_of, motions_of
+from mbd_sim.files.urdf.elements import Motion, mimics_of, motions_of, range_of
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.forces import Bushing
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Mesh, Part, Shape
 from mbd_sim.mechanism.elements.sensors import FramelessSensor, FrameSensor, frame_id
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -310,16 +311,26 @@ def _add_ends(element: Element, origin: Pose, parent: str, child: str) -> None:
 
 
 def _add_limit(element: Element, joint: Joint, motion: Motion) -> None:
-    if motion.type == "continuous" and joint.effort_limit is None and joint.velocity_limit is None:
+    speed, effort = _velocity_limit(joint), math.inf if joint.effort_limit is None else joint.effort_limit
+    if motion.type == "continuous" and math.isinf(speed) and math.isinf(effort):
         return
-    limit = ElementTree.SubElement(element, "limit")
-    for key, value in (("velocity", joint.velocity_limit), ("effort", joint.effort_limit)):
-        limit.set(key, _number(UNLIMITED if value is None else value))
+    names = joint.motion_names
+    lower, upper = range_of(joint, names.index(motion.name)) if motion.name in names else (-math.inf, math.inf)
+    limit = ElementTree.SubElement(element, "limit", velocity=_limit(speed), effort=_limit(effort))
     if motion.type != "continuous":
-        names = joint.motion_names
-        limits = joint.limits_of(names.index(motion.name)) if motion.name in names else None
-        limit.set("lower", _number(limits.lower if limits else -UNLIMITED))
-        limit.set("upper", _number(limits.upper if limits else UNLIMITED))
+        limit.set("lower", _limit(lower))
+        limit.set("upper", _limit(upper))
+
+
+def _velocity_limit(joint: Joint) -> float:
+    if isinstance(joint.drive, CommandedDrive):
+        return joint.drive.velocity_limit
+    return math.inf if joint.velocity_limit is None else joint.velocity_limit
+
+
+def _limit(value: float) -> str:
+    """A number also where there is no limit."""
+    return _number(min(max(value, -UNLIMITED), UNLIMITED))
 
 
 def _add_link(robot: Element, part: Part, touching: Container[str]) -> None:

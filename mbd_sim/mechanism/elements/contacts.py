@@ -157,7 +157,7 @@ ContactBody = Cluster | Ball | Rim | RimPoint | EllipsoidBody | Barrel | ConeBod
 
 
 @dataclass(frozen=True)
-class Cushion:
+class ComplianceLaw:
     """A compliant contact (Hunt & Crossley 1975): the normal force k δⁿ (1 + c δ') at the depth δ, never negative.
 
     Its `friction` μ is smooth at rest: it falls to zero with slip below the speed `regularization`.
@@ -186,7 +186,7 @@ class Contact:
     names: tuple[str, str]
     first: ContactBody
     second: ContactBody
-    law: ContactLaw | Cushion
+    law: ContactLaw | ComplianceLaw
     inside: bool = False
     slots: int = 0
     still: int | None = None

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import cross
 from mbd_sim.mechanism.elements.joint_types import LoopCondition
 from mbd_sim.mechanism.elements.parts import Joint
 
@@ -25,7 +26,7 @@ ROW_ORDER: tuple[LoopCondition, ...] = (
 
 def rotation_about(axis: Array, point: Array) -> Array:
     """The twist of a rotation about an axis (3,) through a point (3,)."""
-    return np.concatenate([axis, np.cross(point, axis)])
+    return np.concatenate([axis, cross(point, axis)])
 
 
 def translation_along(direction: Array) -> Array:
@@ -64,7 +65,7 @@ def motion(joint: Joint, q: Array) -> Pose:
         case "universal":
             return Pose(zero, rot.about(axis, float(q[0])) @ rot.about(joint.second, float(q[1])))
         case "planar":
-            place = joint.second * q[0] + np.cross(axis, joint.second) * q[1]
+            place = joint.second * q[0] + cross(axis, joint.second) * q[1]
             return Pose(place, rot.about(axis, float(q[2])))
         case "spherical":
             return Pose(zero, rot.from_quaternion(q))
@@ -98,7 +99,9 @@ def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
 
     def add(directions: Array, error: Array, place: int) -> None:
         rows.append(directions @ error)
-        slopes.append(np.pad(directions, ((0, 0), (place, 3 - place))))
+        by_twist = np.zeros((len(directions), 6))
+        by_twist[:, place : place + 3] = directions
+        slopes.append(by_twist)
 
     for condition in sorted(joint.kind.loop_conditions, key=ROW_ORDER.index):
         match condition:
@@ -115,7 +118,7 @@ def gap_of(joint: Joint, first: Pose, second: Pose) -> tuple[Array, Array]:
             case "constant angle between axes":
                 other = second.rotation @ joint.second
                 rows.append(np.array([axis @ other - joint.axis @ joint.second]))
-                slopes.append(np.array([[*np.cross(other, axis), 0.0, 0.0, 0.0]]))
+                slopes.append(np.array([[*cross(other, axis), 0.0, 0.0, 0.0]]))
             case "advance by the lead":
                 rows.append(np.array([advance(joint, first, second)]))
                 slopes.append(np.array([[*(-joint.travel * axis), *axis]]))
@@ -128,7 +131,7 @@ def advance(joint: Joint, first: Pose, second: Pose) -> float:
     """The displacement of a screw less that of its angle, in whichever turn it is least."""
     axis, side = first.rotation @ joint.axis, rot.aligning_z(joint.axis)[:, 0]
     start, end = first.rotation @ side, second.rotation @ side
-    angle = float(np.arctan2(np.cross(start, end) @ axis, start @ end))
+    angle = float(np.arctan2(cross(start, end) @ axis, start @ end))
     found = float(axis @ (second.position - first.position)) - joint.travel * angle
     return found - joint.lead * round(found / joint.lead) if joint.lead else found
 
@@ -137,7 +140,7 @@ def displacement(joint: Joint, first: Pose, second: Pose) -> Array:
     """The twist (6,), about ground's origin, from a position that a joint allows to the one that it has."""
     rows, slopes = gap_of(joint, first, second)
     turn, shift = np.split(np.linalg.lstsq(slopes, rows, rcond=None)[0], 2) if len(rows) else (np.zeros(3), np.zeros(3))
-    return np.concatenate([turn, shift - np.cross(turn, second.position)])
+    return np.concatenate([turn, shift - cross(turn, second.position)])
 
 
 def _error(joint: Joint, first: Pose, second: Pose) -> Array:
@@ -145,7 +148,7 @@ def _error(joint: Joint, first: Pose, second: Pose) -> Array:
     if "equal orientations" in joint.kind.loop_conditions:
         return rot.rotation_vector(rot.to_quaternion(second.rotation @ first.rotation.T))
     one, other = first.rotation @ joint.axis, second.rotation @ joint.axis
-    across = np.cross(one, other)
+    across = cross(one, other)
     return across if one @ other > 0.0 else across + 2.0 * rot.aligning_z(one)[:, 0] if one.any() else across
 
 

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.base.linear_algebra import cross
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.exact_geometry.freedoms import displaced, displacement, gap_of, motion, stacked, twists_of
@@ -158,7 +159,7 @@ class Loops:
                 if joint.name in moves:
                     columns, twist = moves[joint.name]
                     twists[:, columns] = -twist if to_child else twist
-            twists[3:] += np.cross(twists[:3].T, second.position).T
+            twists[3:] += cross(twists[:3].T, second.position).T
             lengths = np.where(np.any(by_twist[:, 3:], axis=1), place.size, 1.0)
             all_gaps.append(gaps / lengths)
             all_slopes.append(by_twist @ twists / lengths[:, None])

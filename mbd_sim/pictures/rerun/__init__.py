@@ -9,6 +9,7 @@ Importing this package does not import Rerun; creating a `Viewer` does. Rerun ru
 | `scene` | the data sent: the mechanism, and rows of numbers; what an entity is |
 | `paths` | the paths of the entities |
 | `stream`, `sinks` | the recording: parts, which move, and events; where it goes |
+| `loads` | forces and couples as vectors, with their scale |
 | `forces`, `constraints` | connectors and arrows; contacts, constrained points and traces |
 | `plots` | plots, and the layout of the window |
 """

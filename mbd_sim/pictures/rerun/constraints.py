@@ -26,8 +26,9 @@ from mbd_sim.mechanism.elements.constraints import (
 from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.pictures.rerun import paths
-from mbd_sim.pictures.rerun.forces import ArrowStyle, is_closed, weight
-from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription
+from mbd_sim.pictures.rerun.forces import ArrowStyle
+from mbd_sim.pictures.rerun.loads import ArrowScale
+from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription, is_closed, weight
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.joints import pulls
 from mbd_sim.pictures.shapes.touching import closed_places, normal_lines, of_shapes
@@ -48,14 +49,16 @@ class _Contacts:
         self._extent, self._size, self._of_shapes = scene.extent, scene.extent.size, of_shapes(scene.contacts)
         self._inputs = [index for _, index in scene.contacts]
         self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
-        self._style = ArrowStyle(paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
+        self._style = ArrowStyle(
+            paths.CONTACTS, ArrowScale("contacts", "", False, palette.CONTACT, self._size, weight(scene))
+        )
 
     def static(self) -> LoggedItems:
         points = rr.Points3D.from_fields(radii=[POINT_RADIUS * self._size], colors=[palette.CONTACT])
         yield f"{paths.CONTACTS}/points", points
         normals = rr.LineStrips3D.from_fields(radii=[NORMAL_RADIUS * self._size], colors=[palette.CONTACT])
         yield f"{paths.CONTACTS}/normals", normals
-        yield from self._style.static(couple=False)
+        yield from self._style.static()
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         points, forces, normals = np.moveaxis(rows.of("contacts").reshape(len(rows), -1, 3, 3), 2, 0)

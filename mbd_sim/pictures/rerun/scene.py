@@ -20,9 +20,11 @@ from mbd_sim.base.geometry.rotation import quaternions
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
+from mbd_sim.pictures.shapes import joints
 from mbd_sim.pictures.shapes.extent import Extent, extent_of
 from mbd_sim.pictures.shapes.joints import default_traces, traced_points
 from mbd_sim.pictures.shapes.primitives import Primitive, wires
+from mbd_sim.simulation.run.events import EventKind
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.model.model import Model
@@ -314,3 +316,25 @@ def rotation_vectors(quaternions: Array) -> Array:
     safe = np.where(sine > 1e-9, sine, 1.0)
     factor = np.where(sine > 1e-9, 2.0 * np.arctan2(sine, w) / safe, 2.0)
     return np.asarray(v * factor[:, None])
+
+
+def is_closed(scene: SceneDescription, owner: Location, rows: Rows) -> Array:
+    """In which of the n samples (n,) the contact of an element is closed; always if it is not one-sided."""
+    own = [index for other, index in scene.contacts if other == owner and index is not None]
+    if not own:
+        return np.ones(len(rows), dtype=bool)
+    return np.asarray((rows.of("inputs")[:, own] > 0.0).any(axis=1))
+
+
+def weight(scene: SceneDescription) -> float:
+    """The force in N that an arrow of full length stands for by default."""
+    return joints.weight(scene.mechanism, scene.extent.size)
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedEvent:
+    """An event at a time (s) on the timeline, with its text."""
+
+    time: float
+    kind: EventKind
+    text: str

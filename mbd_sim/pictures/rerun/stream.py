@@ -8,7 +8,6 @@ commanded.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, assert_never
 
 import numpy as np
@@ -22,9 +21,9 @@ from mbd_sim.files.text.mesh_files import mesh_path
 from mbd_sim.mechanism.elements.parts import GROUND, Mesh, Polyhedron
 from mbd_sim.pictures.rerun import paths
 from mbd_sim.pictures.rerun.constraints import constraint_entities, contact_entities, trace_entities
-from mbd_sim.pictures.rerun.forces import arrow_entities, connector_entities, weight
+from mbd_sim.pictures.rerun.forces import arrow_entities, connector_entities
 from mbd_sim.pictures.rerun.plots import make_blueprint, plot_entities, sensor_series
-from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription
+from mbd_sim.pictures.rerun.scene import Entity, LoggedEvent, LoggedItems, PartPoses, Rows, SceneDescription, weight
 from mbd_sim.pictures.rerun.sinks import SinkConnection, is_live
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.joints import LONG
@@ -208,15 +207,6 @@ _LANES: Mapping[str, Mapping[EventKind, str]] = {
     },
 }
 _WARNINGS = (EventKind.WARNING, EventKind.EXPIRED)
-
-
-@dataclass(frozen=True, slots=True)
-class LoggedEvent:
-    """An event at a time (s) on the timeline, with its text."""
-
-    time: float
-    kind: EventKind
-    text: str
 
 
 def level(kind: EventKind) -> str:

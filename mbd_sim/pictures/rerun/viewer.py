@@ -117,6 +117,10 @@ class Viewer:
     """
 
     __repr__ = short_repr
+    keeps_time = False  # whether it shows only what comes in real time, because it keeps nothing
+    program = "Rerun"
+    _package = "rerun"
+    _worker_module = "mbd_sim.pictures.rerun.worker"  # the module whose `main` is the viewer's process
 
     def __init__(
         self,
@@ -136,12 +140,12 @@ class Viewer:
         :raises ViewerError: there is no such sink, it cannot be opened, or Rerun is not installed.
         :raises ValueError: the rate or capacity is not positive, or there is no such part or point to trace.
         """
-        checked_sink(sink)
+        self._check(sink)
         for name, value in (("rate", rate), ("trace_time", trace_time)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise ValueError(f"the {name} must be a positive number, not {value!r}")
         try:
-            require_packages("rerun", purpose="The viewer")
+            require_packages(self._package, purpose="The viewer")
         except MissingPackageError as error:
             raise ViewerError(str(error)) from error
         self._rate, self._frame, self._motion_time, self._event_filter = rate, -1, -math.inf, EventFilter()
@@ -155,7 +159,8 @@ class Viewer:
         self._waiting: dict[int, threading.Event] = {}
         self._flushes, self._wake, self._closing = 0, threading.Event(), False
         self._live = is_live(sink)
-        self._worker = _start_worker()
+        self.watched = threading.Event()  # somebody looks at a server
+        self._worker = _start_worker(self._worker_module)
         try:
             scene = describe_scene(model, self._writer.layout, options)
             self.address = self._open_worker(pickle.dumps((scene, sink)), sink)
@@ -164,12 +169,16 @@ class Viewer:
             self._worker.communicate()
             raise
         self._threads = [
-            threading.Thread(target=self._feed, name="rerun viewer", daemon=True),
-            threading.Thread(target=self._listen, name="rerun answers", daemon=True),
+            threading.Thread(target=self._feed, name="viewer", daemon=True),
+            threading.Thread(target=self._listen, name="viewer answers", daemon=True),
         ]
         for thread in self._threads:
             thread.start()
         atexit.register(self.close)
+
+    def _check(self, sink: str) -> None:
+        """Refuse an impossible sink."""
+        checked_sink(sink)
 
     def _open_worker(self, scene: bytes, sink: str) -> str:
         """Send the scene description to the worker; returns the address."""
@@ -298,6 +307,8 @@ class Viewer:
                 answer = json.loads(line)
                 if "failed" in answer:
                     self._fail(answer["failed"], by_worker=True)
+                if "watched" in answer:
+                    self.watched.set()
                 self._release(int(answer.get("flushed", 0)))
         if not self._closing:
             self._fail(f"its process ended ({self._worker.wait()})")
@@ -315,14 +326,14 @@ class Viewer:
         self._release(self._flushes)
 
 
-def _start_worker() -> subprocess.Popen[bytes]:
+def _start_worker(module: str) -> subprocess.Popen[bytes]:
     """Start the worker in its own session: Ctrl-C in the terminal reaches the node, which then ends the worker."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [
         sys.executable,
         "-P",
         "-c",
-        "import sys; from mbd_sim.pictures.rerun.worker import main; sys.exit(main())",
+        f"import sys; from {module} import main; sys.exit(main())",
     ]
     return subprocess.Popen(  # noqa: S603  (own arguments)
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, start_new_session=True

@@ -1,4 +1,4 @@
-"""The viewer's process: turns rows of numbers into columns of Rerun, outside the simulation's interpreter.
+"""The viewer's process: turns rows of numbers into what a viewer shows, outside the simulation's interpreter.
 
 It ends when its input does, so that the recording is complete even when the simulation was killed. A message to it has
 a kind, a length, and bytes: first the scene description and the sink, pickled; then rows of samples as raw numbers,
@@ -20,9 +20,9 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -31,7 +31,29 @@ from mbd_sim.pictures.rerun import sinks
 from mbd_sim.pictures.rerun.sinks import is_live
 
 if TYPE_CHECKING:
-    from mbd_sim.pictures.rerun.stream import RerunStream
+    from mbd_sim.base.geometry.pose import Array
+    from mbd_sim.pictures.rerun.scene import LoggedEvent, SceneDescription
+
+
+class Stream(Protocol):
+    """What shows the samples of a motion; `address` is where to view it."""
+
+    address: str
+
+    def send_samples(self, values: Array) -> None:
+        """Show samples, rows (n, width) of `RowLayout` in the order of their times."""
+
+    def send_events(self, events: Sequence[LoggedEvent]) -> None:
+        """Show events."""
+
+    def send_measurements(self, sensor: str, quantity: str, times: Array, values: Array) -> None:
+        """Show measurements (n, components) of a sensor over the times (n,) in s at which they arrived."""
+
+    def flush(self) -> None:
+        """Send the buffered data."""
+
+    def close(self) -> None:
+        """End the recording."""
 
 
 HEADER = struct.Struct("<cQ")
@@ -76,13 +98,31 @@ RERUN_LOG = "warn,re_log_encoding::rrd::file_sink=error"  # Rerun warns of files
 NICENESS = 10  # so that the simulation comes first where there is not enough processor time for both
 
 
+Answer = Callable[..., None]  # with the fields of a line of JSON to the simulation's process
+OpenStream = Callable[["SceneDescription", str, Answer], Stream]
+
+
 def main() -> int:
-    """Read the scene description and the rows from standard input until it ends; returns the exit code."""
+    """Show in Rerun what comes from standard input, until it ends; returns the exit code."""
+    os.environ.setdefault("RUST_LOG", RERUN_LOG)
+    return serve(_load_rerun)
+
+
+def _load_rerun() -> OpenStream:
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
+    return lambda scene, sink, answer: RerunStream(scene, sink, footer=False)  # a run may last for days
+
+
+def serve(load: Callable[[], OpenStream]) -> int:
+    """Read the scene description and the rows from standard input until it ends; returns the exit code.
+
+    :param load: imports what shows them, and returns what opens it.
+    """
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries must not mix with the answers
     lower_priority(NICENESS)
-    os.environ.setdefault("RUST_LOG", RERUN_LOG)
-    return _run(sys.stdin.buffer, answers)
+    return _run(sys.stdin.buffer, answers, load)
 
 
 class RowBatches:
@@ -93,7 +133,7 @@ class RowBatches:
     beyond `FILE_BATCH`, which they occupy in memory. Rows for a viewer are sent as they come.
     """
 
-    def __init__(self, stream: RerunStream, width: int, *, live: bool) -> None:
+    def __init__(self, stream: Stream, width: int, *, live: bool) -> None:
         self._stream, self._width, self._live = stream, width, live
         self._waiting: list[bytes] = []
         self._measured: dict[tuple[str, str], list[tuple[float, list[float]]]] = {}  # by sensor and quantity
@@ -131,21 +171,22 @@ class RowBatches:
         self._waiting, self._size, self._sent = [], 0, time.monotonic()
 
 
-def _run(source: IO[bytes], answers: IO[str]) -> int:
+def _run(source: IO[bytes], answers: IO[str], load: Callable[[], OpenStream]) -> int:
     def answer(**fields: object) -> None:
         with contextlib.suppress(OSError):  # the simulation's process has ended
             answers.write(f"{json.dumps(fields)}\n")
 
     try:
-        # Rerun is imported while the other process prepares the scene description.
-        from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
+        # What it needs is imported while the other process prepares the scene description.
+        open_stream = load()
+        from mbd_sim.pictures.rerun.scene import LoggedEvent
         from mbd_sim.simulation.run.events import EventKind
 
         first = read(source)
         if first is None:
             return 1
         scene, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
-        stream = RerunStream(scene, sink, footer=False)  # a run may last for days
+        stream = open_stream(scene, sink, answer)
     except Exception as error:  # reported by the simulation's process
         answer(failed=str(error) or repr(error))
         return 1

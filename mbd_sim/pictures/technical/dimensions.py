@@ -141,7 +141,7 @@ def dimension_of(text: str, places: Places) -> Dimension:
     if kind not in kinds:
         raise InputError(f"there is no dimension '{kind}'", nearest(kind, kinds))
     if len(names) not in ((2, 3) if kind == "angle" else (2,)) or "" in names:
-        raise InputError(f"'{text}' is no dimension", "Write A,B, or x:A,B, y:A,B, angle:A,V,B, angle:A,B.")
+        raise InputError(f"'{text}' is not a dimension", "Write A,B, or x:A,B, y:A,B, angle:A,V,B, angle:A,B.")
     if kind == "angle" and len(names) == 2:
         return _from_horizontal(places.dimension("length", names))
     return places.dimension(kinds[kind], names)

@@ -59,7 +59,7 @@ def scale(text: str) -> float:
     """
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*:\s*(\d+(?:\.\d+)?)\s*", text)
     if found is None or not float(found[1]) or not float(found[2]):
-        raise InputError(f"'{text}' is no scale", "Write for example 1:5, or 2:1.")
+        raise InputError(f"'{text}' is not a scale", "Write for example 1:5, or 2:1.")
     return float(found[1]) / float(found[2])
 
 

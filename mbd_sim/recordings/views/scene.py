@@ -1,21 +1,18 @@
-"""Shows a recording in Rerun: a run like a live one, a recording without a mechanism as plots of its joints."""
+"""Shows a recording in a viewer: a run like a live one; in Rerun, one without a mechanism as plots of its joints."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.pictures.rerun import paths
-from mbd_sim.pictures.rerun.plots import PlottedCurves
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
-from mbd_sim.pictures.rerun.sinks import SinkConnection
-from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
+from mbd_sim.pictures.rerun.scene import DisplayOptions, LoggedEvent, RowMaker, SceneDescription, describe_scene
 from mbd_sim.pictures.rerun.viewer import EventFilter
+from mbd_sim.pictures.rerun.worker import Stream
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import RUN_METADATA, Message
@@ -27,10 +24,8 @@ from mbd_sim.simulation.model.state_records import Energies
 from mbd_sim.simulation.run.events import Event, EventKind, parse_event
 from mbd_sim.simulation.run.run_point import integrated_energies, recorded_state
 
-if TYPE_CHECKING:
-    from mbd_sim.pictures.rerun.stream import RerunStream
-
 AddressCallback = Callable[[str], None]
+OpenStream = Callable[[SceneDescription], Stream]
 BATCH_SIZE = 1000  # states that are sent at once
 
 
@@ -38,10 +33,17 @@ def _ignore_address(address: str) -> None:
     """Return at once: a window or a file needs no server."""
 
 
+def rerun_stream(sink: str) -> OpenStream:
+    """What opens a recording in Rerun."""
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
+    return lambda scene: RerunStream(scene, sink, live=False)
+
+
 def show_run(
     recording: Recording,
     recomputation: Recomputation,
-    sink: str,
+    open_stream: OpenStream,
     rate: float,
     options: DisplayOptions,
     progress: Progress,
@@ -50,6 +52,7 @@ def show_run(
     """Show a run recorded by `sim_node`; return the viewer's address, the number of states, and problems of the files.
 
     :param recomputation: that of the first file; it provides the mechanism and takes no steps.
+    :param open_stream: opens what shows the scene.
     :param rate: the largest number of states shown per second of simulated time.
     :param on_sent: called with the address when everything has been sent; a server ends when it returns.
     :raises ViewerError: the sink cannot be opened.
@@ -57,7 +60,7 @@ def show_run(
     """
     writer, options = RowMaker(recomputation.simulation.model, options.reactions), replace(options, measurements=True)
     scene = describe_scene(recomputation.simulation.model, writer.layout, options)
-    stream = RerunStream(scene, sink, live=False)
+    stream = open_stream(scene)
     notes: list[str] = []
     try:
         sender = _RunSender(recomputation, writer, stream, rate, SensorTables(recording))
@@ -71,13 +74,13 @@ def show_run(
 
 
 class _RunSender:
-    """Sends recorded states and events to Rerun; the simulation only keeps the commanded inputs, and takes no steps."""
+    """Sends recorded states and events; the simulation only keeps the commanded inputs, and takes no steps."""
 
     def __init__(
         self,
         recomputation: Recomputation,
         writer: RowMaker,
-        stream: RerunStream,
+        stream: Stream,
         rate: float,
         sensors: SensorTables,
     ) -> None:
@@ -182,6 +185,9 @@ def show_joint_plots(table: RunTable, sink: str, on_sent: AddressCallback = _ign
     """
     import rerun as rr
     import rerun.blueprint as rrb
+
+    from mbd_sim.pictures.rerun.plots import PlottedCurves
+    from mbd_sim.pictures.rerun.sinks import SinkConnection
 
     quantities = {"position": table.position, "velocity": table.velocity, "effort": table.effort}
     recorded = {name: values for name, values in quantities.items() if not np.all(np.isnan(values))}

@@ -262,7 +262,7 @@ class Diagnostics:
         })  # fmt: skip
 
     def _output(self, now: CounterSample) -> DiagnosticStatus:
-        recorder, viewer = self.publishing_thread.recorder, self.publishing_thread.viewer
+        recorder = self.publishing_thread.recorder
         waiting = self.stepping_thread.output.qsize()
         rates, step_size = self.stepping_thread.rates, self.stepping_thread.simulation.step_size
         values = {
@@ -282,8 +282,8 @@ class Diagnostics:
                 "dropped from the recording": str(recorder.dropped),
             }
             problem = recorder.failure
-        if viewer is not None:
-            values["dropped from Rerun"] = str(viewer.dropped)
+        for viewer in self.publishing_thread.viewers:
+            values[f"dropped from {viewer.program}"] = str(viewer.dropped)
         if lost := now.lost - self._last.lost:
             text_of_loss = LOST.format(count=counted(lost, "snapshot"), remedy=self._lighter)
             self._node.get_logger().warning(text_of_loss, throttle_duration_sec=WARNING_PERIOD)

@@ -284,27 +284,34 @@ def split_limits(parameters: NodeParameters) -> SplitLimits:
     return SplitLimits(1e6 * parameters["record_split_size"], parameters["record_split_duration"])
 
 
-def rerun_viewer(parameters: NodeParameters, simulation: BaseSimulation, log: Any) -> Viewer | None:
-    """The Rerun viewer; None if it is not requested, or if it cannot be opened, which is logged."""
-    if not parameters["rerun"]:
-        return None
+def viewers(parameters: NodeParameters, simulation: BaseSimulation, log: Any) -> tuple[Viewer, ...]:
+    """The viewers that are requested; one that cannot be opened is logged and left out."""
+    if not (parameters["rerun"] or parameters["foxglove"]):
+        return ()
+    from mbd_sim.pictures.foxglove.viewer import FoxgloveViewer
     from mbd_sim.pictures.rerun.sinks import ViewerError
     from mbd_sim.pictures.rerun.viewer import Viewer
 
-    try:
-        viewer = Viewer(
-            simulation.model,
-            parameters["rerun"],
-            rate=None,  # the stepping thread selects the samples
-            traces=parameters.names_in("rerun_traces") or None,
-            trace_time=parameters["rerun_trace_time"],
-            reactions=parameters["joint_reactions"],
-        )
-    except (ViewerError, ValueError) as error:
-        log.error(f"{error} The run is not shown.")
-        return None
-    log.info(f"showing in Rerun: {viewer.address}")
-    return viewer
+    opened: list[Viewer] = []
+    port = str(parameters["foxglove"] or "")
+    for kind, sink in ((Viewer, parameters["rerun"]), (FoxgloveViewer, port)):
+        if not sink:
+            continue
+        try:
+            viewer = kind(
+                simulation.model,
+                sink,
+                rate=None,  # the stepping thread selects the samples
+                traces=parameters.names_in("rerun_traces") or None,
+                trace_time=parameters["rerun_trace_time"],
+                reactions=parameters["joint_reactions"],
+            )
+        except (ViewerError, ValueError) as error:
+            log.error(f"{error} The run is not shown.")
+            continue
+        log.info(f"showing in {viewer.program}: {viewer.address}")
+        opened.append(viewer)
+    return tuple(opened)
 
 
 def lab_page(node: PagedNode) -> LabPage | None:

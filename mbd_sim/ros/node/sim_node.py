@@ -34,8 +34,8 @@ from mbd_sim.ros.node.setup import (
     node_recordings,
     node_ring,
     requested_topics,
-    rerun_viewer,
     split_limits,
+    viewers,
 )
 from mbd_sim.ros.node.sim_parameters import PARAMETERS, bare_angles_of, named_starts, start_values
 from mbd_sim.ros.node.subscriptions import SUBSCRIBED, Subscriptions
@@ -161,8 +161,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.publishing_thread.prepare(self.stepping_thread.run.output.journal.snapshot(Due.NEW))
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, self.get_logger())
         self.publishing_thread.recordings = self.recordings
-        self.publishing_thread.viewer = rerun_viewer(parameters, simulation, self.get_logger())
-        self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
+        self.publishing_thread.viewers = viewers(parameters, simulation, self.get_logger())
+        self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewers else 0.0
         subscriptions = self.subscribed = Subscriptions(
             self,
             simulation.mechanism,
@@ -335,7 +335,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             case "marker_rate":
                 self.rates.markers = value
             case "rerun_rate":
-                self.rates.view = value if self.publishing_thread.viewer is not None else 0.0
+                self.rates.view = value if self.publishing_thread.viewers else 0.0
             case "command_timeout":
                 self.commands.timeout = self.wrenches.timeout = value
             case "actuator_timeout":

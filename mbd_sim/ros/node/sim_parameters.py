@@ -119,7 +119,12 @@ PARAMETERS = (
         "values of the mechanism file that are parameters of this node; all; or empty: none", takes_all=True,
     ),
     ParameterSpec("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: off"),
-    ParameterSpec("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0, live=True),
+    ParameterSpec(
+        "foxglove", 0, "show the run to Foxglove by a server on this port, such as 8765; 0: off", 0, 65535
+    ),
+    ParameterSpec(
+        "rerun_rate", 60.0, "updates of the scene in Rerun and Foxglove per simulated second", 1.0, 10_000.0, live=True
+    ),
     ParameterSpec(
         "rerun_traces", "",
         "parts and points (part.point) whose paths are drawn, separated by commas; empty: chain ends",

@@ -72,7 +72,7 @@ class PublishingThread:
         self.model = model
         self.recordings: NodeRecordings | None = None
         self.ring: NodeRing | None = None
-        self.viewer: Viewer | None = None
+        self.viewers: tuple[Viewer, ...] = ()
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
         self.busy = self.age = 0.0  # s; spent in publishing
@@ -153,7 +153,7 @@ class PublishingThread:
         """Wait until the queue is empty, then finish the recording and close the viewer."""
         if self._thread is not None:
             self._thread.join()
-        for sink in (self.recordings, self.viewer):
+        for sink in (self.recordings, *self.viewers):
             if sink is not None:
                 sink.close()
 
@@ -190,8 +190,8 @@ class PublishingThread:
             self._publish_state(snapshot)
         for one in self._sensors.measured(snapshot.arrivals, snapshot.clock_ns):
             self._send(one.topic, one.payload, snapshot.clock_ns, snapshot.ticks)
-            if self.viewer is not None:
-                self.viewer.measure(snapshot.clock_ns * 1e-9, one.sensor, one.reading)
+            for viewer in self.viewers:
+                viewer.measure(snapshot.clock_ns * 1e-9, one.sensor, one.reading)
         if Due.MARKERS in snapshot.due:
             self._publish_markers(snapshot)
         if self.recordings is not None:
@@ -226,10 +226,10 @@ class PublishingThread:
         if Due.STATE in snapshot.due:
             self._stated_at = time.perf_counter()
             self._write_state(snapshot, self._publish, self._record, energies=energies)
-        if Due.VIEW in snapshot.due and self.viewer is not None:
-            self.viewer.offer(
-                snapshot.clock_ns * 1e-9, snapshot.point.state, snapshot.point.inputs, energies, snapshot.time
-            )
+        if Due.VIEW in snapshot.due:
+            point = snapshot.point
+            for viewer in self.viewers:
+                viewer.offer(snapshot.clock_ns * 1e-9, point.state, point.inputs, energies, snapshot.time)
 
     def _energies(self, snapshot: Snapshot) -> Energies:
         point = snapshot.point
@@ -251,8 +251,8 @@ class PublishingThread:
             self._marker_publisher.publish(self._markers.payload(snapshot))
 
     def _publish_event(self, event: Event) -> None:
-        if self.viewer is not None:
-            self.viewer.event(event.clock_ns * 1e-9, event)
+        for viewer in self.viewers:
+            viewer.event(event.clock_ns * 1e-9, event)
         for name, write in self._event_writers.items():
             payload = write(event)
             if payload is not None:

@@ -71,7 +71,7 @@ class PlayerOutput(Protocol):
         """Report a problem to the user."""
 
     def inform(self, text: str) -> None:
-        """Report something that is no problem."""
+        """Report something that is not a problem."""
 
     def end(self) -> None:
         """The player has ended: nothing follows."""

@@ -86,7 +86,7 @@ class ReplayPublishers:
         self._clock_message = MessageTemplate(Clock(clock=STAMP))
 
     def inform(self, text: str) -> None:
-        """Log something that is no problem."""
+        """Log something that is not a problem."""
         self._log.info(text)
 
     def clock(self, time_ns: int) -> None:

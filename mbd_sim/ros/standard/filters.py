@@ -41,7 +41,7 @@ def name_filter(pattern: str) -> Callable[[str], bool]:
     try:
         compiled = re.compile(text)
     except re.error as error:
-        raise InputError(f"the filter is no regular expression: {error}", "Correct it.") from error
+        raise InputError(f"the filter is not a regular expression: {error}", "Correct it.") from error
     return lambda name: compiled.search(name) is not None
 
 

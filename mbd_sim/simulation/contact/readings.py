@@ -18,7 +18,7 @@ from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.contact.compliant import CushionFunctions
+    from mbd_sim.dynamics.contact.compliant import ComplianceFunctions
     from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 
 
@@ -31,14 +31,14 @@ class ContactReadings:
         self,
         one_sided: OneSidedModel | None,
         compliant: Sequence[Contact],
-        cushions: CushionFunctions | None,
+        compliances: ComplianceFunctions | None,
         read_places: Callable[[float, Array, Array, Array], Array],
     ) -> None:
-        """`cushions` are the functions of the compliant contacts.
+        """`compliances` are the functions of the compliant contacts.
 
         :param read_places: the points, forces and normals of the one-sided elements that have a place, into (n, 3, 3).
         """
-        self._one_sided, self._compliant, self._cushions = one_sided, compliant, cushions
+        self._one_sided, self._compliant, self._compliances = one_sided, compliant, compliances
         self._read_places = read_places
         self._placed = 0 if one_sided is None else len(one_sided.placed)
 
@@ -65,9 +65,9 @@ class ContactReadings:
         out = np.empty((self._placed, 3, 3))
         if self._placed:
             self._read_places(time, y, inputs, out)
-        if self._cushions is None:
+        if self._compliances is None:
             return out
-        return np.concatenate([out, evaluated(self._cushions.places, time, y, inputs).T.reshape(-1, 3, 3)])
+        return np.concatenate([out, evaluated(self._compliances.places, time, y, inputs).T.reshape(-1, 3, 3)])
 
     def states(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """The state of each contact by name."""
@@ -78,16 +78,16 @@ class ContactReadings:
         return found | self._compliant_states(time, y, inputs, places)
 
     def _compliant_states(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
-        if self._cushions is None:
+        if self._compliances is None:
             return {}
-        states = states_of_compliant_contacts(self._cushions, time, y, inputs, places[self._placed :])
+        states = states_of_compliant_contacts(self._compliances, time, y, inputs, places[self._placed :])
         return dict(zip(compliant_names(self._compliant), states, strict=True))
 
     def entry_names(self) -> list[str]:
         """The names of the `entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
         names = [] if self._one_sided is None else self._one_sided.entry_names()
-        if self._cushions is not None:
-            for name, directions in zip(compliant_names(self._compliant), self._cushions.directions, strict=True):
+        if self._compliances is not None:
+            for name, directions in zip(compliant_names(self._compliant), self._compliances.directions, strict=True):
                 names += with_friction(name, directions)
         return names
 
@@ -97,7 +97,7 @@ class ContactReadings:
         Friction in joints has no entry of its own besides those of its directions.
         """
         found = [] if self._one_sided is None else self._one_sided.entries(time, y, inputs)
-        if self._cushions is not None:
+        if self._compliances is not None:
             for state in self._compliant_states(time, y, inputs, self.places(time, y, inputs)).values():
                 found += [(state.gap, state.rate, state.normal), *state.friction_entries]
         return found
@@ -115,14 +115,14 @@ def compliant_names(contacts: Sequence[Contact]) -> list[str]:
 
 
 def states_of_compliant_contacts(
-    cushions: CushionFunctions, time: float, y: Array, inputs: Array, places: Array
+    compliances: ComplianceFunctions, time: float, y: Array, inputs: Array, places: Array
 ) -> Iterator[ContactState]:
     """The state of each compliant contact; `places` (n, 3, 3) are their points, forces and normals.
 
     The gap is negative by the depth. They are open where they exert no force, and never stick.
     """
-    readings, first = evaluated(cushions.readings, time, y, inputs).ravel(), 0
-    for count, place in zip(cushions.directions, places, strict=True):
+    readings, first = evaluated(compliances.readings, time, y, inputs).ravel(), 0
+    for count, place in zip(compliances.directions, places, strict=True):
         gap, rate, normal = readings[first : first + 3].tolist()
         friction, slip = readings[first + 3 : first + 3 + 2 * count].reshape(2, count)
         closed = "slides" if count else "closed"

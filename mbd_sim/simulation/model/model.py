@@ -335,7 +335,7 @@ class Model:
             return self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
 
         compliant = self.compliant_contacts
-        return ContactReadings(self.one_sided, compliant, self.equations.cushions if compliant else None, places)
+        return ContactReadings(self.one_sided, compliant, self.equations.compliances if compliant else None, places)
 
     def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
         """Set states and commands of actuators in place to those before the first command at the positions in y.

@@ -260,7 +260,9 @@ def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str 
     :raises TypeError: `steps` is not an integer.
     """
     if (steps := index(steps)) < 1 or not step > 0.0:
-        raise InputError(f"{steps} steps of {step} s are no trajectory", "Give at least one step, of a positive size.")
+        raise InputError(
+            f"{steps} steps of {step} s are not a trajectory", "Give at least one step, of a positive size."
+        )
     next_state = one_step(functions, step, method)
     x0, e = ca.MX.sym("x0", len(functions.start)), ca.MX.sym("e", len(functions.efforts), steps)
     t0, p = ca.MX.sym("t0"), ca.MX.sym("p", len(functions.values))

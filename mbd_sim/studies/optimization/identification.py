@@ -219,7 +219,9 @@ def identify(
     if not keys or interval < 1:
         raise InputError("there is nothing to identify", "Give parameters, measured runs, and a positive interval.")
     if not 0.0 < confidence < 1.0:
-        raise InputError(f"a confidence of {quoted(confidence)} is no probability", "Give one between 0 and 1.")
+        raise InputError(
+            f"the confidence must be between 0 and 1, not {quoted(confidence)}", "Give a probability, such as 0.95."
+        )
     model = SensitivityModel(mechanism, keys, method=method, step=runs[0].step, by_efforts=False)
     residuals = [Residuals(model.functions, run) for run in runs]
     names = residuals[0].names

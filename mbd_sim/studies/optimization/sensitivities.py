@@ -269,7 +269,9 @@ class SensitivityModel:
     def _require_shapes(self, steps: int, every: int, x: Array, e: Array, p: Array) -> None:
         own = self.functions
         if steps < 1 or every < 1:
-            raise InputError(f"{steps} steps with results of every {every} are no trajectory", "Give positive numbers.")
+            raise InputError(
+                f"{steps} steps with results of every {every} are not a trajectory", "Give positive numbers."
+            )
         wanted = ((len(own.start),), (e.shape[0], len(own.efforts)), (len(own.values),))
         for name, given, shape in zip(("x0", "efforts", "parameters"), (x, e, p), wanted, strict=True):
             if given.shape != shape:

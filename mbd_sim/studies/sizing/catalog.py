@@ -214,7 +214,7 @@ def read_catalog(path: str | Path) -> Catalog:
     """
     path = Path(path)
     if path.suffix not in (".yaml", ".yml", ".csv"):
-        raise InputError(f"{path} is no catalog of motors", "Use a .yaml or .csv file.")
+        raise InputError(f"{path} is not a catalog of motors", "Use a .yaml or .csv file.")
     text = read_text(path)
     return catalog_of(text if path.suffix != ".csv" else _yaml_of_csv(text, str(path)), str(path))
 
@@ -238,8 +238,9 @@ def catalog_of(text: str | Source, file: str = "<text>") -> Catalog:
         problems.append(
             source.problem((), "has neither motors nor gears", "Write the sections 'motors:' and 'gears:'.")
         )
-    for section in data.keys() - {"motors", "gears"}:
-        problems.append(source.problem((section,), "is no section of a catalog", nearest(section, ("motors", "gears"))))
+    sections = ("motors", "gears")
+    for section in (key for key in data if key not in sections):
+        problems.append(source.problem((section,), "is not a section of a catalog", nearest(section, sections)))
     found: dict[str, dict[str, Any]] = {}
     builders: dict[str, tuple[dict[str, _Key], Callable[..., Any]]] = {
         "motors": (_MOTOR_KEYS, MotorType),
@@ -275,7 +276,7 @@ def _values(source: Source, at: tuple[str, str], entry: Any, keys: Mapping[str, 
     found: dict[str, Any] = {}
     for key, value in entry.items():
         if key not in keys:
-            problems.append(source.problem((*at, key), "is no key of a catalog", nearest(key, keys)))
+            problems.append(source.problem((*at, key), "is not a key of a catalog", nearest(key, keys)))
             continue
         try:
             found[key] = _curve(value, keys[key]) if key in _CURVES else _number(value, keys[key])

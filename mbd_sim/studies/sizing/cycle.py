@@ -179,7 +179,7 @@ def drive_cycles(motion: DrivenMotion, law: MotionLaw | None = None) -> dict[str
         raise InputError("at dead points and change points no effort is defined", "Choose a range without them.")
     if law is None:
         if not motion.speed:
-            raise InputError("a motion without speed is no cycle", "Give a speed, or a law of motion.")
+            raise InputError("a motion without speed is not a cycle", "Give a speed, or a law of motion.")
         rates = np.full(len(motion), motion.speed / abs(_travel(motion)[motion.leading]))
         law = MotionLaw(motion.time, motion.s, rates, np.zeros(len(motion)))
     rows = np.searchsorted(motion.s, law.s - 0.5 * CLOSE).clip(max=len(motion) - 1)

@@ -154,7 +154,7 @@ def law_of_text(text: str) -> tuple[str, float]:
     """
     found = re.fullmatch(r"(\w+):(.+)", text)
     if found is None:
-        raise InputError(f"'{text}' is no law of motion", "Write KIND:TIME, such as trapezoid:0.5s.")
+        raise InputError(f"'{text}' is not a law of motion", "Write KIND:TIME, such as trapezoid:0.5s.")
     if found[1] not in LAWS:
         raise InputError(f"there is no law of motion '{found[1]}'", nearest(found[1], LAWS))
     return found[1], parse_value(found[2], {}, "s")

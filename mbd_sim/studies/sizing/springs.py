@@ -117,7 +117,7 @@ def spring_between(
     :raises InputError: there is no such point or drive.
     """
     if drive not in motion.system.drives:
-        raise InputError(f"'{drive}' is no drive of this motion", "Name one of its drives.")
+        raise InputError(f"'{drive}' is not a drive of this motion", "Name one of its drives.")
     one, other = (PointFunctions(motion.system, GROUND if name == GROUND else name) for name in (first, second))
     index = motion.index(drive)
     lengths, rates = [], []

@@ -193,7 +193,7 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
         r"\begin{itemize}",
         "\n".join(f"  \\item {line}" for line in meanings(equations)).removesuffix(";") + ".",
         r"\end{itemize}",
-        r"Numbers are in SI units; those that are no short fractions or decimals are rounded to six digits.",
+        r"Numbers are in SI units; those that are not short fractions or decimals are rounded to six digits.",
     ]
     return "\n".join(lines)
 

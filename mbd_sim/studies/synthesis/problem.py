@@ -362,7 +362,7 @@ def goal_of(options: Namespace, mechanism: Mechanism, drive: DriveRange, count: 
     if options.function:
         output, expression = split_assignment(options.function)
         if not output or not expression:
-            raise InputError(f"'{options.function}' is no function", "Write NAME=EXPRESSION.")
+            raise InputError(f"'{options.function}' is not a function", "Write NAME=EXPRESSION.")
         values = [evaluate(expression, {**mechanism.parameters, drive.name: float(at)}) for at in drives]
         return FunctionGoal(output, np.array(values), drives, options.free_offset)
     return EffortGoal(drives, speed)
@@ -371,7 +371,7 @@ def goal_of(options: Namespace, mechanism: Mechanism, drive: DriveRange, count: 
 def _path(text: str, drive: DriveRange, count: int | None, *, free_timing: bool) -> PathGoal:
     point, name = split_assignment(text)
     if not point or not name:
-        raise InputError(f"'{text}' is no path", "Write PART.POINT=FILE.csv.")
+        raise InputError(f"'{text}' is not a path", "Write PART.POINT=FILE.csv.")
     table = _table(Path(name))
     rows = len(next(iter(table.values())))
     positions = np.column_stack([table.get(axis, np.full(rows, np.nan)) for axis in "xyz"])

@@ -49,7 +49,7 @@ def test_a_blade_that_turns_is_not():
 
 
 def test_a_blade_turned_by_a_drive_depends_on_time():
-    """With the heading driven at Ω, -x' sin Ωt + y' cos Ωt = 0 is no function of x, y and t."""
+    """With the heading driven at Ω, -x' sin Ωt + y' cos Ωt = 0 is not a function of x, y and t."""
     turning = """
   x: {type: prismatic, between: [ground, carriage], axis: [1, 0, 0]}
   y: {type: prismatic, between: [carriage, slide], axis: [0, 1, 0]}

@@ -64,7 +64,7 @@ def test_a_function_and_the_least_effort(capsys):
         (["--vary", "parameters.nope=1:2", "--least-effort"], "parameters.nope: there is no 'nope'"),
         (["--vary", "rocker=2:1", "--least-effort"], "the lower bound is not below"),
         (["--vary", "rocker=1:2", "--path", "coupler.tip=none.csv"], "none.csv cannot be read"),
-        (["--vary", "rocker=1:2", "--path", "coupler.tip"], "is no path. Write PART.POINT=FILE.csv"),
+        (["--vary", "rocker=1:2", "--path", "coupler.tip"], "is not a path. Write PART.POINT=FILE.csv"),
         (["--vary", "rocker=1:2", "--function", "rocker_pivot=1 + sin(crnk)"], "unknown name 'crnk'"),
         (["--vary", "rocker=1:2", "--least-effort", "--free-timing"], "--free-timing without a path"),
         (["--vary", "rocker=1:2", "--least-effort", "--out", "x.csv"], "is not a mechanism file"),

@@ -71,18 +71,21 @@ def test_the_process_ends_with_its_caller():
         [sys.executable, "-c", f"from test.compiler.code.test_compile_process import *; waiting({host()!r})"],
         stdout=subprocess.PIPE,
     )
-    pid = int(caller.stdout.readline())
+    pid, holder = map(int, caller.stdout.readline().split())
     caller.kill()
     caller.communicate()
-    wait_until(lambda: not Path(f"/proc/{pid}").exists(), "the end of the process")
+    try:
+        wait_until(lambda: not Path(f"/proc/{pid}").exists(), "the end of the process")
+    finally:
+        os.kill(holder, signal.SIGKILL)
 
 
 def waiting(host):
     """Start the program, print its process, and give it nothing, but keep its standard input open."""
     process = compile_process._started(*host, "1")
     os.set_inheritable(process.stdin.fileno(), True)
-    holder = subprocess.Popen(["sleep", "20"], close_fds=False, stdout=subprocess.DEVNULL)
-    print(process.pid, flush=True)
+    holder = subprocess.Popen(["sleep", "600"], close_fds=False, stdout=subprocess.DEVNULL)
+    print(process.pid, holder.pid, flush=True)
     holder.wait()
 
 

@@ -31,8 +31,7 @@ joints:
 """
 
 
-@pytest.mark.parametrize("each", [1, 3])
-@pytest.mark.parametrize("ceiling", [0.1, 0.11, 0.1103])
+@pytest.mark.parametrize(("ceiling", "each"), [(0.1, 1), (0.1103, 3)])
 def test_a_gap_that_is_negative_only_within_a_step_closes(ceiling, each):
     sim = Simulation.from_text(UPWARD.replace("CEILING", str(ceiling)))
     for _ in range(3 // each):
@@ -52,7 +51,7 @@ def test_a_gap_that_stays_positive_within_a_step_does_not_close():
     assert sim.u[0] == pytest.approx(SPEED - GRAVITY * 3 * STEP, abs=1e-14)
 
 
-@pytest.mark.parametrize("method", ["rk4", "tsitouras8", "adams11"])
+@pytest.mark.parametrize("method", ["rk4", "adams11"])
 def test_arrays_in_registers_or_in_memory_give_the_same_bits(monkeypatch, own_builds, method):
     """With events, and with single steps as well as many in a call."""
     found = []
@@ -66,8 +65,8 @@ def test_arrays_in_registers_or_in_memory_give_the_same_bits(monkeypatch, own_bu
     assert found[0] == found[1] == found[2]
 
 
-# With events in free flight and while something sticks or slides; and a loop whose friction depends on its loads.
-WITH_EVENTS = ["rocking", "elbow_stop", "stops", "spinning_ball", "slider_crank_friction", "bowling"]
+# With events in free flight; a loop whose friction depends on its loads; and slip that ends.
+WITH_EVENTS = ["elbow_stop", "slider_crank_friction", "bowling"]
 
 
 @pytest.mark.parametrize("name", WITH_EVENTS)
@@ -88,9 +87,7 @@ def test_steps_with_a_history_may_be_divided_in_any_way(name):
     assert singly.contact_events == divided.contact_events == at_once.contact_events
 
 
-@pytest.mark.parametrize(
-    ("name", "start", "steps"), [("elbow_stop", 0, 100), ("rocking", 0, 400), ("bowling", 1600, 400)]
-)
+@pytest.mark.parametrize(("name", "start", "steps"), [("elbow_stop", 0, 100), ("bowling", 1600, 400)])
 def test_a_history_lasts_while_modes_stay(name, start, steps):
     """With everything open, and with closed contacts that stick; not beyond an event."""
     sim = Simulation.from_file(name, method="adams11")
@@ -132,23 +129,17 @@ forces: {law: {type: effort, coordinate: pin, effort: "sqrt(t_end - t)"}}
     assert run.state.tobytes() == other.state.tobytes()
 
 
-# The time, which is before the first event, and the step of the coarser run.
-SMOOTH = {
-    "rocking": (0.48, 0.015),  # sticks on an edge
-    "elbow_stop": (0.18, 0.0045),  # open
-    "slider_crank_friction": (0.06, 0.0004),  # slides, with a loop
-}
+def test_the_order_between_events(monkeypatch):
+    """Of a method that goes on with any error, with fewer slopes, so that round-off is far away.
 
-
-@pytest.mark.parametrize("name", SMOOTH)
-def test_the_order_between_events(monkeypatch, name):
-    """Of a method that goes on with any error, with fewer slopes, so that round-off is far away."""
+    Something slides, in a loop; the run ends before the first event.
+    """
     method = replace(adams("free", 5, math.inf, EXPLICIT["tsitouras8"]), name="free")
     monkeypatch.setitem(METHODS, "free", method)
-    until, step = SMOOTH[name]
+    until, step = 0.06, 0.0004
 
     def state(method, step):
-        sim = Simulation.from_file(name, method=method, step=step)
+        sim = Simulation.from_file("slider_crank_friction", method=method, step=step)
         sim.step(round(until / step))
         assert sim.contact_events == ()
         return sim.state
@@ -159,13 +150,16 @@ def test_the_order_between_events(monkeypatch, name):
     assert coarse / fine > 2.0 ** (method.order - 0.6)
 
 
-@pytest.mark.parametrize("method", ["adams11", "tsitouras8"])
-def test_a_member_of_an_ensemble_takes_the_same_steps(method):
-    ensemble, single = Ensemble.from_file("rocking", 2, method=method), Simulation.from_file("rocking", method=method)
+def test_a_member_of_an_ensemble_takes_the_same_steps():
+    ensemble, single = (
+        Ensemble.from_file("elbow_stop", 2, method="adams11"),
+        Simulation.from_file("elbow_stop", method="adams11"),
+    )
     q, u = np.tile(single.q, (2, 1)), np.tile(single.u, (2, 1))
     ensemble.reset(q, u)
     ensemble.step(433)
     ensemble.step(367)
     single.step(800)
+    assert single.contact_events
     for member in range(2):
         assert single.state.tobytes() == ensemble.state[member].tobytes()

@@ -1,6 +1,5 @@
 """Exported C code, compiled by gcc, takes the steps of the simulation to the bit."""
 
-import json
 import re
 
 import numpy as np
@@ -17,7 +16,7 @@ from test.generators.two_linkages import two_linkages
 
 STEPS = 400
 EXPORTED = [name for name, method in METHODS.items() if not method.uses_series]
-FAMILIES = ("tsitouras8", "adams11", "rosenbrock", "rosenbrock_w", "gauss6")
+FAMILIES = ("adams11", "rosenbrock", "gauss6")
 LIBRARY = {"sin", "cos", "sincos", "exp", "log", "tan", "asin", "acos", "atan", "atan2", "tanh", "pow", "fma",
            "memcpy", "memset"}  # fmt: skip
 
@@ -141,8 +140,8 @@ constraints: {gear: {type: coupling, terms: {a: 1, b: 1}}}
 
 def test_speeds_beside_a_drive_have_the_least_kinetic_energy_as_in_the_simulation_and_for_members():
     code = CompiledModule(parse_mechanism(TURNTABLE), parameters=("w", "a"))
-    speeds = [(3.0, 0.5), (-7.0, 0.4), (0.0, 0.3)]
-    members = Ensemble(code.model.mechanism, [{"w": w, "a": a} for w, a in speeds * 6])
+    speeds = [(3.0, 0.5), (-7.0, 0.4)]
+    members = Ensemble(code.model.mechanism, [{"w": w, "a": a} for w, a in speeds * 9])
     for index, (w, a) in enumerate(speeds):
         code.p[:] = w, a
         assert code.assemble() == 1
@@ -156,32 +155,34 @@ def test_speeds_beside_a_drive_have_the_least_kinetic_energy_as_in_the_simulatio
             assert simulation.model.energies(0.0, y).kinetic > kinetic
 
 
-def flat_parallelograms(count):
-    """Parallelograms that lie flat, the first with the speed w of its crank, the next with 2 w, and so on."""
-    points, parts, joints = {}, {}, {}
-    for n in range(count):
-        points |= {f"a{n}": [0, n, 0], f"d{n}": [1, n, 0]}
-        for kind, length in (("crank", 0.4), ("bar", 1), ("rocker", 0.4)):
-            tip = [length, 0, 0]
-            parts[f"{kind}{n}"] = {"mass": 1 + n / 3, "shape": {"type": "rod", "to": tip}, "points": {"tip": tip}}
-        hinge = {"type": "revolute", "axis": [0, -1, 0]}
-        main = {"between": [f"ground.a{n}", f"crank{n}"], "position": 0, "velocity": f"{n + 1}*w"}
-        joints |= {
-            f"main{n}": hinge | main,
-            f"pin{n}": hinge | {"between": [f"crank{n}.tip", f"bar{n}"]},
-            f"other{n}": hinge | {"between": [f"ground.d{n}", f"rocker{n}"]},
-            f"eye{n}": hinge | {"between": [f"bar{n}.tip", f"rocker{n}.tip"]},
-        }
-    text = {"mechanism": "flat", "gravity": [0, 0, 0], "parameters": {"w": 3}, "ground": {"points": points}}
-    return parse_mechanism(json.dumps(text | {"parts": parts, "joints": joints}))
+FLAT = """
+mechanism: flat
+gravity: [0, 0, 0]
+parameters: {w: 3}
+ground: {points: {d: [1, 0, 0]}}
+parts:
+  crank: {mass: 1, shape: {type: rod, to: [0.4, 0, 0]}, points: {tip: [0.4, 0, 0]}}
+  bar: {mass: 1, shape: {type: rod, to: [1, 0, 0]}, points: {tip: [1, 0, 0]}}
+  rocker: {mass: 1, shape: {type: rod, to: [0.4, 0, 0]}, points: {tip: [0.4, 0, 0]}}
+joints:
+  main: {type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 0, velocity: w}
+  pin: {type: revolute, between: [crank.tip, bar], axis: [0, -1, 0]}
+  other: {type: revolute, between: [ground.d, rocker], axis: [0, -1, 0]}
+  eye: {type: revolute, between: [bar.tip, rocker.tip], axis: [0, -1, 0]}
+"""
+
+
+def flat_parallelogram():
+    """It lies flat, in the configuration where it may go on as an antiparallelogram as well."""
+    return parse_mechanism(FLAT)
 
 
 def test_speeds_in_a_singular_configuration_are_those_of_a_branch_as_in_the_simulation():
-    code, count = CompiledModule(flat_parallelograms(2), parameters=("w",)), 2
-    for speed in (3.0, 13.0 / 7.0, 0.0):
+    code = CompiledModule(flat_parallelogram(), parameters=("w",))
+    for speed in (13.0 / 7.0, 0.0):
         code.p[:] = speed
         assert code.assemble() == 1
-        expected = np.ravel([[n * speed, -n * speed, n * speed] for n in range(1, count + 1)])
+        expected = [speed, -speed, speed]
         simulation = Simulation(code.model.mechanism, parameters={"w": speed})
         assert simulation.u == pytest.approx(expected, rel=1e-12)
         assert code.y[simulation.model.u_range] == pytest.approx(expected, rel=1e-12)
@@ -191,22 +192,22 @@ def test_another_loop_does_not_change_the_branch():
     """A loop that is regular and far faster."""
     text = two_linkages(END=1, LENGTH=0.2, ANGLE=1, LEAN=-0.7, SECOND="30000*w", SPEED="w") + "parameters: {w: 0.001}\n"
     code = CompiledModule(parse_mechanism(text), parameters=("w",))
-    for speed in (0.01, 0.002):
-        code.p[:] = speed
-        assert code.assemble() == 1
-        simulation = Simulation(code.model.mechanism, parameters={"w": speed})
-        assert simulation.u[:3] == pytest.approx([speed, -speed, speed], rel=1e-12)
-        assert code.y[simulation.model.u_range] == pytest.approx(simulation.u, rel=1e-11, abs=1e-11)
+    speed = 0.002
+    code.p[:] = speed
+    assert code.assemble() == 1
+    simulation = Simulation(code.model.mechanism, parameters={"w": speed})
+    assert simulation.u[:3] == pytest.approx([speed, -speed, speed], rel=1e-12)
+    assert code.y[simulation.model.u_range] == pytest.approx(simulation.u, rel=1e-11, abs=1e-11)
 
 
 def test_given_speeds_in_a_singular_configuration_are_kept():
-    code = CompiledModule(flat_parallelograms(1), parameters=("w",))
+    code = CompiledModule(flat_parallelogram(), parameters=("w",))
     simulation = Simulation(code.model.mechanism)
     names = [f"{name}.velocity" for name in simulation.coordinate_names]
     places = dict(zip(names, range(simulation.model.u_range.start, simulation.model.u_range.stop), strict=True))
-    code.y[places["main0.velocity"]], code.y[places["other0.velocity"]] = 3.0, -7.0  # (d + r)/(d - r) of the first
-    assert code.assemble(["main0.velocity", "other0.velocity"]) == 1
-    simulation.set_state(velocities={"main0": 3.0, "other0": -7.0})
+    code.y[places["main.velocity"]], code.y[places["other.velocity"]] = 3.0, -7.0  # (d + r)/(d - r) of the first
+    assert code.assemble(["main.velocity", "other.velocity"]) == 1
+    simulation.set_state(velocities={"main": 3.0, "other": -7.0})
     assert code.y[simulation.model.u_range] == pytest.approx(simulation.u, rel=1e-12)
     assert simulation.u[0] == 3.0
 

@@ -9,7 +9,7 @@ from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.contents import one_sided_names
 from mbd_sim.mechanism.elements.constraints import ContactLaw
-from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, Cushion, Face, Rim
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, ComplianceLaw, Face, Rim
 
 TEXT = """
 mechanism: bodies
@@ -132,7 +132,7 @@ def test_cams_and_compliant_contacts():
     assert roller.first.radius == 0.3
     (follower,) = contacts("{plane: box, cam: frame.p, profile: 0.1, stiffness: 1e5, damping: 2, friction: 0.1}")
     assert (type(follower.first), type(follower.second)) == (Cam, Face)
-    assert follower.law == Cushion(1e5, 1.5, 2.0, 0.1, 1e-2)
+    assert follower.law == ComplianceLaw(1e5, 1.5, 2.0, 0.1, 1e-2)
 
 
 def test_only_rigid_contacts_are_one_sided():

@@ -88,10 +88,10 @@ def random_graph(rng):
 
 def test_the_tree_of_random_hinges_is_that_of_the_search_in_whole_trees(compared):
     rng = np.random.default_rng(5)
-    for _ in range(60):
+    for _ in range(25):
         with suppress(MechanismError):  # a joint cannot be cut, which is found after the search
             parse_mechanism(json.dumps(random_graph(rng)))
-    assert len(compared) > 15
+    assert len(compared) > 6
 
 
 @pytest.mark.parametrize("name", LINKAGES)

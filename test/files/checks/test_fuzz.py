@@ -207,7 +207,7 @@ def test_any_text_gives_a_mechanism_or_an_error(text):
     answer(text)
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(scalars.filter(lambda value: value is not None))
 @pytest.mark.parametrize("key", ["mass", "radius", "axis"])
 def test_any_value_in_a_shape_gives_a_mechanism_or_an_error(key, value):
@@ -312,7 +312,7 @@ class Changer:
             holder_of(self.data, path)[path[-1]] = value()
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_other_mechanisms_are_derived_or_refused(seed, count):
     changer = Changer(seed)

@@ -108,7 +108,7 @@ def test_random_outlines_come_back(tmp_path):
     "shape, points, change, message",
     [
         ("x", "", None, "has no layer 'outlinex' with anything on it. Did you mean 'Outline'"),
-        (", unt: mm", "", None, "'unt' is no key of a drawing"),
+        (", unt: mm", "", None, "'unt' is not a key of a drawing"),
         ("", "", lambda space: space.query("ARC").first.destroy(), "is not closed: it ends at [0, 0.06] m|ends at [0.12, 0.06] m"),
         ("", "", lambda space: space.add_line((0, 0), (0, 60), dxfattribs={"layer": "Outline"}), "not closed|more than two lines"),
         ("", ", points: {a: {dxf: plate.dxf, layer: Outline}}", lambda space: space.add_circle((1, 1), 2, dxfattribs={"layer": "Outline"}),

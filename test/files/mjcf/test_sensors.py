@@ -94,7 +94,9 @@ def test_rates_delays_and_cutoffs_are_those_of_the_file():
     assert (found["acc"]["rate"], found["acc"]["delay"], found["acc"]["limit"]) == (pytest.approx(250.0), 0.002, 3.0)
     assert found["load"]["force"] == {"limit": 0.5} and found["load"]["joint"] == "c"
     assert found["odd"]["rate"] == pytest.approx(1000.0 / 3.0)
-    assert any("rates that are no whole number of steps of 0.001 s" in note and "odd" in note for note in source.notes)
+    assert any(
+        "rates that are not a whole number of steps of 0.001 s" in note and "odd" in note for note in source.notes
+    )
     Simulation(parse_mechanism(MODEL.replace("SENSORS", sensors)))
 
 

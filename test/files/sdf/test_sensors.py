@@ -75,7 +75,7 @@ def test_noise_becomes_a_density_and_a_bias():
         ('<sensor name="it" type="force_torque"/>', "", "force_torque sensors that are not where"),
         ("", LOAD.replace("FRAME", ""), "loads from the child on the parent"),
         ("", LOAD.replace("FRAME", "<frame>parent</frame>"), "axes of the parent of loads"),
-        (IMU.replace("IMU", "").replace(">100<", ">300<"), "", "rates that are no whole number of steps"),
+        (IMU.replace("IMU", "").replace(">100<", ">300<"), "", "rates that are not a whole number of steps"),
         (IMU.replace("IMU", "<imu><orientation_reference_frame/></imu>"), "", "<orientation_reference_frame> of <imu>"),
         (IMU.replace("IMU", ""), "", "orientations of imu sensors in the axes of the world"),
         (

@@ -128,7 +128,7 @@ def test_the_text_of_a_recording_needs_no_package(robot):
         ('"$(arg length)"', '"a"', "link.xacro:4: origin: "),
         (' length="$(arg length)"', "", "arm.urdf.xacro:11: xacro:segment: the macro needs these parameters: length"),
         ("xacro:segment name", "xacro:segmen name", "arm.urdf.xacro:11: xacro:segmen: there is no macro xacro:segmen"),
-        ("${number + 1}", "${number +}", "arm.urdf.xacro:12: xacro:chain: is no valid expression: "),
+        ("${number + 1}", "${number +}", "arm.urdf.xacro:12: xacro:chain: is not a valid expression: "),
         ("number &lt; int", "0 &lt; int", "a macro or a file contains itself without end"),
         ("</xacro:if>", "", "arm.urdf.xacro:14: not valid XML: mismatched tag"),
         ('type="revolute"', 'type="turning"', "link.xacro:7: joint[link0_joint].type: unknown type 'turning'"),
@@ -148,7 +148,7 @@ def test_arguments_that_no_file_has_are_refused(robot, tmp_path):
         load_mechanism(f"{robot} lenght:=2")
     plain = tmp_path / "plain.urdf"
     plain.write_text('<robot name="r"><link name="a"/></robot>')
-    with pytest.raises(MechanismError, match="no xacro file, and takes no arguments"):
+    with pytest.raises(MechanismError, match="not a xacro file, and takes no arguments"):
         load_mechanism(f"{plain} length:=2")
 
 

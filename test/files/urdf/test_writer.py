@@ -166,7 +166,7 @@ def test_every_axial_type_comes_back():
         check_again(parse_mechanism(EVERY_AXIAL_TYPE), np.random.default_rng(seed))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(random_trees())
 def test_random_trees_come_back(drawn):
     text, rng = drawn

@@ -1,4 +1,4 @@
-"""A robot from a URDF that stands on a floor: a trunk on two pairs of legs, each pair with a hip and two feet."""
+"""A robot from a URDF that stands on a floor: a trunk on two pairs of legs, each pair with a hip and two feet; one hip has a motor."""
 
 PAIR = """
   <link name="{name}">
@@ -30,6 +30,8 @@ joints:
   base: {position: [0, 0, 0.33]}
   front_hip: {stiffness: 200}
   rear_hip: {stiffness: 200}
+actuators:
+  drive: {type: dc_motor, joint: rear_hip, torque_constant: 0.05, resistance: 0.8, gear_ratio: 20, control: voltage}
 contacts:
   floor: {parts: [front.left, front.right, rear.left, rear.right], plane: ground, friction: 0.8}
 """

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from mbd_sim import load_mechanism
+from mbd_sim.lab.page import keep_tab
 from mbd_sim.lab.page.keep_tab import PICTURE, KeepTab
 from mbd_sim.lab.scene.scene import Scene
 from mbd_sim.lab.session.bench import Bench
@@ -55,7 +56,8 @@ def test_what_is_being_made_is_said_and_then_its_name(button, mechanism, ending,
 
 
 @pytest.fixture
-def keep(opened):
+def keep(opened, monkeypatch):
+    monkeypatch.setattr(keep_tab, "PICTURE", (480, 360))  # a browser without a GPU draws large ones slowly
     opened.tab("Keep")
     opened.press("Play", lambda: opened.frame.time > 0.3, "the run")
     opened.press("Pause", lambda: not opened.frame.running, "the pause")
@@ -74,7 +76,7 @@ def test_a_picture_shows_the_mechanism(keep):
     with keep.drawing():
         name, data = keep.downloaded("Picture")
     picture = Image.open(io.BytesIO(data))
-    assert (name, picture.format, picture.size) == ("four_bar.png", "PNG", (1440, 1080))
+    assert (name, picture.format, picture.size) == ("four_bar.png", "PNG", (480, 360))
     colors = np.asarray(picture.convert("RGB")).reshape(-1, 3)
     assert len(np.unique(colors, axis=0)) > 100
 

@@ -158,18 +158,12 @@ def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
     assert not [event for event in listener.events if "expired" in event]
 
 
-def test_commands_of_others_arrive_on_all_pages(node, opened, chromium):
+def test_commands_of_others_arrive_on_the_page(node, opened):
     opened.press("Pause", node.listener.repeats, "the pause")
-    second = NodePage(chromium, opened.page.url, node.listener)
-    second.folder("Efforts")
     node.listener.by_name.publish(JointState(name=["pin"], effort=[-0.1]))
     node.listener.set_parameter("parameters.d", 0.03)
-    for page in (opened, second):
-        page.shows("pin (N*m)", -0.1)
-        page.shows("d", 0.03)
-    second.enter("d", "0.04", lambda: node.listener.parameter("parameters.d") == 0.04, "the parameter")
-    opened.shows("d", 0.04)
-    second.page.close()
+    opened.shows("pin (N*m)", -0.1)
+    opened.shows("d", 0.03)
 
 
 def test_a_recording_is_ended_and_begun(node, opened):
@@ -188,13 +182,10 @@ def test_dragging_a_paused_mechanism_sets_its_state(node, opened):
     assert list(node.listener.states[-1].velocity) == [0.0, 0.0]
 
 
-def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, opened):
+def test_pulling_is_a_wrench_that_ends_with_the_page(node, opened):
+    """That it ends with the drag, test_page and test_node_session show."""
     node.back_to_the_start()
     opened.press("Play", lambda: not node.listener.repeats(), "the run")
-    opened.drag(lambda: node.pulls and any(node.pulls[-1][:6]), "a wrench")
-    opened.page.mouse.up()
-    opened.until(lambda: not any(node.pulls[-1][:6]), "its end")
-    node.back_to_the_start()
     opened.drag(node.is_pulled, "a wrench that lasts")
     opened.enter("pin (N*m)", "0.1", lambda: node.listener.states[-1].effort[0] == 0.1, "an effort")
     opened.until(node.is_pulled, "the wrench still")

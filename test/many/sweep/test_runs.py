@@ -6,7 +6,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism
-from mbd_sim.many.sweep.runs import CHUNK, Settings, chunks, compute, joined
+from mbd_sim.many.sweep import runs
+from mbd_sim.many.sweep.runs import Settings, chunks, compute, joined
 
 
 def settings(name="double_rod", **more):
@@ -79,14 +80,15 @@ def test_a_run_that_cannot_be_built_is_reported_and_the_others_continue():
     assert "constraints.coupler: this constraint is violated by" in problem
 
 
-def test_chunks_are_put_together_in_order():
-    changes = [{"gravity[2]": -float(n)} for n in range(CHUNK + 3)]
+def test_chunks_are_put_together_in_order(monkeypatch):
+    monkeypatch.setattr(runs, "CHUNK", 4)
+    changes = [{"gravity[2]": -float(n)} for n in range(7)]
     work = chunks(changes)
-    assert [len(chunk.changes) for chunk in work] == [CHUNK, 3]
+    assert [len(chunk.changes) for chunk in work] == [4, 3]
     quick = Settings(**{**vars(settings("rod_pendulum")), "until": 0.01})
     table = joined([compute(quick, chunk) for chunk in work]).runs
-    assert table["run"].tolist() == list(range(CHUNK + 3))
-    assert table["gravity[2]"].tolist() == [-float(n) for n in range(CHUNK + 3)]
+    assert table["run"].tolist() == list(range(7))
+    assert table["gravity[2]"].tolist() == [-float(n) for n in range(7)]
 
 
 def test_runs_with_contacts_end_as_single_simulations_bit_for_bit():

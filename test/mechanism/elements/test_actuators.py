@@ -147,7 +147,7 @@ def test_a_base_on_driven_wheels_moves_along_an_arc():
         (DIFFERENTIAL.replace("[fl, rl]", "steer_l"), "nothing controls the velocity of 'steer_l'. Give the joint an"),
         (CAR.replace("[steer_l, steer_r]", "fl"), "nothing controls the position of 'fl'. Give the joint an actuator"),
         (CAR.replace("[steer_l, steer_r]", "[steer_l, steer_r, steer_l]"), "names 3 joints. Name one in the middle"),
-        (DIFFERENTIAL.replace("[rr]", "[steer_l]"), "reversed.*'steer_l' is no wheel of it"),
+        (DIFFERENTIAL.replace("[rr]", "[steer_l]"), "reversed.*'steer_l' is not one of its wheels"),
         (DIFFERENTIAL.replace("[fr, rr]", "[fr, rl]"), "a wheel is named twice"),
         (DIFFERENTIAL.replace("track: 0.4", "track: 0"), "track.*greater than 0"),
         (MECANUM.replace("wheelbase: 0.6, ", ""), "'wheelbase' is missing"),

@@ -14,15 +14,12 @@ from test.mechanism.exact_geometry.guided import GUIDED, guided_file, guided_tex
 from test.mechanism.exact_geometry.test_snapping import freedoms_of, start_accelerations
 
 
-@pytest.mark.parametrize("name", GUIDED)
-def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name):
+@pytest.mark.parametrize(("name", "digits"), [(name, (4, 9)[index % 2]) for index, name in enumerate(GUIDED)])
+def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name, digits):
     """Rounding locked it, kept it open, or left a nearly dependent row to the solver."""
-    for digits in (4, 9):
-        found, freedoms = guided_file(name, digits, digits)
-        assert found.moved or digits > 9, digits
-        assert freedoms_of(found) == freedoms, digits
-        limit = 20.0 * 10.0 ** (1 - digits)
-        assert max((max(move.angle, move.distance) for move in found.moved.values()), default=0.0) < limit
+    found, freedoms = guided_file(name, digits, digits)
+    assert freedoms_of(found) == freedoms
+    assert 0.0 < max(max(move.angle, move.distance) for move in found.moved.values()) < 20.0 * 10.0 ** (1 - digits)
 
 
 @pytest.mark.parametrize("name", GUIDED)
@@ -30,17 +27,18 @@ def test_an_exact_linkage_stays_as_written(name):
     assert not guided_file(name, 3)[0].moved
 
 
-@pytest.mark.parametrize("name", GUIDED)
+@pytest.mark.parametrize("name", [*GUIDED][::3])
 def test_a_linkage_that_is_kept_as_written_says_so(name):
     """Some loaded with fewer degrees of freedom without a word."""
     (remark,) = guided_file(name, 4, 4, tolerance=0)[0].source.remarks
     assert remark.startswith("tolerance: 0 keeps '") and not guided_file(name, 3, tolerance=0)[0].source.remarks
 
 
-@pytest.mark.parametrize("name", ["slider-crank", "door on a rod", "carriage on a plane", "rod in a rigid group"])
+@pytest.mark.parametrize("name", ["door on a rod", "carriage on a plane"])
 def test_it_moves_as_the_exact_one_within_the_digits(name):
-    exact, found = (Simulation(guided_file(name, 5, digits)[0]) for digits in (17, 6))
-    start = [start_accelerations(guided_file(name, 5, digits)[0]) for digits in (17, 6)]
+    mechanisms = [guided_file(name, 5, digits)[0] for digits in (17, 6)]
+    exact, found = (Simulation(mechanism) for mechanism in mechanisms)
+    start = [start_accelerations(mechanism) for mechanism in mechanisms]
     assert start[1] == pytest.approx(start[0], abs=3e-4 * np.max(np.abs(start[0])))
     for simulation in (exact, found):
         simulation.run(until=0.1)

@@ -40,10 +40,10 @@ def ring_text(rng, digits, length=1.0, **more):
     return json.dumps({**data, **more}), factors
 
 
-@pytest.mark.parametrize(("digits", "length"), [(4, 1e-6), (5, 1e6), (6, 1.0), (12, 1e-6), (17, 1.0)])
+@pytest.mark.parametrize(("digits", "length"), [(4, 1e-6), (12, 1e6), (17, 1.0)])
 def test_a_ring_of_couplings_turns_as_the_exact_one(digits, length):
     """Rounded ratios locked it."""
-    for seed in range(6):
+    for seed in range(3):
         text, factors = ring_text(np.random.default_rng(seed), digits, length)
         found = parse_mechanism(text)
         assert not (digits == 17 and found.moved)

@@ -6,8 +6,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun.constraints import constraint_entities, floor_of
-from mbd_sim.pictures.rerun.forces import arrow_entities, weight
-from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, RowMaker, Rows, describe_scene
+from mbd_sim.pictures.rerun.loads import loads
+from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, RowMaker, Rows, describe_scene, weight
 from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -196,13 +196,14 @@ def test_drawn_efforts_have_the_power_of_the_equations(name):
     omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
     writer = RowMaker(sim.model)
     scene = describe_scene(sim.model, writer.layout, DisplayOptions())
-    (drawn,) = arrow_entities(scene)
+    (drawn,) = loads(scene)
     for index, speed in enumerate(sim.u):
         sim.set_efforts(np.eye(len(sim.u))[index])
         row = writer.row(sim.time, sim.time, sim.state, sim.inputs, sim.energies)
         rows = Rows(writer.layout, row[None])
-        force, couple = drawn.vectors(rows, PartPoses(scene, rows))
-        assert force[0] @ velocity + couple[0] @ omega == pytest.approx(speed, rel=1e-3, abs=1e-4)
+        acting = zip(drawn.scales, drawn.vectors(rows, PartPoses(scene, rows)), strict=True)
+        power = sum(vectors[0] @ (omega if scale.couple else velocity) for scale, (_, vectors) in acting)
+        assert power == pytest.approx(speed, rel=1e-3, abs=1e-4)
 
 
 def test_contacts_are_points_and_arrows_while_they_are_closed(tmp_path):

@@ -16,8 +16,8 @@ from rerun.chunk import RrdReader
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun import Viewer, ViewerError
-from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
-from mbd_sim.pictures.rerun.stream import LoggedEvent, RerunStream
+from mbd_sim.pictures.rerun.scene import DisplayOptions, LoggedEvent, RowMaker, describe_scene
+from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.rerun.viewer import EventFilter
 from mbd_sim.simulation.run.events import parse_event
 from test.waiting import wait_until

@@ -59,7 +59,7 @@ def test_the_scale_is_true_on_the_paper(linkage):
     assert np.all(low > 0) and np.all(high < plan.picture.size)
     with pytest.raises(InputError, match="at 10:1, and A4 has room for"):
         make_plan(*linkage, at_scale="10:1")
-    for wrong, message in (("1:0", "no scale"), ("half", "no scale")):
+    for wrong, message in (("1:0", "not a scale"), ("half", "not a scale")):
         with pytest.raises(InputError, match=message):
             make_plan(*linkage, at_scale=wrong)
     with pytest.raises(InputError, match="there is no sheet 'B9'"):

@@ -122,8 +122,9 @@ def test_a_run_imports_and_derives_nothing_and_sets_off_no_search_for_garbage(tm
 
 ROOT = Path(__file__).parents[3]
 QUIET = f"""
-import gc, sys
+import gc, math, sys
 import rclpy
+from mbd_sim.compiler.code import machine_code
 from mbd_sim.ros.node import sim_node
 from test.waiting import wait_until
 
@@ -132,6 +133,7 @@ arguments = ["--ros-args", "--log-level", "ERROR"]
 for name, value in given.items():
     arguments += ["-p", f"{{name}}:={{str(value).lower() if isinstance(value, bool) else value}}"]
 rclpy.init(args=arguments, domain_id=int(sys.argv[3]))
+machine_code.LEVEL, machine_code.LONG = 0, math.inf
 node = sim_node._make_node(lambda: None)
 searches, before = [], set(sys.modules)
 

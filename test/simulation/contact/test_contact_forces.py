@@ -151,7 +151,7 @@ def test_the_state_of_a_compliant_contact_follows_its_law():
 def test_compliant_contacts_come_after_rigid_ones_with_a_name_for_each_place():
     sim = Simulation.from_text(
         """
-mechanism: cushioned
+mechanism: compliant
 parts:
   box: {shape: {type: block, mass: 3, size: [0.2, 0.2, 0.2]}}
   ball: {shape: {type: sphere, mass: 2, radius: 0.1}}
@@ -159,14 +159,14 @@ joints:
   box: {type: free, between: [ground, box], position: [0, 0, 0.099], velocity: [0.3, 0.4, 0]}
   ball: {type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: 0.1}
 contacts:
-  cushion: {parts: [box], plane: ground, friction: 0.5, stiffness: 1e4, exponent: 1}
+  compliance: {parts: [box], plane: ground, friction: 0.5, stiffness: 1e4, exponent: 1}
   floor: {parts: [ball], plane: ground, restitution: 0.5}
 """
     )
     contacts = sim.contacts()
     floor, *corners = contacts
     assert floor == "floor" and contacts["floor"].state == "closed"
-    assert len(corners) == 8 and all(name.startswith("cushion.") for name in corners)
+    assert len(corners) == 8 and all(name.startswith("compliance.") for name in corners)
     pressed = [contacts[name] for name in corners if contacts[name].state == "slides"]
     assert [state.gap for state in pressed] == pytest.approx([-0.001] * 4, abs=1e-15)
     assert [state.normal for state in pressed] == pytest.approx([10.0] * 4, abs=1e-11)

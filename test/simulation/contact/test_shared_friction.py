@@ -52,14 +52,7 @@ def slipping(friction, static, time):
 
 @pytest.mark.parametrize(
     ("friction", "static", "count", "height"),
-    [
-        (0.3, 0.3, 2, 0.0),
-        (0.2, 0.3, 2, 0.15),
-        (0.0, 0.3, 2, 0.1),
-        (0.3, 0.3, 3, 0.15),
-        (0.2, 0.3, 3, 0.0),
-        (0.2, 0.3, 3, 0.1),
-    ],
+    [(0.2, 0.3, 2, 0.1), (0.0, 0.3, 3, 0.15)],
 )
 def test_pads_in_a_line_slip_at_the_sum_of_their_limits(friction, static, count, height):
     simulation = pads(friction, static, count, height)
@@ -71,12 +64,10 @@ def test_pads_in_a_line_slip_at_the_sum_of_their_limits(friction, static, count,
     assert abs(simulation.energies.residual) < 1e-13
 
 
-@pytest.mark.parametrize(
-    ("friction", "static", "angle", "height"), [(0.2, 0.3, 0.0, 0.07), (0.2, 0.3, 1.2, 0.0), (0.3, 0.3, 0.5, 0.0)]
-)
-def test_a_box_slips_at_the_sum_of_the_limits_of_its_corners(friction, static, angle, height):
+def test_a_box_slips_at_the_sum_of_the_limits_of_its_corners():
     """In space a part of the load is shared anew at each of a few events, up to 1e-7 of the sum."""
-    simulation = box(friction, static, angle, height)
+    friction, static = 0.2, 0.3
+    simulation = box(friction, static, 1.2, 0.03)
     simulation.run(until=UNTIL)
     start, speed = slipping(friction, static, UNTIL)
     events = [event for event in simulation.contact_events if event.change is not ContactChange.OPENED]
@@ -170,9 +161,9 @@ def frictions_and_slip(simulation, times, count):
     return np.array(sizes), slips[0].time
 
 
-@pytest.mark.parametrize(("seed", "count"), [(7, 3), (2, 5)])
-def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes(seed, count):
+def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes():
     """The limit load is the least over all motions, as of plastic bodies; friction depended on the order of the legs."""
+    seed, count = 7, 3
     chance = np.random.default_rng(seed)
     angles = 2.0 * np.pi * (np.arange(count) + chance.uniform(-0.3, 0.3, count)) / count
     legs = 0.4 * chance.uniform(0.6, 1.0, (count, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])

@@ -69,7 +69,7 @@ def reference(legs, center, friction, velocity):
     return solve_ivp(rates, (0.0, TIME), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.03).y[:, -1]
 
 
-RANDOM_TABLES = {"all legs press": (0, 0.1), "five legs": (6, 0.1), "a leg is unloaded": (32, 0.22)}
+RANDOM_TABLES = {"all legs press": (0, 0.1), "a leg is unloaded": (32, 0.22)}
 
 
 def random_table(seed, spread):
@@ -95,21 +95,17 @@ def test_a_table_slides_on_its_legs_as_on_equal_elastic_ones(name):
     assert np.any(forces == 0.0) == (name == "a leg is unloaded")
 
 
-@pytest.mark.parametrize("law", ["", ", restitution: 0.3", ", static_friction: 0.5"])
-def test_the_order_of_legs_does_not_matter(law):
+def test_the_order_of_legs_does_not_matter():
     """Neither while it slides, nor where it falls flat on all legs at once."""
     legs, center, friction, velocity = random_table(0, 0.1)
     found = []
     for order in (range(len(legs)), np.random.default_rng(1).permutation(len(legs))):
-        text = table(legs, center, friction, velocity, order, law)
-        if law:
-            text = text.replace("velocity: [", "position: [0, 0, 0.05], velocity: [", 1)
-        simulation = Simulation.from_text(text)
+        text = table(legs, center, friction, velocity, order, ", restitution: 0.3")
+        simulation = Simulation.from_text(text.replace("velocity: [", "position: [0, 0, 0.05], velocity: [", 1))
         simulation.run(until=TIME)
         found.append(np.concatenate([plane_state(simulation), [simulation.energies.total]]))
     assert found[1] == pytest.approx(found[0], abs=1e-11)
-    if law:
-        assert any(event.change is ContactChange.IMPACT for event in simulation.contact_events)
+    assert any(event.change is ContactChange.IMPACT for event in simulation.contact_events)
 
 
 def test_a_table_at_rest_presses_equally_on_four_legs_whatever_their_order():

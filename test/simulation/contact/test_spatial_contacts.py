@@ -15,18 +15,18 @@ from test.generators.contact_mechanisms import contact_mechanism
 
 PUCK = """
 mechanism: puck
-parameters: {{mu: 0.3}}
+parameters: {mu: 0.3}
 parts:
   puck:
-    shape: {{type: block, mass: 1, size: [0.2, 0.12, 0.08]}}
-    points: {{a: [0.1, 0.06, -0.04], b: [-0.1, 0.06, -0.04], c: [-0.1, -0.06, -0.04], d: [0.1, -0.06, -0.04]}}
+    shape: {type: block, mass: 1, size: [0.2, 0.12, 0.08]}
+    points: {a: [0.1, 0.06, -0.04], b: [-0.1, 0.06, -0.04], c: [-0.1, -0.06, -0.04], d: [0.1, -0.06, -0.04]}
 joints:
-  flight: {{type: free, between: [ground, puck], position: [0, 0, 0.04], velocity: {v}, angular_velocity: {w}}}
+  flight: {type: free, between: [ground, puck], position: [0, 0, 0.04], velocity: [0.8, 0.3, 0], angular_velocity: [0, 0, 6]}
 constraints:
-  a: {{type: on_plane, point: puck.a, bound: at_least, friction: mu}}
-  b: {{type: on_plane, point: puck.b, bound: at_least, friction: mu}}
-  c: {{type: on_plane, point: puck.c, bound: at_least, friction: mu}}
-  d: {{type: on_plane, point: puck.d, bound: at_least, friction: mu}}
+  a: {type: on_plane, point: puck.a, bound: at_least, friction: mu}
+  b: {type: on_plane, point: puck.b, bound: at_least, friction: mu}
+  c: {type: on_plane, point: puck.c, bound: at_least, friction: mu}
+  d: {type: on_plane, point: puck.d, bound: at_least, friction: mu}
 """
 
 BALL = """
@@ -39,6 +39,8 @@ joints:
 constraints:
   lane: {type: rolling, wheel: ball, radius: 0.11, friction: 0.12}
 """
+
+BOX = contact_mechanism(3, "box", 0.8, 0.3)
 
 
 def _residual(simulation):
@@ -57,18 +59,22 @@ def test_a_ball_rolls_in_any_direction_as_in_the_plane():
 
 def test_a_puck_that_slides_and_spins_stops_at_once_and_for_ever():
     """On four indeterminate contacts; sliding and spinning end together, without residual."""
-    simulation = Simulation.from_text(PUCK.format(v="[0.8, 0.3, 0]", w="[0, 0, 6]"))
+    simulation = Simulation.from_text(PUCK)
     simulation.run(until=1.5)
     rest = simulation.q.copy()
     assert np.max(np.abs(simulation.u)) < 1e-14
     assert _residual(simulation) < 1e-12
     simulation.run(until=2.5)
     assert np.array_equal(simulation.q[:3], rest[:3])
+    implicit = Simulation.from_text(PUCK, method="gauss6")
+    implicit.run(until=1.0)
+    assert np.max(np.abs(implicit.u)) < 1e-14
+    assert implicit.q == pytest.approx(rest, abs=1e-11)
+    assert _residual(implicit) < 1e-10
 
 
-@pytest.mark.parametrize(("seed", "restitution", "friction"), [(2, 0.0, 0.3), (3, 0.8, 0.8)])
-def test_a_box_that_falls_on_eight_corners_keeps_the_account_of_energy(seed, restitution, friction):
-    simulation = Simulation.from_text(contact_mechanism(seed, "box", restitution, friction))
+def test_a_box_that_falls_on_eight_corners_keeps_the_account_of_energy():
+    simulation = Simulation.from_text(BOX)
     simulation.run(until=2.0)
     assert _residual(simulation) < 1e-12
     assert all(event.change is not ContactChange.BOUND for event in simulation._memory.stepper.events)
@@ -124,7 +130,7 @@ def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch, constant, boun
     assert simulation.energies.dissipated == pytest.approx(dissipated, rel=1e-3)
 
 
-ORDERS = {"rk4": 4, "gauss4": 4, "dop853": 8, "gauss6": 6}
+ORDERS = {"rk4": 4, "gauss6": 6}
 
 
 @pytest.mark.parametrize("method", ORDERS)
@@ -140,29 +146,12 @@ def test_friction_along_two_directions_keeps_the_order_of_the_methods(method):
     assert errors[1] < max(errors[0] * 1.2 / 2.0 ** ORDERS[method], 1e-11)
 
 
-@functools.cache
-def _place_of_rest(text):
-    simulation = Simulation.from_text(text, method="tsitouras8")
-    simulation.run(until=1.0)
-    return simulation.q
-
-
-@pytest.mark.parametrize("method", ["rk4", "gauss6"])
-def test_a_puck_stops_with_every_method(method):
-    text = PUCK.format(v="[0.8, 0.3, 0]", w="[0, 0, 6]")
-    simulation = Simulation.from_text(text, method=method)
-    simulation.run(until=1.0)
-    assert np.max(np.abs(simulation.u)) < 1e-14
-    assert simulation.q == pytest.approx(_place_of_rest(text), abs=1e-11)
-    assert _residual(simulation) < 1e-10
-
-
 def test_a_jump_through_zero_is_located_after_it():
     assert first_zero(lambda s: 1.0 if s < 0.3 else -1.0, 1.0, 1.0, -1.0, 1e-13) == pytest.approx(0.3, abs=1e-15)
     assert first_zero(lambda s: 1.0 if s < 0.3 else -1.0, 1.0, 1.0, -1.0, 1e-13) >= 0.3
 
 
-FAST = (0, 3, 8, 13, 21, 34, 51, 55, 66, 77)
+FAST = (0, 8, 13, 21, 34, 51)  # each of another kind
 
 
 @pytest.mark.parametrize("seed", FAST)
@@ -185,7 +174,7 @@ def test_random_mechanisms_never_gain_energy(seed):
     assert _residual(simulation) < 1e-11 * scale
 
 
-@pytest.mark.parametrize("kind", ["box", "sliders", "four_bar"])
+@pytest.mark.parametrize("kind", ["sliders", "four_bar"])
 def test_elastic_impacts_without_friction_keep_the_energy(kind):
     simulation = Simulation.from_text(contact_mechanism(6, kind, 1.0, 0.0))
     simulation.run(until=2.0)

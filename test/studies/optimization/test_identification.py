@@ -200,7 +200,7 @@ def test_what_does_not_fit_is_refused(monkeypatch):
             identify(pendulum, data, keys)
     with pytest.raises(InputError, match=r"efforts has the shape \(20,\)"):
         MeasuredRun(STEP, run.states, run.efforts[:, 0])
-    with pytest.raises(InputError, match="confidence of 95"):
+    with pytest.raises(InputError, match="confidence must be between 0 and 1, not 95"):
         identify(pendulum, run, ["m"], confidence=95)
     for guess in (-1.0, float("nan")):
         with pytest.raises(MechanismError, match=r"m(ass)?: must be"):

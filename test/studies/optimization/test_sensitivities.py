@@ -291,7 +291,7 @@ def test_what_has_no_derivatives_is_refused():
         ({"efforts": [0.0]}, "efforts has the shape"),
         ({"parameters": [1.0, math.nan]}, "not finite"),
         ({"efforts": np.zeros((7, 2))}, "7 equal intervals"),
-        ({"every": 0}, "no trajectory"),
+        ({"every": 0}, "not a trajectory"),
         ({"points": ["upper.tp"]}, "no point"),
     ):
         with pytest.raises(InputError, match=message):

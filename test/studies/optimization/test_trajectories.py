@@ -63,7 +63,7 @@ def test_derivatives_stay_on_the_constraints():
 
 def test_what_is_no_trajectory_is_refused():
     functions = casadi_functions(load_mechanism("rod_pendulum"))
-    with pytest.raises(InputError, match="no trajectory"):
+    with pytest.raises(InputError, match="not a trajectory"):
         trajectory(functions, 0, STEP)
     with pytest.raises(TypeError, match="integer"):
         trajectory(functions, 1.5, STEP)

@@ -34,7 +34,7 @@ def test_a_coupler_curve_leads_back_to_its_linkage(free):
     assert motion.point("coupler.tracer").position @ [1, 1j, 0] == pytest.approx(tracer(ANGLES), abs=1e-10)
 
 
-@pytest.mark.parametrize("ends", [(1.3, 3.0), (3.0, 1.3), (-1.5, 0.8), (8.0, 10.0)])
+@pytest.mark.parametrize("ends", [(-1.5, 0.8), (10.0, 8.0)])
 def test_a_range_that_leaves_out_the_start(ends):
     """The crank starts at 60°; it is led to the range first."""
     angles = np.linspace(*ends, 9)

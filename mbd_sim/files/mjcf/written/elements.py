@@ -129,7 +129,7 @@ def _add_coupling(document: MjcfDocument, coupling: Coupling) -> bool:
 
 
 def fixed_tendon(document: MjcfDocument, name: str, factors: Mapping[str, float]) -> Element | None:
-    """A tendon that is a sum of coordinates; None if one of them is no joint of the file."""
+    """A tendon that is a sum of coordinates; None if one of them is not a joint of the file."""
     if not factors.keys() <= document.joints.keys():
         return None
     tendon = add_element(document.section("tendon"), "fixed", {"name": name})

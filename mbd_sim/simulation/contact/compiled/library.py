@@ -29,6 +29,8 @@ from mbd_sim.simulation.contact.compiled import (
     step,
 )
 from mbd_sim.simulation.contact.compiled.features import (
+    crossings,
+    meetings,
     normals,
     outlines,
     pieces,
@@ -41,9 +43,11 @@ from mbd_sim.simulation.contact.compiled.features import (
 MODULES: tuple[ModuleType, ...] = (
     candidate_forces,
     contacts,
+    crossings,
     forces,
     impact,
     linear,
+    meetings,
     members,
     modes,
     normals,

@@ -38,11 +38,12 @@ BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
 FALLING = 10.0
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
+ENOUGH = 1e-3  # of the tolerance, up to which a change of features is where it is sought
 DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 # What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
-# says that they meet or that their features change, the slip of friction along its first direction, or what is negative
-# where an area of contact has widened.
-GUARD, GAP, RATE, APART, CHANGE, FORWARD, WIDENING = 0, 1, 2, 3, 4, 5, 6
+# says that they meet beside their closed slots, or that the features of these change, the slip of friction along its
+# first direction, or what is negative where an area of contact has widened.
+GUARD, GAP, RATE, APART, BESIDE, FEATURES, FORWARD, WIDENING = 0, 1, 2, 3, 4, 5, 6, 7
 NONE = -1.0  # in place of the length up to an event
 DIVERGED = -2.0
 
@@ -141,14 +142,16 @@ def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) ->
         return distance_at(pair, places)
     if what == WIDENING:
         return -1.0 if has_widened(c, pair, m.inputs, places) else 1.0
-    return change_at(c, m, pair, places, beyond_gaps(c, pair, m.inputs, places, readings))
+    if what == BESIDE:
+        return beyond_gaps(c, pair, m.inputs, places, readings) + m.offset[0]
+    return features_at(c, m, pair, places)
 
 
-def change_at(c: Contacts, m: TrialPart, pair: FeaturePair, places: Array, distance: float) -> float:
-    """What becomes zero where two bodies meet, their features change, or the area in which they touch shrinks."""
+def features_at(c: Contacts, m: TrialPart, pair: FeaturePair, places: Array) -> float:
+    """What becomes zero where the features of closed slots change, or the area in which two bodies touch shrinks."""
     area, least = zeros(AREA), narrow(pair)
     area_at(c, pair, m.inputs, places, area)
-    found = min(distance + m.offset[0], area[ROOM] + c.accuracy)
+    found = area[ROOM] + c.accuracy
     if m.shrinking[0]:
         found = min(found, area[NEAREST] - least)
     if m.shrinking[1]:
@@ -187,7 +190,7 @@ def first_zero(
             count += 1
         if count == BACKTRACKS:
             return 0.0
-    best, least = high, abs(f_high)
+    best, least, enough = high, abs(f_high), ENOUGH * c.accuracy if what in (BESIDE, FEATURES) else 0.0
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
     side = 0
@@ -202,7 +205,7 @@ def first_zero(
             break
         if abs(found) < least:
             best, least = middle, abs(found)
-        if found == 0.0:
+        if 0.0 <= -found <= enough:
             return middle
         if found > 0.0:
             if side > 0:
@@ -268,44 +271,47 @@ def grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
     return found if found != lowest else first
 
 
-def first_change(c: Contacts, m: TrialPart, first: float) -> float:
-    """Where two bodies meet or features change, if that is before the `first` event."""
+def first_change(c: Contacts, m: TrialPart, first: float, exact: bool) -> float:
+    """Where two bodies meet or features change, if that is before the `first` event; if not `exact`, somewhat later."""
     end = m.span[0] if first < 0.0 else first
     for index in range(c.body_pairs):
         if end == 0.0:
             break
         if may_meet(c, pair_at(c, index), m.inputs, m.places_before, places_at(c, m, end)):
-            found = change_of(c, m, index, end)
+            found = change_of(c, m, index, end, exact)
             if found >= 0.0:
                 first, end = found, found
     return DIVERGED if has_failed(m) else first
 
 
-def change_of(c: Contacts, m: TrialPart, index: int, end: float) -> float:
-    """Where two bodies meet or their features change, before an end."""
+def change_of(c: Contacts, m: TrialPart, index: int, end: float, exact: bool) -> float:
+    """Where two bodies meet or their features change, before an end; if not `exact`, the end will do."""
     pair, closed = pair_at(c, index), any_closed(c, pair_at(c, index), m.inputs)
     readings, places = readings_at(c, m, end), places_at(c, m, end)
-    area = zeros(AREA)
+    area, first = zeros(AREA), NONE
     last = beyond_gaps(c, pair, m.inputs, places, readings)
     note(pair, places, last)
     if not math.isfinite(last):
         m.failed[0] = 1
         return NONE
-    m.offset[0] = 0.0
     m.shrinking[0], m.shrinking[1] = 1, 1
-    if last >= 0.0 and change_at(c, m, pair, places, last) >= 0.0:
+    if last >= 0.0 and features_at(c, m, pair, places) >= 0.0:
         path = ALONG * path_between(pair, m.places_before, places)
         return widened(c, m, index, path, end) if closed else passed(c, m, index, path, end, last)
     start = beyond_gaps(c, pair, m.inputs, m.places_before, m.before)
+    m.offset[0] = 0.0
     if closed or start <= c.accuracy:
         m.offset[0] = (c.accuracy if closed else DEEPER * c.accuracy) + max(0.0, -start)
     area_at(c, pair, m.inputs, m.places_before, area)
     m.shrinking[0], m.shrinking[1] = area[NEAREST] > narrow(pair), area[WIDTH] > narrow(pair)
-    last = change_at(c, m, pair, places, last)
-    if last >= 0.0:
-        return NONE
-    start = change_at(c, m, pair, m.places_before, start)
-    return first_zero(c, m, CHANGE, index, end, start, last, 0.0)
+    for what in range(BESIDE, FEATURES + 1):  # not the least of both, which has a kink where it becomes zero
+        last = value_of(c, m, end, what, index)
+        if last < 0.0 and not exact:
+            return end
+        if last < 0.0:
+            first = first_zero(c, m, what, index, end, value_of(c, m, 0.0, what, index), last, 0.0)
+            end = first
+    return first
 
 
 def widened(c: Contacts, m: TrialPart, index: int, path: float, end: float) -> float:

@@ -159,7 +159,7 @@ def stage_within(
     if first == 0.0 and is_steady and was_positive(c, m, start, left_out, cause[0]):
         return AGAIN
     if first >= NONE:
-        first = first_change(c, m, first)
+        first = first_change(c, m, first, True)
     if first < NONE or has_failed(m):
         return FAILED
     return take(c, m, s, y, first, found)

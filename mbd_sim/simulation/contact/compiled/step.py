@@ -133,7 +133,7 @@ def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: fl
     read(c, t + h, y, inputs, m.after)
     read_poses(c, t, before, inputs, m.places_before)
     read_poses(c, t + h, y, inputs, m.places_after)
-    return first_change(c, m, NONE) != NONE
+    return first_change(c, m, NONE, False) != NONE
 
 
 def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events: Array, counts: Integers) -> int:

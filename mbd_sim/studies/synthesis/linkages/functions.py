@@ -69,7 +69,7 @@ def function_four_bars(theta: Sequence[float], phi: Sequence[float]) -> list[Fun
     given = np.asarray(theta, dtype=float), np.asarray(phi, dtype=float)
     if given[0].shape != given[1].shape or given[0].ndim != 1 or len(given[0]) < 3:
         raise InputError(
-            f"{len(given[0])} angles of the crank and {len(given[1])} of the follower are no function",
+            f"{len(given[0])} angles of the crank and {len(given[1])} of the follower do not make a function",
             "Give as many of both, at least three.",
         )
     match len(given[0]):

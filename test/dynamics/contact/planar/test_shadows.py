@@ -11,7 +11,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.planar.planar_solids import between_outlines, convex_polygon, rounded_polygon
-from mbd_sim.files.builders.contact_bodies import BLOCK
+from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Contact, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment

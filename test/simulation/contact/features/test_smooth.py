@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.smooth_rows import ITERATED, smooth_touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
-from mbd_sim.files.builders.contact_bodies import BLOCK
+from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
@@ -116,8 +116,8 @@ def test_a_row_has_the_gap_of_the_narrow_phase_and_the_rate_of_it(kinds):
 
 
 @pytest.mark.parametrize("order", (1, -1))
-def test_an_edge_that_lies_flat_on_a_round_end_has_no_point_at_its_rim(order):
-    """There their normal is not defined: the forces of such a row are noise, some of them without bound."""
+def test_an_edge_that_lies_flat_on_a_round_end_has_no_iterated_normal(order):
+    """There the normal of a rim is not defined: the forces of such a row are noise, some of them without bound."""
     chance, half = np.random.default_rng(7), np.array([0.3, 0.2, 0.1])
     cylinder, block = body("cylinder", [0.25, 0.4]), body("block", 2.0 * half)
     pair = SmoothPair(*(cylinder, block)[::order], 16)
@@ -126,5 +126,73 @@ def test_an_edge_that_lies_flat_on_a_round_end_has_no_point_at_its_rim(order):
         x, y = 1.4 * chance.uniform(-half[:2], half[:2])
         end = Pose(turn.apply([x, y, half[2] + 0.2]), turn.as_matrix())
         found = pair.touching(*(end, Pose(np.zeros(3), turn.as_matrix()))[::order], 1e-12)
-        kinds = [int(np.flatnonzero(each.numbers[16:20])[0]) for each in found]
-        assert kinds and max(kinds) < ITERATED
+        assert found and not any(each.numbers[16 + ITERATED] for each in found)
+
+
+@pytest.mark.parametrize("order", (1, -1))
+@pytest.mark.parametrize("tilt", (0.0, 1e-7, 1e-4, 0.006))
+def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):
+    """The row of a crossing stays on the rim and on the edge, with the rate of its gap, as both bodies move."""
+    chance, half, radius = np.random.default_rng(11), np.array([0.6, 0.2, 0.1]), 0.25
+    bodies = (body("cylinder", [radius, 0.4]), body("block", 2.0 * half))
+    pair, corner = SmoothPair(*bodies[::order], 16), np.array([0.0, 0.2, 0.1])
+    for _ in range(5):
+        # The block is turned about its edge y = 0.2, z = 0.1, which then rises along x by the tilt.
+        spin = Rotation.from_rotvec([0, 0, chance.uniform(-3, 3)]) * Rotation.from_rotvec([0, -tilt, 0])
+        spin = spin * Rotation.from_rotvec([0.0, 0.0, 0.0] if tilt == 0.0 else [0.1, 0.0, 0.0])
+        end = Pose(np.array([0.0, 0.0, 0.2]), np.eye(3))
+        at = spin.apply(corner)
+        block = Pose(np.array([0.1 * chance.uniform(-1, 1), 0.1 * chance.uniform(-1, 1), 0.0]) - at, spin.as_matrix())
+        edge, direction = block.position + at, spin.apply([1.0, 0.0, 0.0])
+        flat = np.array([edge[:2] @ direction[:2], edge[:2] @ edge[:2] - radius**2])
+        level = direction[:2] @ direction[:2]
+        high = (-flat[0] + np.sqrt(flat[0] ** 2 - level * flat[1])) / level * direction + edge
+        block = Pose(block.position - [0, 0, high[2]], block.rotation)
+        high[2] = 0.0
+        poses = (end, block)[::order]
+        found = pair.touching(*poses, 1e-12)
+        (features,) = (
+            each
+            for each in found
+            if each.numbers[30] and np.linalg.norm(_point(bodies, each, poses, order) - high) < 1e-9
+        )
+        assert pair.distance(*poses) == pytest.approx(0.0, abs=1e-13)
+        assert pair.margin(*poses, features.numbers) > 0.0
+        _check_rate(bodies[::order], features, poses, chance)
+
+
+def _touch(bodies, features, symbols, other):
+    frames = (
+        SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3)),
+        SymbolicPose(ca.DM(other.position), ca.DM(other.rotation)),
+    )
+    return smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), frames, 1.0)
+
+
+def _numbers(pose):
+    return np.concatenate([pose.position, pose.rotation.T.ravel()])
+
+
+def _point(bodies, features, poses, order):
+    symbols = ca.SX.sym("pose", 12)
+    touch = _touch(bodies[::order], features, symbols, poses[1])
+    point = ca.Function("point", [symbols], [touch.iterated.inserted(touch.point)])
+    return np.array(point(_numbers(poses[0]))).ravel()
+
+
+def _check_rate(bodies, features, poses, chance):
+    """The rate of a gap that is zero is the velocity along the normal of the points that touch."""
+    at, symbols = poses[0], ca.SX.sym("pose", 12)
+    touch = _touch(bodies, features, symbols, poses[1])
+    outputs = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
+    row, spin, slide = ca.Function("row", [symbols], outputs), chance.normal(size=3), chance.normal(size=3)
+
+    def gap(time):
+        turned = Rotation.from_rotvec(spin * time).as_matrix() @ at.rotation
+        return float(row(_numbers(Pose(at.position + slide * time, turned)))[0])
+
+    value, normal, point = (np.array(each).ravel() for each in row(_numbers(at)))
+    assert abs(value[0]) < 1e-13
+    assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
+    rate = (8.0 * (gap(1e-4) - gap(-1e-4)) - (gap(2e-4) - gap(-2e-4))) / 1.2e-3
+    assert normal @ (slide + np.cross(spin, point - at.position)) == pytest.approx(rate, abs=1e-7)

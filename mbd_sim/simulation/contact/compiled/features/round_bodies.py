@@ -23,7 +23,8 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 TINY = 1e-60
 FLAT = 1e-6  # sine of the angle below which an edge lies on a face
 CODES = POINTS + 2  # numbers of points of a rim, and of an edge
-CHORD = 0.98  # of the chord of an edge across a disc, the part that carries this
+CHORD = 0.98  # of the chord of a rounded edge across a disc, the part that carries this
+CROSSED = 1e-3  # of the radius of a disc: half of a chord, up to which its middle carries a sharp edge
 
 
 @dataclass(frozen=True)
@@ -212,12 +213,15 @@ def codes(hull: RoundHull) -> int:
     return CODES * max(hull.count, hull.sides)
 
 
-def lies(one: PlacedRound, other: PlacedRound, face: int, code: int, out: Array) -> bool:
-    """Whether the point with this number lies on a face of another body: one of a rim, or of an edge across a disc."""
+def lies(one: PlacedRound, other: PlacedRound, face: int, code: int, part: float, out: Array) -> bool:
+    """Whether the point with this number lies on a face of another body: one of a rim, or of an edge across a disc.
+
+    :param part: see `edge_lies`.
+    """
     number, feature = code % CODES, code // CODES
     if number < POINTS:
         return one.hull.is_curved and feature < one.hull.count and rim_lies(one, other, face, feature, number, out)
-    return feature < one.hull.sides and edge_lies(one, other, face, feature, number - POINTS, out)
+    return feature < one.hull.sides and edge_lies(one, other, face, feature, number - POINTS, part, out)
 
 
 def rim_lies(one: PlacedRound, other: PlacedRound, face: int, corner: int, number: int, out: Array) -> bool:
@@ -233,8 +237,11 @@ def rim_lies(one: PlacedRound, other: PlacedRound, face: int, corner: int, numbe
     return True
 
 
-def edge_lies(one: PlacedRound, other: PlacedRound, face: int, side: int, number: int, out: Array) -> bool:
-    """Whether an edge lies across a disc; `out` becomes one of the two points that carry it."""
+def edge_lies(one: PlacedRound, other: PlacedRound, face: int, side: int, number: int, part: float, out: Array) -> bool:
+    """Whether an edge lies across a disc; `out` becomes one of the two points that carry it.
+
+    :param part: of the chord, between these points; 0 if the middle of a short one carries it.
+    """
     direction, line, center = one.directions[3 * side :], zeros(3), zeros(3)
     radius = other.hull.face_radii[face]
     if one.hull.ruled[side] or radius == 0.0 or abs(dot(direction, other.normals[3 * face :])) > FLAT:
@@ -246,7 +253,9 @@ def edge_lies(one: PlacedRound, other: PlacedRound, face: int, side: int, number
     chord = radius * radius - dot(line, line) + along * along
     if not chord > 0.0:
         return False
-    half = CHORD * math.sqrt(chord)
+    if part == 0.0 and (number == 1 or chord > CROSSED * CROSSED * radius * radius):
+        return False
+    half = part * math.sqrt(chord)
     end = -along + (half if number == 1 else -half)
     subtract(stop, start, line)
     add(start, end, direction, out)

@@ -11,16 +11,30 @@ import math
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
+from mbd_sim.simulation.contact.compiled.features.crossings import (
+    GAP,
+    MARGIN,
+    MEETING,
+    NORMAL,
+    POINT,
+    crossings_gap,
+    is_crossed,
+    is_steep,
+    meet_crossing,
+)
+from mbd_sim.simulation.contact.compiled.features.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.normals import (
     CORNER_CORNER,
     CORNER_FACE,
     CORNER_SIDE,
+    EDGE_RIM,
     FACE_CORNER,
     FACE_POINT,
     FIRST,
     KEY,
     KIND,
     POINT_FACE,
+    RIM_EDGE,
     SECOND,
     SIDE_CORNER,
     SIDE_SIDE,
@@ -36,26 +50,21 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
 )
 from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, COUNT, SUPPORT, TURNED
 from mbd_sim.simulation.contact.compiled.features.round_bodies import (
+    CHORD,
     CODES,
     FLAT,
     PlacedRound,
     codes,
-    farthest,
     inside,
-    lead,
     lies,
-    middle,
-    point_protrusion,
     put_round,
     tilt,
-    tilted,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
     copy,
     cross,
     distance_of,
-    divide,
     dot,
     least_axis,
     place,
@@ -70,9 +79,6 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 HINT = 0.1  # rad by which a normal may turn from its hint
 LEVEL = 1e-9  # sine of the angle at which an edge that crosses a rim comes to lie on the end within it
 ROUND_OFF = 1e-6  # of `near`: a distance that is not less is at least the one found first
-# Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet.
-NORMAL, GAP, MARGIN, POINT = 0, 3, 4, 5
-MEETING = 8
 
 
 def smooth_distance(p: RoundBodies, one: Array, other: Array) -> float:
@@ -89,7 +95,7 @@ def smooth_distance(p: RoundBodies, one: Array, other: Array) -> float:
 def smooth_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
     """The distance of both bodies."""
     key, normal, simple = integers(KEY), zeros(3), simple_count(p)
-    apart = max(simple_gap(p, a, b), starts_gap(p, a, b))
+    apart = crossings_gap(p, a, b, max(simple_gap(p, a, b), starts_gap(p, a, b)))
     if not (apart > ROUND_OFF * p.near or is_on_face(p, a, b, apart)):
         for index in range(simple, simple + p.count):
             key_at(p, index, key)
@@ -144,7 +150,7 @@ def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: 
         if support(p, a, b, normal) < apart - FLAT_TILT * body.hull.reach:
             continue
         for code in range(codes(body.hull)):
-            if code % CODES < POINTS and lies(body, other, face, code, at) and inside(other, face, at) >= 0.0:
+            if code % CODES < POINTS and lies(body, other, face, code, CHORD, at) and inside(other, face, at) >= 0.0:
                 key[FIRST], key[SECOND] = code, face
                 if kind == FACE_POINT:
                     key[FIRST], key[SECOND] = face, code
@@ -160,6 +166,7 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
     """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
     sign, body, other, face = 1.0, a, b, 0
     key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
+    part = CHORD if p.radius > 0.0 else 1.0
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
     for k in range(body.hull.faces):
@@ -167,7 +174,7 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
             face = k
     scale(-sign, body.normals[3 * face :], outward)
     for code in range(codes(other.hull)):
-        if code % CODES >= POINTS and lies(other, body, face, code, at):
+        if code % CODES >= POINTS and lies(other, body, face, code, part, at):
             key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
             if kind == FACE_POINT:
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
@@ -210,7 +217,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
     normals, points = zeros(3 * p.count), zeros(3 * p.slots)
     put_round(a, one, other)
     put_round(b, other, other)
-    apart = simple_gap(p, a, b)
+    apart = crossings_gap(p, a, b, simple_gap(p, a, b))
     for k in range(p.count):
         key_at(p, simple + k, key)
         iterated_normal(a, b, key, normal, False, normals[3 * k :])
@@ -218,9 +225,11 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
     bottom = min(with_flat_rims(p, a, b, apart), 0.0) - SUPPORT * tolerance
     for index in range(simple + p.count):
         key_at(p, index, key)
+        if index == simple:
+            consider_crossings(p, a, b, bottom, tolerance, slots, points, count)
         if index >= simple:
             copy(normals[3 * (index - simple) :], normal)
-            if count[0] > 0 and level(a, b, key, normal, FLAT) < 0.0:
+            if count[0] > 0 and level(p, a, b, key, normal, FLAT, EXACT_TILT) < 0.0:
                 continue
         elif not simple_normal(a, b, key, normal):
             continue
@@ -234,18 +243,60 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
     return count[0]
 
 
-def level(a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, limit: float) -> float:
-    """In m, negative where an edge lies on the end of a body so flat that it does not cross the rim at a normal.
+def level(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, limit: float, crossed: float
+) -> float:
+    """In m, negative where an edge lies on the end of a body so flat that it has no normal of its own at the rim.
 
-    There the support of the rim has no derivative; the points of edges and the corners on this end carry it.
+    There the support of the rim has no derivative; its crossings, or points of edges and the corners on this end, carry
+    the edge.
 
-    :param limit: the sine of the angle up to which it lies flat.
+    :param limit: the sine of the angle up to which it lies flat; `crossed` is that of edges with crossings.
     """
     if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
+        if p.radius == 0.0 and is_crossed(a, key[FIRST], b, key[SECOND]):
+            limit = crossed
         return (tilt(b, key[SECOND], normal) - limit) * b.hull.rims[key[SECOND]]
     if key[KIND] == CORNER_SIDE and not b.hull.ruled[key[SECOND]] and a.hull.curved[key[FIRST]]:
+        if p.radius == 0.0 and is_crossed(b, key[SECOND], a, key[FIRST]):
+            limit = crossed
         return (tilt(a, key[FIRST], normal) - limit) * a.hull.rims[key[FIRST]]
     return math.inf
+
+
+def consider_crossings(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, bottom: float, top: float, slots: Array, points: Array,
+    count: Integers,
+) -> None:  # fmt: skip
+    """Write the slots of sharp edges that cross the rims of round ends on which they lie, nearly or entirely."""
+    key = integers(KEY)
+    if p.radius > 0.0:
+        return
+    key[KIND] = EDGE_RIM
+    for face in range(0 if a.hull.is_curved else b.hull.faces):
+        for side in range(a.hull.sides if b.hull.face_radii[face] > 0.0 else 0):
+            key[FIRST], key[SECOND] = side, face
+            consider_crossing(p, a, b, key, b.normals[3 * face :], 1.0, bottom, top, slots, points, count)
+    key[KIND] = RIM_EDGE
+    for face in range(0 if b.hull.is_curved else a.hull.faces):
+        for side in range(b.hull.sides if a.hull.face_radii[face] > 0.0 else 0):
+            key[FIRST], key[SECOND] = face, side
+            consider_crossing(p, a, b, key, a.normals[3 * face :], -1.0, bottom, top, slots, points, count)
+
+
+def consider_crossing(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, axis: Array, toward: float, bottom: float,
+    top: float, slots: Array, points: Array, count: Integers,
+) -> None:  # fmt: skip
+    """Write the slots of both ends of the chord of an edge across a round end, unless it is on the other side."""
+    normal, meeting = zeros(3), zeros(MEETING)
+    for number in range(2):
+        key[SIGN] = 2 * number - 1
+        if not meet_crossing(a, b, key, meeting) or is_steep(axis, meeting):
+            continue
+        scale(toward, axis, normal)
+        if support(p, a, b, normal) >= bottom - FLAT_TILT * p.reach:
+            consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
 
 
 def consider_face(
@@ -253,7 +304,7 @@ def consider_face(
     slots: Array, points: Array, count: Integers,
 ) -> None:  # fmt: skip
     """Write the slots of all that touches at a face: corners, and points that are fixed in what lies on it."""
-    body, other, at, own = a, b, zeros(3), FIRST
+    body, other, at, own, part = a, b, zeros(3), FIRST, CHORD if p.radius > 0.0 else 0.0
     face, kind = key[SECOND], POINT_FACE
     if key[KIND] == FACE_CORNER:
         body, other, own = b, a, SECOND
@@ -263,7 +314,7 @@ def consider_face(
         consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
     key[KIND] = kind
     for code in range(codes(body.hull)):
-        if lies(body, other, face, code, at):
+        if lies(body, other, face, code, part, at):
             key[own] = code
             consider(p, a, b, key, normal, at, bottom, top, slots, points, count)
 
@@ -285,105 +336,6 @@ def consider(
     count[0] += 1
 
 
-def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, at: Array, out: Array) -> None:
-    """Two features with a normal: points of sides and of faces are those of the other feature's corner.
-
-    :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies.
-    """
-    kind, i, j = key[KIND], key[FIRST], key[SECOND]
-    copy(normal, out[NORMAL:])
-    if kind == POINT_FACE:
-        meet_fixed(p, a, i, b, j, 1.0, at, out)
-    elif kind == FACE_POINT:
-        meet_fixed(p, b, j, a, i, -1.0, at, out)
-    elif kind == CORNER_FACE:
-        meet_face(p, a, i, b, j, 1.0, out)
-    elif kind == FACE_CORNER:
-        meet_face(p, b, j, a, i, -1.0, out)
-    else:
-        meet_round(p, a, b, kind, i, j, out)
-
-
-def meet_fixed(
-    p: RoundBodies, body: PlacedRound, code: int, other: PlacedRound, face: int, sign: float, at: Array, out: Array
-) -> None:
-    """A point that is fixed in a body, on a face of the other; the normal times `sign` is that of the face."""
-    base, line = zeros(3), zeros(3)
-    middle(other, face, base)
-    subtract(at, base, line)
-    out[GAP] = sign * dot(out[NORMAL:], line) - p.radius - point_protrusion(body, code, out[NORMAL:])
-    out[MARGIN] = inside(other, face, at)
-    copy(at, out[POINT:])
-
-
-def meet_face(
-    p: RoundBodies, body: PlacedRound, corner: int, other: PlacedRound, face: int, sign: float, out: Array
-) -> None:
-    """A corner of a body on a face of the other; the normal times `sign` is that of the face."""
-    base, line, normal = zeros(3), zeros(3), out[NORMAL:]
-    farthest(body, corner, normal, -sign, out[POINT:])
-    middle(other, face, base)
-    subtract(out[POINT:], base, line)
-    out[GAP] = sign * dot(normal, line) - p.radius
-    out[MARGIN] = min(inside(other, face, out[POINT:]), tilted(body, corner, normal))
-
-
-def meet_round(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, i: int, j: int, out: Array) -> None:
-    """Two sides, a side and a corner, or two corners."""
-    at, other, line, normal = zeros(3), zeros(3), zeros(3), out[NORMAL:]
-    first_side, second_side = kind in (SIDE_SIDE, SIDE_CORNER), kind in (SIDE_SIDE, CORNER_SIDE)
-    farthest(a, a.hull.ends[2 * i] if first_side else i, normal, -1.0, at)
-    farthest(b, b.hull.ends[2 * j] if second_side else j, normal, 1.0, other)
-    subtract(at, other, line)
-    out[GAP] = dot(normal, line) - p.radius
-    copy(at, out[POINT:])
-    if kind == SIDE_CORNER:
-        copy(other, out[POINT:])
-    if kind == SIDE_SIDE:
-        crossing(a, i, b, j, normal, at, other, out[POINT:])
-    out[MARGIN] = min(
-        own_margin(a, i, first_side, normal, -1.0, out[POINT:]),
-        own_margin(b, j, second_side, normal, 1.0, out[POINT:]),
-    )
-
-
-def own_margin(body: PlacedRound, feature: int, is_side: bool, normal: Array, sign: float, point: Array) -> float:
-    """How far in m a side or a corner of a body is from where others take its place."""
-    start, stop = zeros(3), zeros(3)
-    if not is_side:
-        return lead(body, feature, -1, normal, sign)
-    first, second = body.hull.ends[2 * feature], body.hull.ends[2 * feature + 1]
-    farthest(body, first, normal, sign, start)
-    farthest(body, second, normal, sign, stop)
-    subtract(stop, start, stop)
-    length = size_of(stop)
-    subtract(point, start, start)
-    along = dot(start, stop) / length
-    return min(min(along, length - along), lead(body, first, second, normal, sign))
-
-
-def ruling(body: PlacedRound, side: int, normal: Array, sign: float, out: Array) -> None:
-    """The direction of the line of a side that reaches farthest along a normal times `sign`."""
-    start, stop = zeros(3), zeros(3)
-    farthest(body, body.hull.ends[2 * side], normal, sign, start)
-    farthest(body, body.hull.ends[2 * side + 1], normal, sign, stop)
-    subtract(stop, start, out)
-    divide(out, size_of(out))
-
-
-def crossing(
-    a: PlacedRound, i: int, b: PlacedRound, j: int, normal: Array, at: Array, other: Array, out: Array
-) -> None:
-    """The point of the first of two sides where both cross, seen along their normal."""
-    one, two, apart = zeros(3), zeros(3), zeros(3)
-    ruling(a, i, normal, -1.0, one)
-    ruling(b, j, normal, 1.0, two)
-    subtract(at, other, apart)
-    cosine = dot(one, two)
-    along = (cosine * dot(two, apart) - dot(one, apart)) / (1.0 - cosine * cosine)
-    add(at, along, one, out)
-
-
 def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot: Array) -> float:
     """See `NarrowPhase`, and `SPOT` in `pairs`."""
     a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
@@ -395,7 +347,8 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     put_round(a, one, other)
     put_round(b, other, other)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    stored_normal(a, b, key, numbers, normal)
+    if not is_crossing(key[KIND]):
+        stored_normal(a, b, key, numbers, normal)
     if key[KIND] == POINT_FACE:
         add(numbers, 1.0, p.first.at, own)
         place(a.pose, own, at)
@@ -403,6 +356,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
         add(numbers[3:], 1.0, p.second.at, own)
         place(b.pose, own, at)
     meet(p, a, b, key, normal, at, meeting)
+    copy(meeting[NORMAL:], normal)
     turn(b.pose, numbers[25:], stored)
     cross(stored, normal, side)
     copy(meeting[POINT:], spot)
@@ -411,7 +365,9 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     margin = min(meeting[MARGIN], size_of(side) - TURNED)
     if is_iterated(key[KIND]):
         turn(b.pose, numbers[22:], stored)
-        margin = min(min(margin, HINT - distance_of(normal, stored)), level(a, b, key, normal, LEVEL))
+        margin = min(
+            min(margin, HINT - distance_of(normal, stored)), level(p, a, b, key, normal, LEVEL, 0.5 * EXACT_TILT)
+        )
     return margin
 
 
@@ -435,6 +391,11 @@ def is_iterated(kind: int) -> bool:
     return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER)
 
 
+def is_crossing(kind: int) -> bool:
+    """Whether the features of a kind are an edge and a rim that it crosses."""
+    return kind in (EDGE_RIM, RIM_EDGE)
+
+
 def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
     """The normal of a pair of features, from the hint among the numbers of its slot."""
     start = zeros(3)
@@ -455,7 +416,7 @@ def decode(number: int, key: Integers) -> None:
     rest = number - 1
     key[KIND] = rest // (2 * COUNT * COUNT)
     key[FIRST], key[SECOND] = rest // (2 * COUNT) % COUNT, rest // 2 % COUNT
-    key[SIGN] = 2 * (rest % 2) - 1 if key[KIND] == SIDE_SIDE else 0
+    key[SIGN] = 2 * (rest % 2) - 1 if key[KIND] == SIDE_SIDE or is_crossing(key[KIND]) else 0
 
 
 def write_slot(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
@@ -463,19 +424,18 @@ def write_slot(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, sl
     kind, own, mode = key[KIND], zeros(3), ITERATED
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
-    write_body(
-        a, 0, key[FIRST], kind in (SIDE_SIDE, SIDE_CORNER), kind in (FACE_CORNER, FACE_POINT), kind, meeting, slot
-    )
-    write_body(
-        b, 1, key[SECOND], kind in (SIDE_SIDE, CORNER_SIDE), kind in (CORNER_FACE, POINT_FACE), kind, meeting, slot
-    )
+    is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
+    write_body(a, 0, key[FIRST], is_side, is_face, kind, meeting, slot)
+    is_side, is_face = kind in (SIDE_SIDE, CORNER_SIDE, RIM_EDGE), kind in (CORNER_FACE, POINT_FACE, EDGE_RIM)
+    write_body(b, 1, key[SECOND], is_side, is_face, kind, meeting, slot)
     if kind in (CORNER_FACE, POINT_FACE):
         mode = FIXED_SECOND
     elif kind in (FACE_CORNER, FACE_POINT):
         mode = FIXED_FIRST
     elif kind == SIDE_SIDE:
         mode = TWO_SIDES
-    slot[16 + mode] = 1.0
+    if not is_crossing(kind):
+        slot[16 + mode] = 1.0
     slot[20] = key[SIGN]
     slot[21] = 1.0 if kind in (FACE_CORNER, FACE_POINT, SIDE_CORNER) else 0.0
     turn_back(b.pose, meeting[NORMAL:], own)
@@ -483,6 +443,12 @@ def write_slot(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, sl
     least_axis(own, slot[25:])
     if mode == FIXED_FIRST:
         turn_back(a.pose, meeting[NORMAL:], slot[22:])
+    if is_crossing(kind):
+        slot[30] = 1.0
+    if kind == EDGE_RIM:
+        copy(b.hull.normals[3 * key[SECOND] :], slot[22:])
+    if kind == RIM_EDGE:
+        copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
 
@@ -502,6 +468,8 @@ def write_body(
             slot[28 + own] = hull.rims[feature // CODES]
     elif is_face:
         copy(hull.centers[3 * feature :], at)
+        if is_crossing(kind):
+            slot[12 + own] = hull.face_radii[feature]
     else:
         copy(hull.corners[3 * corner :], at)
         slot[12 + own] = hull.marks[corner]

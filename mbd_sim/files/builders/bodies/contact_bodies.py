@@ -11,8 +11,8 @@ import numpy as np
 from mbd_sim.base.geometry.batch import array
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.linear_algebra import product as matrix_product
-from mbd_sim.files.builders.outlines import planar_body
-from mbd_sim.files.builders.parts import hull_of, pose_of
+from mbd_sim.files.builders.bodies.outlines import planar_body
+from mbd_sim.files.builders.bodies.shapes import hull_of, pose_of
 from mbd_sim.files.schema import shapes as schema
 from mbd_sim.mechanism.elements.contacts import (
     FIRST_RIM,

@@ -20,6 +20,7 @@ from mbd_sim.files.schema.shapes import AnyShapeSpec, OutlineSpec, StrokeSpec
 from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.outlines.area import runs_clockwise
+from mbd_sim.mechanism.outlines.biarcs import arc_middle, biarc_joint, curve_tangents
 from mbd_sim.mechanism.outlines.crossings import ROUND_OFF, crossing_points, lies_on, self_crossing
 from mbd_sim.mechanism.outlines.pieces import Outline, Piece, Point, Round, Straight
 from mbd_sim.mechanism.values.source import Location, Source
@@ -130,7 +131,8 @@ def _is_known(spec: OutlineSpec) -> bool:
     """Whether all numbers of an outline are finite."""
     numbers = [spec.repeat]
     for entry in spec.points:
-        values = entry.model_dump().values() if isinstance(entry, StrokeSpec) else (entry,)
+        values = [entry] if not isinstance(entry, StrokeSpec) else [*(entry.curve or ())]
+        values += entry.model_dump(exclude={"curve"}).values() if isinstance(entry, StrokeSpec) else ()
         for value in values:
             numbers += value if isinstance(value, tuple) else (value,) if value is not None else ()
     return all(math.isfinite(number) for number in numbers)
@@ -139,7 +141,7 @@ def _is_known(spec: OutlineSpec) -> bool:
 def _strokes(spec: OutlineSpec) -> list[_Stroke]:
     """The entries of all repetitions; the first one only says where the outline begins."""
     first = spec.points[0]
-    if isinstance(first, StrokeSpec) and any((first.through, first.center, first.radius, first.involute)):
+    if isinstance(first, StrokeSpec) and any((first.through, first.center, first.radius, first.involute, first.curve)):
         raise OutlineError(0, "has no point before it, from which a curve could begin", "Begin with a point.")
     found = []
     for turn in range(int(spec.repeat)):
@@ -154,10 +156,33 @@ def _strokes(spec: OutlineSpec) -> list[_Stroke]:
             if not isinstance(entry, StrokeSpec):
                 found.append(_Stroke(turned(entry), index))
                 continue
+            if entry.curve is not None:
+                found += _curve(found[-1].to, [turned(point) for point in entry.curve], index, entry)
+                continue
             center = (0.0, 0.0) if entry.involute and entry.center is None else entry.center
             through = entry.through and turned(entry.through)
             found.append(_Stroke(turned(_target(entry)), index, entry, through, center and turned(center)))
     return found
+
+
+def _curve(start: Point, points: Sequence[Point], index: int, entry: StrokeSpec) -> Iterator[_Stroke]:
+    """Arcs that are tangent to each other, two from each point of a tabulated curve to the next."""
+    chain = [start, *points]
+    inner = entry.model_copy(update={"round": None})
+    for number, (one, other) in enumerate(pairwise(chain)):
+        if one == other:
+            message = f"point {number + 1} of the curve is the one before it as well"
+            raise OutlineError(index, message, "Remove one of the two points.")
+    tangents = curve_tangents(chain)
+    for number, (one, other) in enumerate(pairwise(chain)):
+        middle = biarc_joint(one, tangents[number], other, tangents[number + 1])
+        if middle is None:
+            message = f"the curve turns back at point {number + 1}"
+            raise OutlineError(index, message, "Give more points where it turns, or end the curve in the corner.")
+        yield _Stroke(middle, index, inner, arc_middle(one, tangents[number], middle))
+        back = (-tangents[number + 1][0], -tangents[number + 1][1])
+        last = number == len(points) - 1
+        yield _Stroke(other, index, entry if last else inner, arc_middle(other, back, middle))
 
 
 def _target(entry: StrokeSpec) -> Point:

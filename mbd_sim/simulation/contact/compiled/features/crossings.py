@@ -1,0 +1,140 @@
+"""Sharp edges that cross the rim of a round end and lie on this end, nearly or entirely.
+
+The normal there is that of the edge and of the tangent of the rim; while the edge lies flat, it is that of the end. As
+the edge slides and turns, the crossing follows: the ends of the chord carry the edge until the chord vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
+from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT
+from mbd_sim.simulation.contact.compiled.features.normals import (
+    EDGE_RIM,
+    FIRST,
+    KIND,
+    SECOND,
+    SIGN,
+    RoundBodies,
+    support,
+)
+from mbd_sim.simulation.contact.compiled.features.round_bodies import CROSSED, PlacedRound, RoundHull, middle
+from mbd_sim.simulation.contact.compiled.features.vectors import add, cross, dot, scale, size_of, subtract
+
+# Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet.
+NORMAL, GAP, MARGIN, POINT = 0, 3, 4, 5
+MEETING = 8
+STEEP = 1.25 * EXACT_TILT  # sine of the tilt of a normal against the axis of a rim, up to which a crossing is offered
+ALONG, HALF = 0, 1  # of a chord: from the start of the edge to its middle, and half of its length, along the edge
+CHORD_SIZE = 2
+
+
+def chord(edge: PlacedRound, side: int, end: PlacedRound, face: int, out: Array) -> bool:
+    """The chord of an edge across a round end, seen along its axis, if there is one; the edge is prolonged."""
+    line, center = zeros(3), zeros(3)
+    direction, axis, radius = edge.directions[3 * side :], end.normals[3 * face :], end.hull.face_radii[face]
+    if edge.hull.ruled[side] or radius == 0.0:
+        return False
+    rise = dot(direction, axis)
+    if abs(rise) > FLAT_TILT:
+        return False
+    middle(end, face, center)
+    subtract(edge.corners[3 * edge.hull.ends[2 * side] :], center, line)
+    above, level = dot(line, axis), 1.0 - rise * rise
+    along = dot(line, direction) - above * rise
+    square = along * along - level * (dot(line, line) - above * above - radius * radius)
+    out[ALONG], out[HALF] = -along / level, math.sqrt(max(square, 0.0)) / level
+    return square > 0.0
+
+
+def is_crossed(edge: PlacedRound, side: int, end: PlacedRound, corner: int) -> bool:
+    """Whether both ends of the chord of an edge across the end with this rim can carry it."""
+    face, found = face_of(end.hull, corner), zeros(CHORD_SIZE)
+    return face >= 0 and chord(edge, side, end, face, found) and found[HALF] > CROSSED * end.hull.rims[corner]
+
+
+def face_of(hull: RoundHull, corner: int) -> int:
+    """A round face with the rim of this number; -1 if there is none."""
+    line = zeros(3)
+    for face in range(hull.faces):
+        if hull.face_radii[face] > 0.0:
+            subtract(hull.centers[3 * face :], hull.corners[3 * corner :], line)
+            if size_of(line) == 0.0:
+                return face
+    return -1
+
+
+def crossing(edge: PlacedRound, side: int, end: PlacedRound, face: int, sign: int, toward: float, out: Array) -> bool:
+    """Where an edge crosses a rim, at one of the ends of the chord; False where there is none.
+
+    :param toward: 1 if the normal points from the end to the edge, and -1 if it points from the edge to the end.
+    """
+    found, line, center, tangent, normal = zeros(CHORD_SIZE), zeros(3), zeros(3), zeros(3), out[NORMAL:]
+    if not chord(edge, side, end, face, found):
+        return False
+    direction, axis, radius = edge.directions[3 * side :], end.normals[3 * face :], end.hull.face_radii[face]
+    first, second = edge.hull.ends[2 * side], edge.hull.ends[2 * side + 1]
+    at = found[ALONG] + sign * found[HALF]
+    add(edge.corners[3 * first :], at, direction, out[POINT:])
+    middle(end, face, center)
+    subtract(out[POINT:], center, line)
+    height = dot(line, axis)
+    cross(axis, line, tangent)
+    cross(tangent, direction, normal)
+    size = size_of(normal)
+    if size == 0.0:
+        return False
+    scale(-sign / size, normal, normal)
+    cosine = dot(normal, axis)
+    out[GAP] = height * cosine
+    subtract(edge.corners[3 * second :], edge.corners[3 * first :], line)
+    out[MARGIN] = min(min(at, size_of(line) - at), found[HALF] - CROSSED * radius)
+    out[MARGIN] = min(out[MARGIN], (FLAT_TILT - math.sqrt(max(0.0, 1.0 - cosine * cosine))) * radius)
+    scale(toward, normal, normal)
+    return True
+
+
+def meet_crossing(a: PlacedRound, b: PlacedRound, key: Integers, out: Array) -> bool:
+    """The crossing of a key; without one its margin is negative."""
+    if key[KIND] == EDGE_RIM:
+        found = crossing(a, key[FIRST], b, key[SECOND], key[SIGN], 1.0, out)
+    else:
+        found = crossing(b, key[SECOND], a, key[FIRST], key[SIGN], -1.0, out)
+    if not found:
+        out[GAP], out[MARGIN] = 0.0, -1.0
+        scale(1.0 if key[KIND] == EDGE_RIM else -1.0, end_normal(a, b, key), out[NORMAL:])
+    return found
+
+
+def end_normal(a: PlacedRound, b: PlacedRound, key: Integers) -> Array:
+    """The normal of the round end of a key."""
+    return b.normals[3 * key[SECOND] :] if key[KIND] == EDGE_RIM else a.normals[3 * key[FIRST] :]
+
+
+def crossings_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> float:
+    """The largest s(n) of the normals of crossings, if it is larger than the distance `apart` without them."""
+    if p.radius == 0.0:
+        apart = max(crossings_of(p, a, b, a, b, 1.0, apart), crossings_of(p, a, b, b, a, -1.0, apart))
+    return apart
+
+
+def crossings_of(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, edge: PlacedRound, end: PlacedRound, toward: float, apart: float
+) -> float:
+    """As `crossings_gap`, of the edges of one body and the ends of the other."""
+    meeting = zeros(MEETING)
+    if edge.hull.is_curved:
+        return apart
+    for face in range(end.hull.faces):
+        for side in range(edge.hull.sides if end.hull.face_radii[face] > 0.0 else 0):
+            for number in range(2):
+                if crossing(edge, side, end, face, 2 * number - 1, toward, meeting) and meeting[MARGIN] >= 0.0:
+                    apart = max(apart, support(p, a, b, meeting[NORMAL:]))
+    return apart
+
+
+def is_steep(axis: Array, meeting: Array) -> bool:
+    """Whether the normal of a crossing is so far from the axis of the end that it is not offered."""
+    cosine = dot(meeting[NORMAL:], axis)
+    return 1.0 - cosine * cosine > STEEP * STEEP
