@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import functools
 import math
-from decimal import Decimal, localcontext
+from decimal import Context, Decimal, localcontext
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ BITS = 160  # behind the binary point
 HALF_PI = 0x1921FB54442D18469898CC51701B839A252049C1114CF98E8  # times 2**192
 TINY = 2.0**-28  # rad, below which the next terms of the series round to nothing
 LARGEST = 1e9  # rad; the quarter turns of a larger angle are lost in the digits of π/2
+MOST_FACTORS = 64  # of a power that is multiplied out
+SATURATED = 20.0  # from which on a hyperbolic tangent rounds to 1
+DIGITS = Context(prec=50)
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:
@@ -27,13 +31,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
         return math.sin(angle), math.cos(angle)
     if abs(angle) < TINY:
         return angle, 1.0
-    numerator, denominator = angle.as_integer_ratio()
-    turned = (numerator << 192) // denominator
-    quarters = (2 * turned + HALF_PI) // (2 * HALF_PI)
-    rest = (turned - quarters * HALF_PI) >> (192 - BITS)
-    pair = _series(rest, rest, 2), _series(1 << BITS, rest, 1)
-    for _ in range(quarters % 4):
-        pair = pair[1], -pair[0]
+    pair = _sine_cosine(angle)
     return pair[0] / (1 << BITS), pair[1] / (1 << BITS)
 
 
@@ -51,6 +49,118 @@ def sines_cosines(angles: Array) -> tuple[Array, Array]:
     """The sines and cosines (n,) of angles (n,) in rad."""
     pairs = np.array([sine_cosine(angle) for angle in angles.tolist()]).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
+
+
+def tangent(angle: float) -> float:
+    """The tangent of an angle in rad, up to a billion; beyond, that of the C library."""
+    if abs(angle) < TINY:
+        return float(angle)
+    if not abs(angle) <= LARGEST:
+        return math.tan(angle)
+    sine, cosine = _sine_cosine(float(angle))
+    return sine / cosine
+
+
+def arc_tangent(y: float, x: float = 1.0) -> float:
+    """The angle in rad of the point x, y, from -π to π."""
+    near = math.atan2(y, x)
+    if not (x and y and math.isfinite(x) and math.isfinite(y)):
+        return near
+    if abs(near) < TINY:
+        ratio = Fraction(y) / Fraction(x)
+        return float(ratio - ratio**3 / 3)
+    sine, cosine = _sine_cosine(near)
+    x_exact, y_exact = Fraction(x), Fraction(y)
+    return float(Fraction(near) + (y_exact * cosine - x_exact * sine) / (x_exact * cosine + y_exact * sine))
+
+
+def arc_sine(sine: float) -> float:
+    """The angle in rad, from -π/2 to π/2, of a sine.
+
+    :raises ValueError: it is not between -1 and 1.
+    """
+    near = math.asin(sine)
+    if abs(sine) < TINY:
+        return float(sine)
+    if abs(sine) == 1.0 or math.isnan(near):
+        return near
+    found, slope = _sine_cosine(near)
+    return float(Fraction(near) + (Fraction(sine) * (1 << BITS) - found) / slope)
+
+
+def arc_cosine(cosine: float) -> float:
+    """The angle in rad, from 0 to π, of a cosine.
+
+    :raises ValueError: it is not between -1 and 1.
+    """
+    near = math.acos(cosine)
+    if abs(cosine) == 1.0 or math.isnan(near):
+        return near
+    slope, found = _sine_cosine(near)
+    return float(Fraction(near) + (found - Fraction(cosine) * (1 << BITS)) / slope)
+
+
+def exponential(x: float) -> float:
+    """e to the power of x.
+
+    :raises OverflowError: it is too large.
+    """
+    near = math.exp(x)
+    return float(DIGITS.exp(Decimal(x))) if math.isfinite(x) and near else near
+
+
+def logarithm(x: float) -> float:
+    """The natural logarithm.
+
+    :raises ValueError: x is not positive.
+    """
+    near = math.log(x)
+    return float(DIGITS.ln(Decimal(x))) if math.isfinite(near) else near
+
+
+def hyperbolic_tangent(x: float) -> float:
+    """The hyperbolic tangent."""
+    if abs(x) < TINY or math.isnan(x):
+        return float(x)
+    if abs(x) > SATURATED:
+        return math.copysign(1.0, x)
+    grown = DIGITS.exp(Decimal(2.0 * x))
+    return float(DIGITS.divide(DIGITS.subtract(grown, Decimal(1)), DIGITS.add(grown, Decimal(1))))
+
+
+def power(base: float, exponent: float) -> float:
+    """`base` to the power of `exponent`.
+
+    :raises ValueError: the base is negative and the exponent not whole, or the base is zero and the exponent negative.
+    :raises OverflowError: it is too large.
+    """
+    near = math.pow(base, exponent)
+    if not near or not math.isfinite(near) or not math.isfinite(exponent):
+        return near
+    if exponent == round(exponent) and abs(exponent) <= MOST_FACTORS:
+        return float(Fraction(base) ** int(exponent))
+    return float(DIGITS.power(Decimal(base), Decimal(exponent)))
+
+
+def hypotenuse(x: float, y: float) -> float:
+    """√(x² + y²)."""
+    near = math.hypot(x, y)
+    if not math.isfinite(near):
+        return near
+    squares = (DIGITS.multiply(each, each) for each in (Decimal(x), Decimal(y)))
+    return float(DIGITS.sqrt(DIGITS.add(*squares)))
+
+
+def _sine_cosine(angle: float) -> tuple[int, int]:
+    """The sine and the cosine of an angle in rad, times 2**BITS."""
+    numerator, denominator = angle.as_integer_ratio()
+    turned = (numerator << 192) // denominator
+    quarters = (2 * turned + HALF_PI) // (2 * HALF_PI)
+    rest = (turned - quarters * HALF_PI) >> (192 - BITS)
+    pair = _series(rest, rest, 2), _series(1 << BITS, rest, 1)
+    for _ in range(quarters % 4):
+        pair = pair[1], -pair[0]
+    return pair
 
 
 def _series(first: int, angle: int, divisor: int) -> int:

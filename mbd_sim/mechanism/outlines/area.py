@@ -54,8 +54,8 @@ def _integrals(piece: Piece, origin: Array) -> Array:
             0.5 * np.sum(x * dy - y * dx),
             0.5 * np.sum(x * x * dy),
             -0.5 * np.sum(y * y * dx),
-            np.sum(x**3 * dy) / 3.0,
-            -np.sum(y**3 * dx) / 3.0,
+            np.sum(x * x * x * dy) / 3.0,
+            -np.sum(y * y * y * dx) / 3.0,
             0.5 * np.sum(x * x * y * dy),
         )
     return total

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.rounded import sine_cosine, sines_cosines
+from mbd_sim.base.rounded import arc_tangent, sine_cosine, sines_cosines
 
 Point = tuple[float, float]
 
@@ -46,7 +46,7 @@ class Straight:
     @cached_property
     def first(self) -> float:
         """The angle of the normal in rad."""
-        return math.atan2(self.normal[1], self.normal[0])
+        return arc_tangent(self.normal[1], self.normal[0])
 
     @property
     def last(self) -> float:

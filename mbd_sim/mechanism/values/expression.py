@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, cast
 
+from mbd_sim.base import rounded
 from mbd_sim.base.errors import InputError, nearest, quoted
 from mbd_sim.base.geometry.batch import Batch, is_finite, per_variant
-from mbd_sim.base.rounded import cosine, sine
 from mbd_sim.mechanism.values.names import QUOTED
 
 if TYPE_CHECKING:
@@ -26,11 +26,13 @@ if TYPE_CHECKING:
 CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
 HIDEABLE = "e"  # may be the name of a parameter as well, by tradition a coefficient of restitution
 FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
-    "sqrt": (1, math.sqrt), "exp": (1, math.exp), "log": (1, math.log), "abs": (1, abs),
-    "sin": (1, sine), "cos": (1, cosine), "tan": (1, math.tan),
-    "asin": (1, math.asin), "acos": (1, math.acos), "atan": (1, math.atan), "atan2": (2, math.atan2),
-    "min": (2, min), "max": (2, max), "hypot": (2, math.hypot),
-    "tanh": (1, math.tanh), "sign": (1, lambda x: float(x > 0.0) - float(x < 0.0)), "floor": (1, math.floor),
+    "sqrt": (1, math.sqrt), "exp": (1, rounded.exponential), "log": (1, rounded.logarithm), "abs": (1, abs),
+    "sin": (1, rounded.sine), "cos": (1, rounded.cosine), "tan": (1, rounded.tangent),
+    "asin": (1, rounded.arc_sine), "acos": (1, rounded.arc_cosine),
+    "atan": (1, rounded.arc_tangent), "atan2": (2, rounded.arc_tangent),
+    "min": (2, min), "max": (2, max), "hypot": (2, rounded.hypotenuse),
+    "tanh": (1, rounded.hyperbolic_tangent), "sign": (1, lambda x: float(x > 0.0) - float(x < 0.0)),
+    "floor": (1, math.floor),
     "mod": (2, lambda a, b: a - b * math.floor(a / b)), "clip": (3, lambda x, low, high: max(min(x, high), low)),
 }  # fmt: skip
 WHERE, TABLE = "where", "table"
@@ -70,7 +72,7 @@ FORM: Arithmetic = Arithmetic(  # in which every function and every table has th
 )
 NUMBERS: Arithmetic = Arithmetic(
     {name: (count, per_variant(function)) for name, (count, function) in FUNCTIONS.items()},
-    power=per_variant(math.pow),
+    power=per_variant(rounded.power),
     divide=lambda a, b: a / b,
     where=lambda condition, a, b: a(NUMBERS) if condition else b(NUMBERS),
     look_up=lambda table, *at: table.at(*at),

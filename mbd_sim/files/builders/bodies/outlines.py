@@ -15,7 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, Problem
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.rounded import sine_cosine
+from mbd_sim.base.rounded import arc_tangent, hypotenuse, sine_cosine
 from mbd_sim.files.schema.shapes import AnyShapeSpec, OutlineSpec, StrokeSpec
 from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import Attachment
@@ -225,7 +225,7 @@ def _piece(start: Point, stroke: _Stroke) -> Piece:
 def _arc(start: Point, center: Point, end: Point, left: bool) -> Round:
     """The arc around a center from one point to another, which turns to the left or right."""
     sign = 1.0 if left else -1.0
-    first, last = (math.atan2(sign * (y - center[1]), sign * (x - center[0])) for x, y in (start, end))
+    first, last = (arc_tangent(sign * (y - center[1]), sign * (x - center[0])) for x, y in (start, end))
     turn = math.fmod(last - first, 2.0 * math.pi)
     if turn * sign <= 0.0:
         turn += sign * 2.0 * math.pi
@@ -271,9 +271,9 @@ def _involute(start: Point, end: Point, center: Point, base: float, index: int) 
             f"an end of the involute is {min(radii):.6g} m from its center, within the base circle of {base:.6g} m"
         )
         raise OutlineError(index, message, "Begin the involute outside its base circle.")
-    rolls = [math.sqrt(max((radius / base) ** 2 - 1.0, 0.0)) for radius in radii]
-    polar = [math.atan2(point[1] - center[1], point[0] - center[0]) for point in (start, end)]
-    spread = rolls[1] - math.atan(rolls[1]) - rolls[0] + math.atan(rolls[0])
+    rolls = [math.sqrt(max(radius / base * (radius / base) - 1.0, 0.0)) for radius in radii]
+    polar = [arc_tangent(point[1] - center[1], point[0] - center[0]) for point in (start, end)]
+    spread = rolls[1] - arc_tangent(rolls[1]) - rolls[0] + arc_tangent(rolls[0])
     turned = math.remainder(polar[1] - polar[0], 2.0 * math.pi)
     hand = 1.0 if turned * spread >= 0.0 else -1.0
     if abs(abs(turned) - abs(spread)) > MEETS * max(abs(spread), base / radii[0]):
@@ -283,7 +283,7 @@ def _involute(start: Point, end: Point, center: Point, base: float, index: int) 
             f"involute they are {math.degrees(abs(spread)):.7g} deg apart",
             "Turn one of the ends, or correct its distance from the center.",
         )
-    begin = polar[0] - hand * (rolls[0] - math.atan(rolls[0]))  # of the involute, at the base circle
+    begin = polar[0] - hand * (rolls[0] - arc_tangent(rolls[0]))  # of the involute, at the base circle
     outward = 1.0 if rolls[1] > rolls[0] else -1.0
     sign = hand * outward  # of the curvature: to the left where it is 1
     first, last = (begin + hand * (roll - 0.5 * math.pi) + (math.pi if sign < 0.0 else 0.0) for roll in rolls)
@@ -340,7 +340,7 @@ def _foot(piece: Piece, point: Point) -> Point:
         way = (point[0] - ax) * ux + (point[1] - ay) * uy
         return ax + way * ux, ay + way * uy
     dx, dy = point[0] - piece.center[0], point[1] - piece.center[1]
-    scale = abs(piece.radius) / math.hypot(dx, dy)
+    scale = abs(piece.radius) / hypotenuse(dx, dy)
     return piece.center[0] + scale * dx, piece.center[1] + scale * dy
 
 

@@ -77,7 +77,7 @@ def _cone(radius: float, length: float) -> _ShapeInertia:
 
 def _capsule(radius: float, length: float) -> _ShapeInertia:
     """A cylinder about z, and half a ball beyond each end, whose mass center is 3/8 of the radius away from it."""
-    barrel, ball = math.pi * radius * radius * length, 4.0 / 3.0 * math.pi * radius**3
+    barrel, ball = math.pi * radius * radius * length, 4.0 / 3.0 * math.pi * radius * radius * radius
     square = radius * radius
     along = barrel * 0.5 * square + ball * 0.4 * square
     across = barrel * (square / 4.0 + length * length / 12.0)
@@ -132,7 +132,7 @@ def _inertia_of(shape: schema.AnyShapeSpec) -> _ShapeInertia:
             return _ShapeInertia(3, math.pi * r * r * length, _axial(r, length, 0.5))
         case schema.SphereSpec(radius=r):
             moment = 0.4 * r * r
-            return _ShapeInertia(3, 4.0 / 3.0 * math.pi * r**3, _principal(moment, moment, moment))
+            return _ShapeInertia(3, 4.0 / 3.0 * math.pi * r * r * r, _principal(moment, moment, moment))
         case schema.EllipsoidSpec(radii=(x, y, z)):
             inertia = _principal(0.2 * (y * y + z * z), 0.2 * (z * z + x * x), 0.2 * (x * x + y * y))
             return _ShapeInertia(3, 4.0 / 3.0 * math.pi * x * y * z, inertia)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.rounded import sines_cosines
 from mbd_sim.dynamics.constraints.rows import perpendiculars
 from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Curved, EllipsoidBody, Solid
@@ -134,8 +135,8 @@ def hull_of(body: RoundBody) -> RoundHull:
     arms = np.zeros((POINTS, 3))
     if body.curved.any() and len(body.faces):
         first, second = perpendiculars(body.directions[0] if len(body.directions) else body.faces[-1].normal)
-        angles = np.arange(POINTS) * (2.0 * np.pi / POINTS)
-        arms = np.array([np.cos(angle) * first + np.sin(angle) * second for angle in angles])
+        sines, cosines = sines_cosines(np.arange(POINTS) * (2.0 * np.pi / POINTS))
+        arms = cosines[:, None] * first + sines[:, None] * second
     borders, inward = [], []
     for face in body.faces:
         lines = np.roll(face.border, -1, axis=0) - face.border
