@@ -161,7 +161,9 @@ def _kinematics(options: argparse.Namespace) -> int:
         of_limits, exceeded = exceeded_limits(motion, columns, limits)
         lines += of_limits
     if options.column:
-        chosen = columns = chosen_columns(columns, options.column)
+        chosen = chosen_columns(columns, options.column)
+        moved = {name: values for name, values in columns.items() if name in _abscissas(motion)}
+        columns = {**moved, **{name: values for name, values in chosen.items() if name not in moved}}
     print(motion_text(motion, options.point, pins, loads, lines, chosen))
     if is_drawing(options.out):
         _write_paths(options.out, motion, options.point)
@@ -172,6 +174,11 @@ def _kinematics(options: argparse.Namespace) -> int:
         draw_motion(options.plot, motion, options.point, pins, loads, show=show)
     print_written(options.out, options.plot)
     return 1 if exceeded else 0
+
+
+def _abscissas(motion: DrivenMotion) -> list[str]:
+    """The columns with the positions of the drives, without which the others of a file have no abscissa."""
+    return [f"{name}.position_{'rad' if motion.is_rotation(name) else 'm'}" for name in motion.system.drives]
 
 
 def is_drawing(path: Path | None) -> bool:
