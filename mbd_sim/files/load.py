@@ -39,6 +39,7 @@ def load_mechanism(
     hulls: bool = False,
     xacro: Mapping[str, ArgumentValue] | None = None,
     control: Interface | None = None,
+    set: Mapping[str, Any] | None = None,  # as in `Simulation.from_file`
 ) -> Mechanism:
     """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
 
@@ -52,13 +53,15 @@ def load_mechanism(
     :param xacro: values of the arguments of a xacro file: words, numbers, or True and False.
     :param control: makes the `<ros2_control>` blocks of the robot act: the command interface that a joint serves which
         has several of them.
+    :param set: values of the file to replace, by key: `{"l": 0.8, "joints.elbow.position": "30 deg"}`, numbers in SI
+        units.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
     named, arguments = split_arguments(str(mechanism))
     path = find(named)
     arguments |= argument_texts(xacro or {})
     found = parse_mechanism(read_text(path), str(path), base, hulls=hulls or floor, xacro=arguments, control=control)
-    return set_up(found, {"limits": limits} if limits else {}, floor=floor)
+    return set_up(found, ({"limits": limits} if limits else {}) | dict(set or {}), floor=floor)
 
 
 def set_up(mechanism: Mechanism, changes: Mapping[str, Any], *, floor: bool) -> Mechanism:

@@ -10,7 +10,7 @@ from pathlib import Path
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.operating_system import processors
-from mbd_sim.cli.shared.command import Command, ProgressBar
+from mbd_sim.cli.shared.command import Command, ProgressBar, Waiting
 from mbd_sim.cli.shared.common import (
     add_mechanism,
     add_quiet,
@@ -44,6 +44,7 @@ from mbd_sim.studies.kinematic_analysis.text import (
     motion_columns,
     motion_text,
 )
+from mbd_sim.studies.synthesis.conditions import Condition, conditions_of
 from mbd_sim.studies.synthesis.global_search import GENERATIONS, POPULATION, synthesize_globally
 from mbd_sim.studies.synthesis.problem import Goal, bounds_of, goal_of
 from mbd_sim.studies.synthesis.synthesis import Design, Norm, design_text, draw_design, synthesize, write_mechanism
@@ -160,7 +161,9 @@ def _kinematics(options: argparse.Namespace) -> int:
         of_limits, exceeded = exceeded_limits(motion, columns, limits)
         lines += of_limits
     if options.column:
-        chosen = columns = chosen_columns(columns, options.column)
+        chosen = chosen_columns(columns, options.column)
+        moved = {name: values for name, values in columns.items() if name in _abscissas(motion)}
+        columns = {**moved, **{name: values for name, values in chosen.items() if name not in moved}}
     print(motion_text(motion, options.point, pins, loads, lines, chosen))
     if is_drawing(options.out):
         _write_paths(options.out, motion, options.point)
@@ -171,6 +174,11 @@ def _kinematics(options: argparse.Namespace) -> int:
         draw_motion(options.plot, motion, options.point, pins, loads, show=show)
     print_written(options.out, options.plot)
     return 1 if exceeded else 0
+
+
+def _abscissas(motion: DrivenMotion) -> list[str]:
+    """The columns with the positions of the drives, without which the others of a file have no abscissa."""
+    return [f"{name}.position_{'rad' if motion.is_rotation(name) else 'm'}" for name in motion.system.drives]
 
 
 def is_drawing(path: Path | None) -> bool:
@@ -251,6 +259,13 @@ def _add_optimize(parser: argparse.ArgumentParser) -> None:
         help="a coordinate and its function of the drive in rad and m, such as 'rocker=1.2 + 0.3*sin(crank)'",
     )
     goal.add_argument("--least-effort", action="store_true", help="the effort of the drive at --speed is to be small")
+    add_repeatable(
+        parser,
+        "--keep",
+        "CONDITION",
+        "a condition on a coordinate or a component of a point over the range, such as 'stroke(ram)=100mm', "
+        "'min(knee)>=10deg' or 'max(coupler.tip.z)<=0.3'; repeatable",
+    )
     parser.add_argument("--free-timing", action="store_true", help="the path's points may be reached at any drive")
     parser.add_argument("--free-offset", action="store_true", help="a constant may be added to the function")
     parser.add_argument(
@@ -295,7 +310,7 @@ def _add_global(parser: argparse.ArgumentParser) -> None:
 
 
 def _optimize(options: argparse.Namespace) -> int:
-    """Search, print the values found, and write and draw the mechanism; returns 1 if the search did not converge."""
+    """Search, print the values found, and write and draw the mechanism; returns 1 if it failed."""
     if options.plot is not None:
         require_picture_suffix(options.plot)
     if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
@@ -313,17 +328,19 @@ def _optimize(options: argparse.Namespace) -> int:
     speed = drive_speed(options.speed, mechanism, [drive])
     goal = goal_of(options, mechanism, drive, count, speed)
     norm: Norm = options.norm or ("peak" if options.least_effort else "rms")
+    conditions = conditions_of(options.keep, mechanism)
     if options.everywhere:
-        design = _searched_everywhere(options, mechanism, drive.name, goal, bounds, norm)
+        design = _searched_everywhere(options, mechanism, drive.name, goal, bounds, norm, conditions)
     else:
-        design = synthesize(mechanism, drive.name, goal, bounds, norm=norm)
+        Waiting.stage("derive the equations and search")
+        design = synthesize(mechanism, drive.name, goal, bounds, norm=norm, conditions=conditions)
     print(design_text(mechanism, design, goal, norm))
     if options.out is not None:
         write_mechanism(options.out, design)
     if options.plot is not None:
         draw_design(options.plot, design, goal)
     print_written(options.out, options.plot)
-    return 0 if design.converged else 1
+    return 0 if design.converged and design.keeps_conditions else 1
 
 
 def _searched_everywhere(
@@ -333,6 +350,7 @@ def _searched_everywhere(
     goal: Goal,
     bounds: Mapping[str, tuple[float, float]],
     norm: Norm,
+    conditions: Sequence[Condition],
 ) -> Design:
     with ProgressBar("search", options.quiet or not sys.stdout.isatty()) as bar:
         return synthesize_globally(
@@ -341,6 +359,7 @@ def _searched_everywhere(
             goal,
             bounds,
             norm=norm,
+            conditions=conditions,
             seed=options.seed or 0,
             generations=GENERATIONS if options.generations is None else options.generations,
             population=POPULATION if options.population is None else options.population,

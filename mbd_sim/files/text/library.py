@@ -125,7 +125,9 @@ def _found(path: Path) -> Path:
         raise MechanismError([Problem(message, remedy, key="mechanism", value=quoted(str(path)))])
     if path.name and path.is_dir():
         raise MechanismError([_folder(path)])
-    remedy = nearest(path.name, ships) + " Or give the path of a .yaml, .urdf, .xml or .sdf file."
+    if path.suffix:  # which names of shipped mechanisms do not have
+        raise MechanismError([_missing(path)])
+    remedy = nearest(path.name, ships) + " Or give the path of a .yaml, .urdf, .xacro, .xml or .sdf file."
     raise MechanismError(
         [
             Problem(
@@ -150,7 +152,7 @@ def _missing(path: Path) -> Problem:
         message, remedy = "is not a regular file", "Copy what it contains into a file."
     else:
         beside = path.parent.iterdir() if path.parent.is_dir() else ()
-        names = [str(near) for near in beside if near.suffix in READ_SUFFIXES]
+        names = [str(near) for near in beside if near.suffix in SUFFIXES]
         message, remedy = "there is no such file", nearest(str(path), names) or "Check the path."
     return Problem(message, remedy, key="mechanism", value=quoted(str(path)))
 

@@ -227,6 +227,9 @@ def _axis(reading: Reading, joint: Element, key: str, origins: Origins) -> list[
     return xyz or X
 
 
+LARGEST_ANGLE, FULL_TURN = 10.0, 360.0  # rad: limits between the two are probably meant in degrees
+
+
 def _limit(reading: Reading, joint: Element, kind: str, key: str, origins: Origins) -> dict[str, Any]:
     limit = joint.first("limit")
     if limit is None:
@@ -246,6 +249,8 @@ def _limit(reading: Reading, joint: Element, kind: str, key: str, origins: Origi
             reading.leave_out("limits without a range between them, taken as unlimited", key)
         else:
             record["limits"] = {"lower": lower, "upper": upper}
+        if kind == "revolute" and any(LARGEST_ANGLE < abs(one) <= FULL_TURN for one in (lower, upper)):
+            reading.leave_out("limits of revolute joints that look like degrees, taken as radians", key)
     for name in ("effort", "velocity"):
         value = reading.number(limit, name, where)
         if value is not None and value < 0.0:

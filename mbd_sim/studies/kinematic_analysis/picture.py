@@ -31,7 +31,7 @@ from mbd_sim.studies.kinematic_analysis.system import is_rotation
 from mbd_sim.studies.kinematic_analysis.text import grounded_outputs
 
 MECHANISM = "mechanism"  # the drawing of the mechanism, which is not a panel
-MOST_ADVANTAGE = 20.0  # that is drawn
+MOST_ADVANTAGE = 20.0  # that is drawn; of larger ones, that many times the least
 DEGREES = 180.0 / np.pi
 
 
@@ -112,12 +112,12 @@ def _transmission(curves: _Curves) -> Iterator[MotionPanel]:
 
 
 def _advantage(curves: _Curves) -> Iterator[MotionPanel]:
-    lines = {}
-    for name in grounded_outputs(curves.motion):
-        values = curves.motion.advantage(name)
-        lines[name] = np.where(np.abs(values) <= MOST_ADVANTAGE, values, np.nan)
+    lines = {name: curves.motion.advantage(name) for name in grounded_outputs(curves.motion)}
     if lines:
-        yield MotionPanel(f"Mechanical advantage, up to {MOST_ADVANTAGE:g}", "", lines)
+        least = [float(np.nanmin(np.abs(values), initial=np.inf)) for values in lines.values()]
+        most = MOST_ADVANTAGE * max([1.0, *(value for value in least if np.isfinite(value))])
+        drawn = {name: np.where(np.abs(values) <= most, values, np.nan) for name, values in lines.items()}
+        yield MotionPanel(f"Mechanical advantage, up to {most:.3g}", "", drawn)
 
 
 def _efforts(curves: _Curves) -> Iterator[MotionPanel]:

@@ -123,6 +123,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "mechanism": mechanism.name,
         "description": mechanism.description,
         "file": mechanism.source.file,
+        "parameters": _parameters(mechanism),
         "parts": [_part(part) for part in mechanism.parts.values()],
         "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
         "forces": force_reports(mechanism),
@@ -142,6 +143,16 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "inactive_contacts": list(_inactive_contacts(mechanism)),
         "mass": mechanism.mass,
         "gravity": mechanism.gravity.tolist(),
+    }
+
+
+def _parameters(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
+    """The value of each parameter in SI units, and what the file gives for it, such as a formula."""
+    data = mechanism.source.data
+    written = data.get("parameters") if isinstance(data, dict) else None
+    given = written if isinstance(written, dict) else {}
+    return {
+        name: {"value": float(value), "given": str(given.get(name, ""))} for name, value in mechanism.parameters.items()
     }
 
 
@@ -202,7 +213,7 @@ def _mass_matrix(simulation: BaseSimulation) -> dict[str, Any]:
     forwards, backwards, constant = (_kinetic(simulation, speeds) for speeds in (u, -u, 0.0 * u))
     return {
         "positive_definite": bool(np.all(np.linalg.eigvalsh(mass) > 0.0)),
-        "condition": float(values[-1] / values[0]) if len(values) else 1.0,
+        "condition": float(values[-1] / values[0]) if len(values) else None,
         "T2": 0.5 * (forwards + backwards) - constant,
         "T1": 0.5 * (forwards - backwards),
         "T0": constant,

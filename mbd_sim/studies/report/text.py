@@ -35,6 +35,7 @@ def _structure(found: dict[str, Any]) -> list[str]:
         f"{found['mechanism']}: {found['description'] or 'no description'}",
         f"  from {found['file']}",
         "",
+        *_parameters(found["parameters"]),
         f"{'part':16s} {'mass kg':>10s}  {'center of mass m':28s} shapes",
         *(
             f"{part['name']:16s} {part['mass']:10.4g}  {_vector(part['center'], _size(found)):28s} "
@@ -61,6 +62,26 @@ def _structure(found: dict[str, Any]) -> list[str]:
         *(f"Sensor              {_sensor(sensor)}" for sensor in found["sensors"]),
         *(f"Contact             {name}: not active, see 'active' in the file" for name in found["inactive_contacts"]),
     ]
+
+
+def _parameters(parameters: dict[str, dict[str, Any]]) -> list[str]:
+    """A table of the parameters, with what the file gives where this is not the number itself."""
+    if not parameters:
+        return []
+    rows = []
+    for name, one in parameters.items():
+        value = f"{one['value']:.9g}"
+        given = " ".join(one["given"].split())
+        rows.append(f"{name:16s} {value:>16s}  {'' if _is_same(given, one['value']) else given}".rstrip())
+    return [f"{'parameter':16s} {'value in SI':>16s}  given as", *rows, ""]
+
+
+def _is_same(given: str, value: float) -> bool:
+    """Whether a text is a number without a unit, which says no more than the value."""
+    try:
+        return float(given) == value
+    except ValueError:
+        return False
 
 
 def _base(base: dict[str, Any]) -> str:
@@ -262,8 +283,10 @@ def _grouped(names: list[str]) -> list[str]:
 def _mass(matrix: dict[str, Any]) -> list[str]:
     regular = "positive definite" if matrix["positive_definite"] else "singular"
     t2, t1, t0 = _all_rounded([matrix[name] for name in ("T2", "T1", "T0")])
+    condition = matrix["condition"]
+    free = "nothing is free to move" if condition is None else f"condition number {condition:.3g} at the start"
     return [
-        f"Mass matrix         {regular}, condition number {matrix['condition']:.3g} at the start",
+        f"Mass matrix         {regular}, {free}",
         f"Kinetic energy      T2 {t2:.6g} J (quadratic in the speeds), T1 {t1:.6g} J (linear), "
         f"T0 {t0:.6g} J (constant)",
     ]

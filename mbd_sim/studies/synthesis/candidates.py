@@ -19,6 +19,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.math.expressions import evaluated_for_all
 from mbd_sim.studies.kinematic_analysis.modes import modes_at
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem
+from mbd_sim.studies.synthesis.conditions import Condition, measured
 from mbd_sim.studies.synthesis.problem import DesignProblem, EffortGoal, FunctionGoal, Goal, PathGoal
 
 FIRST, NEXT = 30, 12  # most iterations of Newton's method at the first position, and at the following ones
@@ -29,6 +30,7 @@ STRIDE = 0.35  # of the drive between two positions, rad or sizes of the mechani
 FARTHEST = 1.2  # motion in a stride, rad or sizes: beyond it, another branch was met
 REGULAR = 1e-14  # relative to the squared singular values: keeps the equations at dead points solvable
 UNREACHED = 1e12  # loss of candidates that cannot be assembled at all positions
+PENALTY = 10.0  # typical losses for a violation as large as the value
 FREE_POSITIONS = 4  # of the drive for each point of a path with free timing
 
 
@@ -55,6 +57,9 @@ class ParameterCandidates:
     driven: tuple[int, int]  # the place of the drive in u and in q
     output: int  # of a function in q, or -1
     is_angle: bool  # whether the output is one
+    conditions: tuple[Condition, ...]
+    measured: tuple[tuple[ca.Function, int], ...]  # the quantity of each condition, of q, u, u' and parameters; column
+    penalty: float  # added to the loss for a violation as large as the value
 
     def losses(self, parameters: Array) -> Array:
         """The rms or largest deviation (n,) of candidates (n, np)."""
@@ -66,6 +71,7 @@ class ParameterCandidates:
         repeated = np.repeat(parameters, modes, axis=0)
         paths, reached = self._followed(repeated, np.tile(self.starts, (count, 1)))
         losses, chosen = self._losses(paths, repeated)
+        losses = losses + self.penalty * self._violations(paths, repeated)
         losses = np.where(reached == len(self.grid), losses, UNREACHED * (2.0 - reached / len(self.grid)))
         losses = np.where(np.isfinite(losses), losses, 2.0 * UNREACHED).reshape(count, modes)
         place = np.arange(count) * modes + np.argmin(losses, axis=1)
@@ -149,6 +155,22 @@ class ParameterCandidates:
             case EffortGoal():
                 return self._measure(values[:, :, 0]), rows
 
+    def _violations(self, paths: Array, parameters: Array) -> Array:
+        """The sum (n,) of the relative violations of the conditions."""
+        total = np.zeros(len(paths))
+        if not self.conditions:
+            return total
+        chosen = paths[:, self.rows]
+        count, places, nq = chosen.shape
+        q, given = chosen.reshape(-1, nq), np.repeat(parameters, places, axis=0)
+        nothing = np.zeros((len(q), len(self.scales)))
+        for condition, (function, column) in zip(self.conditions, self.measured, strict=True):
+            values = evaluated_for_all(function, q, nothing, nothing, given)[:, column].reshape(count, places)
+            no_slopes = np.zeros((places, 0))
+            found = [measured(condition, row, no_slopes)[0] for row in values]
+            total += [condition.violation(value) for value in found]
+        return total
+
     def _values(self, paths: Array, parameters: Array) -> Array:
         """The quantity (n, k, …) of configurations (n, k, nq)."""
         count, places, nq = paths.shape
@@ -196,8 +218,10 @@ class ParameterCandidates:
         return np.asarray(np.max(np.abs(deviations), axis=1))
 
 
-def candidates_of(problem: DesignProblem, norm: str) -> ParameterCandidates:
+def candidates_of(problem: DesignProblem, norm: str, size: float = 1.0) -> ParameterCandidates:
     """The candidates of a problem.
+
+    :param size: a typical loss, by which violations of conditions are weighed.
 
     :raises InputError: the mechanism cannot be assembled at the first position of the drive, nor at its own start.
     """
@@ -230,6 +254,9 @@ def candidates_of(problem: DesignProblem, norm: str) -> ParameterCandidates:
         driven,
         output,
         output >= 0 and bool(system.angles[output]),
+        problem.conditions,
+        tuple(problem.condition_functions()),
+        PENALTY * size,
     )
 
 

@@ -21,6 +21,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.synthesis.candidates import UNREACHED, ParameterCandidates, candidates_of
+from mbd_sim.studies.synthesis.conditions import MET, Condition
 from mbd_sim.studies.synthesis.problem import DesignProblem, FunctionGoal, Goal, PathGoal
 from mbd_sim.studies.synthesis.synthesis import (
     MOST_STEPS,
@@ -50,6 +51,7 @@ def synthesize_globally(
     variables: Mapping[str, tuple[float, float]],
     *,
     norm: Norm = "rms",
+    conditions: Sequence[Condition] = (),
     seed: int = 0,
     generations: int = GENERATIONS,
     population: int = POPULATION,
@@ -61,12 +63,14 @@ def synthesize_globally(
     The best one is not certain to be found: another `seed`, more generations or a larger population can find a better
     one. The mechanism found can move through all positions of the drive without a dead point.
 
+    :param conditions: what the design has to keep besides.
     :param generations: at most; the search ends earlier when all members are alike.
     :param population: the number of members for each parameter.
     :param workers: processes that evaluate candidates; the result is the same for any number. With several, a script
         needs `if __name__ == "__main__":` around its calls, as all processes of Python do.
     :param progress: called after each generation with the part of the generations that is done, and the least loss.
-    :raises MbdSimError: no candidate can be assembled at all positions, or the best ones cannot move through them.
+    :raises MbdSimError: no candidate can be assembled at all positions, or the best ones cannot move through them, or
+        none of them keeps the conditions.
     :raises InputError: see `synthesize`.
     """
     if generations < 1 or population < 2 or workers < 1:
@@ -74,7 +78,7 @@ def synthesize_globally(
             f"{generations} generations of {population} members for each parameter, by {workers} processes",
             "Give at least 1, 2 and 1.",
         )
-    problem = design_problem(mechanism, drive, goal, variables, norm)
+    problem = design_problem(mechanism, drive, goal, variables, norm, conditions)
     settings = SearchSettings(seed, generations, population, workers)
     return global_design(problem, variables, drive, norm, settings, progress)
 
@@ -94,7 +98,9 @@ def global_design(
     settings: SearchSettings, progress: Progress | None = None,
 ) -> Design:  # fmt: skip
     """The same for a problem whose equations are traced."""
-    candidates = candidates_of(problem, norm)
+    before, first = _before(problem)
+    known = problem.conditions and np.all(np.isfinite(before))
+    candidates = candidates_of(problem, norm, _size(before, norm) if known else 1.0)
     limits = list(variables.values())
     with _evaluator(candidates, settings.workers) as losses:
         members, energies, trials = _evolved(losses, limits, settings, progress)
@@ -104,8 +110,7 @@ def global_design(
             "drive. Give other bounds, or a shorter range."
         )
     chosen = _different(members[energies < UNREACHED], np.array(limits))
-    before = _before(problem)
-    return _polished(problem, candidates, chosen, (variables, drive, norm), before, trials)
+    return _polished(problem, candidates, chosen, (variables, drive, norm), (before, first), trials)
 
 
 def _evolved(
@@ -164,7 +169,7 @@ def _different(members: Array, limits: Array) -> Array:
 
 def _polished(
     problem: DesignProblem, candidates: ParameterCandidates, members: Array,
-    wanted: tuple[Mapping[str, tuple[float, float]], str, Norm], before: Array, trials: int,
+    wanted: tuple[Mapping[str, tuple[float, float]], str, Norm], before: tuple[Array, Array], trials: int,
 ) -> Design:  # fmt: skip
     """The best design near one of the members.
 
@@ -182,6 +187,8 @@ def _polished(
         x, steps, converged = local_optimum(problem, np.clip(start, *bounds), bounds, norm, MOST_STEPS)
         loss = _size(problem.deviations(x), norm)
         problem.jacobian(x)
+        if not _keeps(problem, x):
+            continue
         optima.append((loss, number, x, problem.configurations().copy(), steps, converged))
         if loss <= EXACT * losses[0]:
             break
@@ -189,10 +196,19 @@ def _polished(
     for _, _, x, places, steps, converged in sorted(optima, key=lambda one: one[:2]):
         problem.begin(places, x)
         try:
-            return design_of(problem, variables, drive, x, before, steps, converged=converged, trials=trials)
+            return design_of(
+                problem, variables, drive, x, before[0], steps, converged=converged, trials=trials, measured=before[1]
+            )
         except MbdSimError as error:
             failure = failure or error
-    raise failure or MbdSimError(f"{problem.mechanism.name}: no optimum can be reached from the best members.")
+    kept = ", or none keeps the conditions: give wider bounds, or vary more" if problem.conditions else ""
+    raise failure or MbdSimError(f"{problem.mechanism.name}: no optimum can be reached from the best members{kept}.")
+
+
+def _keeps(problem: DesignProblem, x: Array) -> bool:
+    """Whether the conditions are met."""
+    measured = zip(problem.conditions, problem.measured(x).tolist(), strict=True)
+    return all(one.violation(value) <= MET for one, value in measured)
 
 
 def _size(deviations: Array, norm: Norm) -> float:
@@ -209,14 +225,17 @@ def _unknowns(problem: DesignProblem, member: Array, configurations: Array, driv
     return member.copy()
 
 
-def _before(problem: DesignProblem) -> Array:
-    """The deviations of the mechanism in the file; inf where it does not reach the positions of the drive."""
+def _before(problem: DesignProblem) -> tuple[Array, Array]:
+    """The deviations of the mechanism in the file, and what conditions measure of it.
+
+    They are inf and nan where it does not reach the positions of the drive.
+    """
     system = problem.parametric.system
     try:
         problem.begin(configurations_along(system, system.start, problem.goal.drives))
     except MbdSimError:
-        return np.full(problem.count, np.inf)
-    return problem.deviations(problem.start)
+        return np.full(problem.count, np.inf), np.full(len(problem.conditions), np.nan)
+    return problem.deviations(problem.start), problem.measured(problem.start)
 
 
 _candidates: ParameterCandidates | None = None  # of a worker process

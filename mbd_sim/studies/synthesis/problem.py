@@ -1,10 +1,8 @@
-"""What a mechanism is to do, and its dimensions with the least largest deviation from that.
+"""What a mechanism is to do, and how far it is from that.
 
 A goal is to lead a point along a path, to move an output as a function, or to need little effort; goals and bounds are
 read from the arguments of the command line. The deviations are a differentiable function of parameters, of the timing,
-and of an offset. Linear programs in a trust region minimize them: each step minimizes the largest of the linearized
-deviations within bounds and a box (Madsen 1975). This converges quadratically where as many deviations are equally
-large as unknowns determine, and linearly elsewhere.
+and of an offset, which `minimizers` make small.
 """
 
 from __future__ import annotations
@@ -26,13 +24,14 @@ from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import evaluate
 from mbd_sim.mechanism.values.names import split_assignment
-from mbd_sim.studies.kinematic_analysis.parametric import ParametricMotion, StateDerivatives, States
+from mbd_sim.studies.kinematic_analysis.parametric import ParametricMotion, Quantity, StateDerivatives, States
 from mbd_sim.studies.kinematic_analysis.system import (
     DriveRange,
     coordinate_columns,
     coordinate_index,
     parameter_number,
 )
+from mbd_sim.studies.synthesis.conditions import Condition, axis_of, excesses, measured
 
 STEPS = (1, 4, 16)  # in which the configurations follow the unknowns, until the mechanism can be assembled
 
@@ -52,13 +51,15 @@ class DesignProblem:
     Deviations are in m, rad, N or N·m. Configurations follow the unknowns from those at the start.
     """
 
-    def __init__(self, mechanism: Mechanism, drive: str, goal: Goal, keys: Sequence[str]) -> None:
+    def __init__(
+        self, mechanism: Mechanism, drive: str, goal: Goal, keys: Sequence[str], conditions: Sequence[Condition] = ()
+    ) -> None:
         """Trace the equations.
 
         :raises MechanismError: a key does not exist, or cannot be a parameter.
         :raises InputError: the drive, the point or the output does not exist.
         """
-        self.mechanism, self.goal = mechanism, goal
+        self.mechanism, self.goal, self.conditions = mechanism, goal, tuple(conditions)
         self._speed = goal.speed if isinstance(goal, EffortGoal) else 1.0
         self.parametric = ParametricMotion(mechanism, [drive], keys, with_forces=isinstance(goal, EffortGoal))
         match goal:
@@ -71,7 +72,60 @@ class DesignProblem:
                 self._quantity = self.parametric.efforts
             case _:
                 assert_never(goal)
+        self._measured = [self._quantity_of(one.quantity) for one in self.conditions]
         self._known: _Known | None = None
+        self._last: tuple[_Known, Array, States | None] | None = None  # what was followed last, from where to where
+
+    def _quantity_of(self, name: str) -> tuple[Quantity, int]:
+        """A coordinate or a component of a point, with its column."""
+        if (found := axis_of(name, self.mechanism)) is not None:
+            return self.parametric.point(found[0]), found[1]
+        return self.parametric.coordinate(name), 0
+
+    def condition_functions(self) -> list[tuple[ca.Function, int]]:
+        """The quantity of each condition as a function of q, u, u' and parameters, with its column."""
+        found: list[tuple[ca.Function, int]] = []
+        for one in self.conditions:
+            at = axis_of(one.quantity, self.mechanism)
+            if at is None:
+                found.append((self.parametric.coordinate_function(one.quantity), 0))
+            else:
+                found.append((self.parametric.place_function(at[0]), at[1]))
+        return found
+
+    def measured(self, x: Array) -> Array:
+        """What the conditions measure (m,); nan where the mechanism cannot be assembled."""
+        return self._measures(x, self._nothing)[0]
+
+    def excesses(self, x: Array) -> tuple[Array, Array]:
+        """How far the conditions are exceeded (m,), inf where it cannot be assembled, and the derivatives (m, len(x)).
+
+        They are those at unknowns for which `jacobian` was called last.
+        """
+        values, slopes = self._measures(x, self._derivatives_at(x))
+        found, derived = excesses(self.conditions, values, slopes)
+        wide = np.zeros((len(found), len(x)))
+        wide[:, : derived.shape[1]] = derived
+        return np.where(np.isfinite(found), found, np.inf), wide
+
+    def _derivatives_at(self, x: Array) -> Callable[[States], StateDerivatives]:
+        known = self._known
+        return self._nothing if known is None or not np.array_equal(known.x, x) else lambda _: known.derivatives
+
+    def _nothing(self, states: States) -> StateDerivatives:
+        keys = len(self.parametric.keys)
+        return StateDerivatives(*(np.zeros((*one.shape, keys)) for one in (states.u,) * 3))
+
+    def _measures(self, x: Array, derivatives: Callable[[States], StateDerivatives]) -> tuple[Array, Array]:
+        keys = len(self.parametric.keys)
+        values, slopes = np.full(len(self.conditions), np.nan), np.zeros((len(self.conditions), keys))
+        states = self._followed(x)
+        if states is not None:
+            known = derivatives(states)
+            for row, (one, (quantity, column)) in enumerate(zip(self.conditions, self._measured, strict=True)):
+                found, derived = quantity(states, known, self._parameters(x))
+                values[row], slopes[row] = measured(one, found[:, column], derived[:, column])
+        return values, slopes
 
     @property
     def start(self) -> Array:
@@ -125,8 +179,7 @@ class DesignProblem:
         states = self._followed(x)
         if states is None:
             return np.full(self.count, np.inf)
-        nothing = StateDerivatives(*(np.zeros((*one.shape, len(self.parametric.keys))) for one in (states.u,) * 3))
-        values, _ = self._quantity(states, nothing, self._parameters(x))
+        values, _ = self._quantity(states, self._nothing(states), self._parameters(x))
         return self._less_goal(values, x)
 
     def jacobian(self, x: Array) -> Array:
@@ -182,6 +235,13 @@ class DesignProblem:
             return None
         if np.array_equal(known.x, x):
             return known.states
+        if self._last is not None and self._last[0] is known and np.array_equal(self._last[1], x):
+            return self._last[2]
+        states = self._moved(known, x)
+        self._last = known, x.copy(), states
+        return states
+
+    def _moved(self, known: _Known, x: Array) -> States | None:
         system, speed = self.parametric.system, self._speed or 1.0
         moved = known.derivatives.q @ (self._parameters(x) - self._parameters(known.x))
         if self._speed:
@@ -199,57 +259,6 @@ class DesignProblem:
 
     def _keep(self, x: Array, states: States) -> None:
         self._known = _Known(x.copy(), states, self.parametric.derivatives(self._parameters(x), states))
-
-
-FIRST = 0.1  # size of the first box, relative to the scales of the unknowns
-SMALLEST, GAIN = 1e-11, 1e-11  # of the box, and of the predicted gain relative to the deviation, at which it ends
-ACCEPTED, GOOD = 0.05, 0.7  # ratio of actual and predicted gain, from which a step is taken and the box grows
-
-
-def least_peak(
-    deviations: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, bounds: tuple[Array, Array],
-    scales: Array, most_steps: int,
-) -> tuple[Array, int, bool]:  # fmt: skip
-    """The unknowns that minimize the largest |deviation|, the number of steps, and whether it converged.
-
-    :param deviations: of unknowns; inf where they are undefined.
-    :param bounds: of the unknowns, between which the start lies.
-    :param scales: typical sizes of the unknowns.
-    """
-    x, box = start.copy(), FIRST
-    values = deviations(x)
-    slopes, peak = jacobian(x), float(np.max(np.abs(values)))
-    for count in range(most_steps):
-        step, predicted = _step(values, slopes, box * scales, (bounds[0] - x, bounds[1] - x))
-        if peak - predicted <= GAIN * peak or box < SMALLEST:
-            return x, count, True
-        trial = np.clip(x + step, *bounds)
-        found = deviations(trial)
-        ratio = (peak - float(np.max(np.abs(found)))) / (peak - predicted)
-        if ratio > ACCEPTED:
-            x, values = trial, found
-            slopes, peak = jacobian(x), float(np.max(np.abs(values)))
-        reached = bool(np.any(np.abs(step) >= 0.99 * box * scales))
-        box *= 2.0 if ratio > GOOD and reached else 1.0 if ratio > 0.25 else 0.25
-    return x, most_steps, False
-
-
-def _step(values: Array, slopes: Array, box: Array, room: tuple[Array, Array]) -> tuple[Array, float]:
-    """The step that minimizes the largest linearized deviation, and that deviation."""
-    from scipy.optimize import linprog
-
-    size = max(float(np.max(np.abs(values))), 1e-300)
-    scaled = slopes * box / size
-    ones = np.ones((len(values), 1))
-    rows = np.vstack([np.hstack([scaled, -ones]), np.hstack([-scaled, -ones])])
-    right = np.concatenate([-values, values]) / size
-    limits = [(max(-1.0, low / b), min(1.0, high / b)) for low, high, b in zip(*room, box, strict=True)]
-    cost = np.append(np.zeros(len(box)), 1.0)
-    found = linprog(cost, A_ub=rows, b_ub=right, bounds=[*limits, (0.0, None)], method="highs")
-    if not found.success:
-        return np.zeros(len(box)), size
-    step = box * found.x[:-1]
-    return step, float(np.max(np.abs(values + slopes @ step)))
 
 
 @record

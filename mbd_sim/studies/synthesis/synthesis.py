@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -22,11 +22,12 @@ from mbd_sim.studies.kinematic_analysis.loads import couplers_and_followers, dri
 from mbd_sim.studies.kinematic_analysis.motion import driven_motion
 from mbd_sim.studies.kinematic_analysis.picture import draw_motion
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem, is_rotation
-from mbd_sim.studies.synthesis.problem import DesignProblem, EffortGoal, FunctionGoal, Goal, PathGoal, least_peak
+from mbd_sim.studies.synthesis.conditions import Condition, KeptCondition
+from mbd_sim.studies.synthesis.minimizers import least_peak, least_squares
+from mbd_sim.studies.synthesis.problem import DesignProblem, EffortGoal, FunctionGoal, Goal, PathGoal
 
 Norm = Literal["rms", "peak"]
 MOST_STEPS = 200
-TOLERANCE = 1e-13  # relative change of unknowns and of the sum of squares, at which least squares end
 SAME = 1e-6  # difference of configurations that are the same, in rad or sizes of the mechanism
 
 
@@ -38,6 +39,7 @@ class Design:
     size, `start_rms` and `start_peak` those at the start. `drives` (n,) are the positions of the `drive`, and `offset`
     is the constant of a function with a free offset. `converged` is False where the search ended after too many steps.
     Of a global search, `trials` is the number of sets of parameters that were tried before the last `steps`.
+    `conditions` are those that were to be kept.
     """
 
     values: Mapping[str, float]
@@ -51,6 +53,12 @@ class Design:
     steps: int
     converged: bool
     trials: int = 0
+    conditions: tuple[KeptCondition, ...] = ()
+
+    @property
+    def keeps_conditions(self) -> bool:
+        """Whether all conditions are met."""
+        return all(one.is_met for one in self.conditions)
 
     @property
     def rms(self) -> float:
@@ -80,6 +88,7 @@ def synthesize(
     variables: Mapping[str, tuple[float, float]],
     *,
     norm: Norm = "rms",
+    conditions: Sequence[Condition] = (),
     most_steps: int = MOST_STEPS,
 ) -> Design:
     """Find parameters between bounds with which a mechanism of one degree of freedom serves a goal best.
@@ -91,13 +100,14 @@ def synthesize(
     :param variables: the bounds (lower, upper) of each parameter, by key of the file, in SI units.
     :param norm: "rms" minimizes the root mean square of the deviations (SciPy's `least_squares`), "peak" the largest
         one (`least_peak`).
+    :param conditions: what the design has to keep besides; whether it does, `Design.keeps_conditions` says.
     :raises MissingPackageError: SciPy is not installed.
     :raises InputError: bounds do not contain the values in the file, or a name in the goal does not exist.
     :raises UnreachableError: the drive does not reach the positions of the goal in the mechanism of the file.
     :raises MechanismError: a key does not exist, or cannot be a parameter of the equations.
     :raises MbdSimError: the optimum cannot move through the positions of the drive.
     """
-    problem = design_problem(mechanism, drive, goal, variables, norm)
+    problem = design_problem(mechanism, drive, goal, variables, norm, conditions)
     return local_design(problem, variables, drive, norm, most_steps)
 
 
@@ -111,12 +121,18 @@ def local_design(
     before = problem.deviations(start)
     if not np.all(np.isfinite(before)):
         raise MbdSimError(f"{mechanism.name}: a position of the goal is at a dead point of the mechanism at the start.")
+    first = problem.measured(start)
     x, steps, converged = local_optimum(problem, start, bounds, norm, most_steps)
-    return design_of(problem, variables, drive, x, before, steps, converged=converged)
+    return design_of(problem, variables, drive, x, before, steps, converged=converged, measured=first)
 
 
 def design_problem(
-    mechanism: Mechanism, drive: str, goal: Goal, variables: Mapping[str, tuple[float, float]], norm: Norm
+    mechanism: Mechanism,
+    drive: str,
+    goal: Goal,
+    variables: Mapping[str, tuple[float, float]],
+    norm: Norm,
+    conditions: Sequence[Condition] = (),
 ) -> DesignProblem:
     """What `synthesize` solves; for its errors, see there."""
     if norm not in get_args(Norm):
@@ -124,24 +140,30 @@ def design_problem(
     require_packages("scipy", purpose="Synthesis")
     if not variables:
         raise InputError("no parameter may change", "Give bounds for at least one.")
-    return DesignProblem(require_mechanism(mechanism), drive, goal, list(variables))
+    if conditions and isinstance(goal, PathGoal) and goal.free_timing:
+        raise InputError("conditions need the positions of the drive", "Leave out the free timing, or the conditions.")
+    return DesignProblem(require_mechanism(mechanism), drive, goal, list(variables), conditions)
 
 
 def local_optimum(
     problem: DesignProblem, start: Array, bounds: tuple[Array, Array], norm: Norm, most_steps: int
 ) -> tuple[Array, int, bool]:
     """The unknowns of the optimum near the start, the number of steps, and whether the search converged."""
+    conditions: dict[str, Any] = {}
+    if problem.conditions:
+        equal = np.array([one.relation == "=" for one in problem.conditions])
+        conditions = {"excess": problem.excesses, "equal": equal}
     if norm == "peak":
         scales = _scales(start, bounds)
-        return least_peak(problem.deviations, problem.jacobian, start, bounds, scales, most_steps)
-    return _least_squares(problem, start, bounds, most_steps)
+        return least_peak(problem.deviations, problem.jacobian, start, bounds, scales, most_steps, **conditions)
+    return least_squares(problem.deviations, problem.jacobian, start, bounds, most_steps, **conditions)
 
 
 def design_of(
     problem: DesignProblem, variables: Mapping[str, tuple[float, float]], drive: str, x: Array, before: Array,
-    steps: int, *, converged: bool, trials: int = 0,
+    steps: int, *, converged: bool, trials: int = 0, measured: Array,
 ) -> Design:  # fmt: skip
-    """The design with unknowns x; `before` are the deviations at the start.
+    """The design with unknowns x; `before` are the deviations at the start, and `measured` what conditions measure.
 
     :raises MbdSimError: the mechanism cannot move through the positions of the drive.
     """
@@ -162,24 +184,13 @@ def design_of(
         steps,
         converged,
         trials,
+        tuple(
+            KeptCondition(one, first, last)
+            for one, first, last in zip(
+                problem.conditions, measured.tolist(), problem.measured(x).tolist(), strict=True
+            )
+        ),
     )
-
-
-def _least_squares(
-    problem: DesignProblem, start: Array, bounds: tuple[Array, Array], most_steps: int
-) -> tuple[Array, int, bool]:
-    from scipy.optimize import least_squares
-
-    found: Any = least_squares(
-        problem.deviations,
-        start,
-        problem.jacobian,
-        bounds=bounds,
-        x_scale="jac",
-        max_nfev=most_steps,
-        **dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE),
-    )
-    return np.asarray(found.x), int(found.nfev), bool(found.status > 0)
 
 
 def bounds_of_unknowns(
@@ -298,10 +309,20 @@ def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) ->
         lines.append(f"{f'{what}, {name}':<{HEAD}}{first}{end:.6g} {unit}{mark}")
     if isinstance(goal, EffortGoal):
         lines += _between(design, goal, unit)
+    lines += [_condition_line(one) for one in design.conditions]
     ended = "" if design.converged else "; not converged: run again from the values found"
     tried = f"{counted(design.trials, 'trial')}, then " if design.trials else ""
     lines.append(f"{'Search':<{HEAD}}{tried}{counted(design.steps, 'step')}{ended}")
     return "\n".join(lines)
+
+
+def _condition_line(kept: KeptCondition) -> str:
+    """What a condition measures before and after."""
+    condition, unit = kept.condition, kept.condition.unit
+    first = f"{kept.start:.6g} -> " if np.isfinite(kept.start) else ""
+    wanted = f"{condition.relation} {condition.value:.10g} {unit}"
+    said = "kept" if kept.is_met else "NOT KEPT: give wider bounds, or vary more"
+    return f"{condition.text:<{HEAD - 2}}  {first}{kept.end:.10g} {unit}  ({wanted}: {said})"
 
 
 def _between(design: Design, goal: EffortGoal, unit: str) -> Iterator[str]:

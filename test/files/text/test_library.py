@@ -52,8 +52,17 @@ def test_a_misspelt_name_is_answered_with_the_nearest():
     assert problem.message == "there is no shipped mechanism of this name" and problem.value == "'duble_rod'"
     assert (
         problem.remedy.startswith("Did you mean 'double_rod'?")
-        and "path of a .yaml, .urdf, .xml or .sdf file" in problem.remedy
+        and "path of a .yaml, .urdf, .xacro, .xml or .sdf file" in problem.remedy
     )
+
+
+def test_a_misspelt_file_in_this_folder_is_answered_with_the_nearest_file(tmp_path, monkeypatch):
+    """Whatever its ending: no shipped mechanism has one."""
+    (tmp_path / "arm.urdf.xacro").write_text("x")
+    monkeypatch.chdir(tmp_path)
+    problem = refusal("arm.urdf.xarco")
+    assert problem.message == "there is no such file"
+    assert problem.remedy.startswith("Did you mean 'arm.urdf.xacro'?")
 
 
 def test_a_misspelt_path_is_answered_with_the_nearest_file(tmp_path):

@@ -135,6 +135,12 @@ def test_limits_damping_and_friction():
     assert continuous.limits == () and continuous.effort_limit == 23.7
 
 
+@pytest.mark.parametrize(("upper", "said"), [("109", True), ("6.2832", False), ("1e9", False)])
+def test_limits_that_look_like_degrees_are_remarked(upper, said):
+    mechanism = pair("revolute", f'<axis xyz="0 0 1"/><limit lower="0" upper="{upper}" effort="1" velocity="1"/>')
+    assert any("look like degrees" in note for note in mechanism.source.notes) == said
+
+
 @pytest.mark.parametrize(
     ("kind", "type_"),
     [

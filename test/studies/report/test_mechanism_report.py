@@ -86,3 +86,16 @@ def test_contacts_that_are_not_active_are_listed():
     line = "Contact             floor: not active, see 'active' in the file\n"
     assert line in report_text(report(Simulation.from_text(ball + contacts)))
     assert "not active" not in report_text(report(Simulation.from_text(ball)))
+
+
+def test_parameters_are_listed_with_their_values_and_formulas():
+    text = PENDULUM.replace("ANGLE", "0") + "parameters: {crank: 55 mm, rod: 'hypot(crank, 2*crank)', count: 3}\n"
+    found = report(Simulation.from_text(text))
+    assert found["parameters"]["rod"] == {"value": pytest.approx(0.055 * 5**0.5), "given": "hypot(crank, 2*crank)"}
+    lines = [line.split() for line in report_text(found).splitlines()]
+    assert ["crank", "0.055", "55", "mm"] in lines and ["count", "3"] in lines
+
+
+def test_where_nothing_is_free_there_is_no_condition_number():
+    driven = PENDULUM.replace("position: ANGLE", "drive: t")
+    assert "nothing is free to move" in report_text(report(Simulation.from_text(driven)))
