@@ -1,9 +1,11 @@
-"""Bodies of finite size in contact: errors beside closed forms and the cost of a step, beside MuJoCo's.
+"""Bodies of finite size in contact: errors beside closed forms and the cost of a step, beside MuJoCo's and Drake's.
 
 python -m benchmarks.contact_bodies [--rounds 5]
 
 MuJoCo runs with steps of 1 ms and its defaults, and with chosen settings: steps of 0.1 ms, elliptic cones, and hard
-contacts. µs are those of processor time per simulated ms, of one call for each ms.
+contacts. Drake, if it is installed, runs with steps of 1 ms and hydroelastic contacts, which a single point cannot
+replace under a block. µs are those of processor time per simulated ms, of one call for each ms. The runs of all
+simulators take turns, and the medians count.
 """
 
 from __future__ import annotations
@@ -12,11 +14,17 @@ import argparse
 import math
 import os
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TypeAlias
 
 from mbd_sim import Simulation
+
+Run: TypeAlias = Callable[[], tuple[float, float]]
 
 G = 9.81
 SPAN = 1.0  # s
@@ -90,7 +98,7 @@ class Scene:
 def block(at: str, size: str, mass: float, joints: str, friction: float) -> str:
     """A body of MuJoCo with the geometry of a block, of half sizes."""
     geom = f'<geom type="box" size="{size}" mass="{mass}" friction="{friction} 0 0" condim="3"/>'
-    return f'<body pos="{at}">{joints}{geom}</body>'
+    return f'<body name="at {at}" pos="{at}">{joints}{geom}</body>'
 
 
 def grip(force: float) -> Scene:
@@ -111,7 +119,7 @@ def scenes() -> dict[str, Scene]:
     stack = floor + "".join(block(f"0 0 {0.1 * i - 0.05}", "0.1 0.1 0.05", 1.0, PLANAR, 0.5) for i in range(1, 5))
     heights = [0.1 * i - 0.05 for i in range(1, 5)]
     geom = '<geom type="cylinder" size="0.1 0.2" mass="2" euler="1.5707963267948966 0 0" friction="0.5 0 0"/>'
-    roller = f'{floor}<body pos="0 0 0.1"><freejoint/>{geom}</body>'
+    roller = f'{floor}<body name="roller" pos="0 0 0.1"><freejoint/>{geom}</body>'
     way = SPAN**2 / 3.0
     return {
         "stack of four blocks": Scene(
@@ -128,50 +136,94 @@ def scenes() -> dict[str, Scene]:
     }
 
 
-def ours(scene: Scene, rounds: int) -> tuple[float, float]:
-    """µs per ms, and the error in m."""
+def ours(scene: Scene) -> Run:
+    """A run, to call again and again: its processor time in s, and the error in m."""
     sim = Simulation.from_text(scene.text, set={"force": scene.force} if scene.force else {})
-    times = []
-    for _ in range(rounds):
+
+    def run() -> tuple[float, float]:
         sim.reset()
         began = time.thread_time()
         for _ in range(round(SPAN / sim.step_size)):
             sim.step(1)
-        times.append(time.thread_time() - began)
-    return 1e3 * statistics.median(times) / SPAN, scene.ours(sim.q.tolist())
+        return time.thread_time() - began, scene.ours(sim.q.tolist())
+
+    return run
 
 
-def theirs(scene: Scene, option: str, rounds: int) -> tuple[float, float]:
+def mujoco(scene: Scene, option: str) -> Run:
     """The same of MuJoCo."""
     import mujoco
 
     head = f'<compiler angle="radian"/>{option.format(gravity=scene.gravity)}'
     model = mujoco.MjModel.from_xml_string(f"<mujoco>{head}<worldbody>{scene.body}</worldbody></mujoco>")
-    times = []
-    for _ in range(rounds):
+
+    def run() -> tuple[float, float]:
         data = mujoco.MjData(model)
         if scene.force:
             data.qfrc_applied[:2] = scene.force, -scene.force
         began = time.thread_time()
         for _ in range(round(SPAN / 1e-3)):
             mujoco.mj_step(model, data, nstep=round(1e-3 / model.opt.timestep))
-        times.append(time.thread_time() - began)
-    return 1e3 * statistics.median(times) / SPAN, scene.theirs(data.qpos.tolist())
+        return time.thread_time() - began, scene.theirs(data.qpos.tolist())
+
+    return run
+
+
+def drake(scene: Scene) -> Run:
+    """The same of Drake."""
+    from pydrake.geometry import SceneGraphConfig
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel
+    from pydrake.systems.analysis import Simulator
+    from pydrake.systems.framework import DiagramBuilder
+
+    builder, config = DiagramBuilder(), SceneGraphConfig()
+    plant, graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.xml"
+        file.write_text(f'<mujoco model="scene"><worldbody>{scene.body}</worldbody></mujoco>', encoding="utf-8")
+        Parser(plant, graph).AddModels(str(file))
+    config.default_proximity_properties.compliance_type = "compliant"
+    config.default_proximity_properties.hydroelastic_modulus = 1e8
+    graph.set_config(config)
+    plant.set_contact_model(ContactModel.kHydroelasticWithFallback)
+    plant.mutable_gravity_field().set_gravity_vector([float(value) for value in scene.gravity.split()])
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = simulator.get_mutable_context()
+    own, start = plant.GetMyMutableContextFromRoot(context), simulator.get_context().Clone()
+
+    def run() -> tuple[float, float]:
+        context.SetTimeStateAndParametersFrom(start)
+        efforts = [scene.force, -scene.force] + [0.0] * (plant.num_velocities() - 2)
+        plant.get_applied_generalized_force_input_port().FixValue(own, efforts)
+        simulator.Initialize()
+        began = time.thread_time()
+        for count in range(round(SPAN / 1e-3)):
+            simulator.AdvanceTo((count + 1) * 1e-3)
+        q = plant.GetPositions(own).tolist()
+        if plant.num_positions() != plant.num_velocities():  # a free body: MuJoCo's order is the other one
+            q = [*q[4:], *q[:4]]
+        return time.thread_time() - began, scene.theirs(q)
+
+    return run
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=5, help="runs, of which the median counts (default 5)")
-    rounds = parser.parse_args().rounds
-    print(f"| {SPAN:g} s | µs per ms | error, m | MuJoCo, 1 ms | | ratio | MuJoCo, chosen settings | | ratio |")
-    print("| --- | --: | --: | --: | --: | --: | --: | --: | --: |")
+    parser.add_argument("--rounds", type=int, default=5, help="runs of each, of which the median counts (default 5)")
+    rounds, has_drake = parser.parse_args().rounds, find_spec("pydrake") is not None
+    heads = ["MuJoCo, 1 ms", "MuJoCo, chosen settings", *(["Drake, 1 ms"] if has_drake else [])]
+    print(f"| {SPAN:g} s | µs per ms | error, m | {' | '.join(f'{head} | | ratio' for head in heads)} |")
+    print("| --- | --: | --: |" + " --: | --: | --: |" * len(heads))
     for name, scene in scenes().items():
-        cost, error = ours(scene, rounds)
-        cells = [f"{cost:.3g}", f"{error:.0e}"]
-        for option in (DEFAULTS, CHOSEN):
-            other, off = theirs(scene, option, rounds)
-            cells += [f"{other:.3g}", f"{off:.0e}", f"{other / cost:.2g}"]
+        runs = [ours(scene), mujoco(scene, DEFAULTS), mujoco(scene, CHOSEN), *([drake(scene)] if has_drake else [])]
+        found = [[run() for run in runs] for _ in range(rounds)]
+        costs = [1e3 * statistics.median(each[k][0] for each in found) / SPAN for k in range(len(runs))]
+        cells = [f"{costs[0]:.3g}", f"{found[0][0][1]:.0e}"]
+        for cost, (_, error) in zip(costs[1:], found[0][1:], strict=True):
+            cells += [f"{cost:.3g}", f"{error:.0e}", f"{cost / costs[0]:.2g}"]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print(f"\nLoad of the machine over the last minute: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores.")
 

@@ -61,6 +61,6 @@ def test_the_hopper_hops():
 def test_bodies_of_the_benchmark_end_where_closed_forms_say(name):
     """Ours to round-off, MuJoCo's to millimeters: both are the same scene."""
     scene = contact_bodies.scenes()[name]
-    assert contact_bodies.ours(scene, 1)[1] < 1e-12
+    assert contact_bodies.ours(scene)()[1] < 1e-12
     pytest.importorskip("mujoco")
-    assert contact_bodies.theirs(scene, contact_bodies.DEFAULTS, 1)[1] < 0.03
+    assert contact_bodies.mujoco(scene, contact_bodies.DEFAULTS)()[1] < 0.03

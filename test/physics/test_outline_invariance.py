@@ -81,7 +81,12 @@ def test_a_mirrored_mechanism_moves_as_in_a_mirror(reference):
     np.testing.assert_allclose(motion(block=True, mirror=-1.0), reference * [-1.0, 1.0, -1.0], atol=1e-9)
 
 
-def test_lengths_in_other_units_do_not_change_a_digit():
-    """A number with a dimension that is hidden in the code shows; 1024 rounds nothing."""
-    factors = [1024.0, 1024.0, 1.0]
-    np.testing.assert_array_equal(motion(200, length=1024.0), motion(200) * factors)
+@pytest.fixture(scope="module")
+def alone():
+    return motion(200)
+
+
+@pytest.mark.parametrize("length", [1024.0, 2.0**-13], ids=["large", "ten micrometers"])
+def test_lengths_in_other_units_do_not_change_a_digit(alone, length):
+    """A number with a dimension that is hidden in the code shows; powers of 2 round nothing."""
+    np.testing.assert_array_equal(motion(200, length=length), alone * [length, length, 1.0])
