@@ -88,7 +88,7 @@ def _condition(text: str, mechanism: Mechanism) -> Condition:
     found = _TEXT.fullmatch(text)
     if found is None or found[1] not in get_args(Measure):
         raise InputError(
-            f"'{text}' is no condition",
+            f"'{text}' is not a condition",
             "Write stroke(NAME), max(NAME) or min(NAME), then =, <= or >=, and a value: 'stroke(ram) = 100mm'.",
         )
     name = found[2]

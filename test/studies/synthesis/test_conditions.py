@@ -119,8 +119,8 @@ def test_the_slopes_of_what_is_measured_are_those_of_differences(measure):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("stroke slide = 1", "is no condition.*stroke"),
-        ("mean(slide) = 1", "is no condition"),
+        ("stroke slide = 1", "is not a condition.*stroke"),
+        ("mean(slide) = 1", "is not a condition"),
         ("max(slid) <= 1", "slid"),
         ("max(slide) <= 10deg", "max.slide.*"),
         ("stroke(slide) = -1", "a stroke is positive"),
