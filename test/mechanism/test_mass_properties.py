@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
@@ -215,6 +215,7 @@ def test_a_shape_of_mass_zero_is_only_drawn():
     assert [shape.kind for shape in part.shapes] == ["rod", "particle"]
 
 
+@settings(max_examples=10)
 @given(st.tuples(*[st.floats(-3, 3)] * 3), st.tuples(*[st.floats(-2, 2)] * 3))
 def test_a_block_anywhere_is_eight_particles_at_its_gauss_points(rpy, at):
     # ∫ x² over a side a equals a²/12, which is the square of ±a/√12.

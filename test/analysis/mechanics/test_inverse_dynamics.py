@@ -32,7 +32,7 @@ def test_efforts_of_open_chains_come_back(name):
             assert relative(found, efforts) < 1e-10
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(random_trees())
 def test_efforts_of_random_trees_come_back(drawn):
     text, rng = drawn

@@ -278,7 +278,7 @@ def test_machine_code_with_stops():
     check_machine_code(mechanism, np.random.default_rng(41), states=5)
 
 
-@settings(max_examples=4)
+@settings(max_examples=2)
 @given(random_trees())
 def test_machine_code_of_random_trees(drawn):
     text, rng = drawn

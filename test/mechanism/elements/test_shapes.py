@@ -78,10 +78,11 @@ def test_it_is_in_the_tables_of_the_page_and_in_contact_with_a_plane(kind):
 @pytest.mark.parametrize("kind", KEYS)
 def test_an_export_contains_it_or_says_that_it_does_not(kind):
     mechanism = shaped(kind)
+    mjcf, sdf = to_mjcf(mechanism), to_sdf(mechanism)
     for text, missing, word in (
         (to_urdf(mechanism), left_out(mechanism), "<geometry>"),
-        (to_mjcf(mechanism).text, to_mjcf(mechanism).left_out, "<geom "),
-        (to_sdf(mechanism).text, to_sdf(mechanism).left_out, "<geometry>"),
+        (mjcf.text, mjcf.left_out, "<geom "),
+        (sdf.text, sdf.left_out, "<geometry>"),
     ):
         assert (word in text) != any(f"body: {kind}" in one for one in missing)
 

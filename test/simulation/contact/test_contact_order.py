@@ -20,7 +20,6 @@ NAMES = [
     "column_of_beads",
     "disc_brake",
     "four_bar_clearance",
-    "geneva_drive",
     "newtons_cradle",
     "ratchet_and_pawl",
     "rocking",

@@ -128,7 +128,7 @@ def test_rk4_keeps_its_order_through_events():
 def test_what_sticks_does_not_move_at_all():
     sim = Simulation.from_file("incline", set={"v0": 0.0, "alpha": 0.29})
     assert sim.contacts()["along.friction"].state == "sticks"
-    sim.step(1_000_000)
+    sim.step(100_000)
     assert sim.q.tolist() == [0.0]
     assert sim.u.tolist() == [0.0]
     friction = sim.contacts()["along.friction"].friction

@@ -54,8 +54,16 @@ def step_response(time, voltage, inductance):
     return np.linalg.solve(matrix, (expm(matrix * time) - np.eye(2)) @ [0.0, voltage / inductance])
 
 
-@pytest.mark.parametrize("inductance", [0.0, INDUCTANCE])
-@pytest.mark.parametrize("method", ["rk4", "tsitouras8", "gauss6", "rosenbrock", "rosenbrock_w"])
+@pytest.mark.parametrize(
+    ("method", "inductance"),
+    [
+        ("rk4", 0.0),
+        ("tsitouras8", INDUCTANCE),
+        ("gauss6", 0.0),
+        ("rosenbrock", INDUCTANCE),
+        ("rosenbrock_w", INDUCTANCE),
+    ],
+)
 def test_the_step_response_is_the_closed_form(method, inductance):
     lines = [INDUCTIVE.strip()] if inductance else []
     simulation = shaft(
