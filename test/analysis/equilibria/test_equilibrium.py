@@ -113,6 +113,17 @@ def test_a_driven_mechanism_rests_relative_to_its_drive(angle, stable):
     assert found.distance < 1e-15 and found.stable is stable
 
 
+def test_a_weight_that_falls_for_long_before_something_holds_it_is_followed():
+    """The load is the same along a hundred times the size of the mechanism: the path must not be left too early."""
+    text = """
+mechanism: late
+parts: {a: {mass: 1}}
+joints: {z: {type: prismatic, between: [ground, a], axis: [0, 0, 1]}}
+forces: {net: {type: force, at: a, vector: [0, 0, "where(z < -100, -0.0981*(z + 100), 0)"]}}
+"""
+    assert nearest_equilibrium(derive(parse_mechanism(text))).q == pytest.approx([-200.0])
+
+
 def test_without_forces_every_start_is_an_equilibrium():
     """A wheel balanced by two masses: only round-off remains of its weight, and of the change of its moment."""
     sim = Simulation.from_text(
