@@ -94,6 +94,6 @@ def alone():
 def test_lengths_in_other_units_do_not_change_a_digit(alone, length, digits):
     """A number with a dimension that is hidden in the code shows; powers of 2 round nothing.
 
-    Of outlines of micrometers, events are searched to the same length in m, which shows in the last digits.
+    Of outlines of micrometers the last two digits differ.
     """
     np.testing.assert_allclose(motion(200, length=length), alone * [length, length, 1.0], rtol=digits, atol=0.0)
