@@ -39,6 +39,7 @@ SNIPPET = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 WINDOWS = (
     "view",
     "sweep",
+    "--foxglove",
     "--rerun",
     "robot.urdf",
     "mbd_sim import ",
