@@ -334,7 +334,7 @@ def _searched_everywhere(
     bounds: Mapping[str, tuple[float, float]],
     norm: Norm,
 ) -> Design:
-    with ProgressBar("search", options.quiet or not sys.stdout.isatty()) as bar:
+    with ProgressBar("search", options.quiet or sys.stdout is None or not sys.stdout.isatty()) as bar:
         return synthesize_globally(
             mechanism,
             drive,
