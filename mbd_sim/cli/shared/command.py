@@ -50,7 +50,7 @@ class Waiting:
         self._lock = threading.Lock()
         self._display: Progress | None = None
         self._timer: threading.Timer | None = None
-        self._hidden = quiet or not sys.stdout.isatty()
+        self._hidden = quiet or sys.stdout is None or not sys.stdout.isatty()
 
     def __enter__(self) -> Self:
         Waiting._active = self

@@ -48,7 +48,7 @@ def simulation_at(options: argparse.Namespace) -> tuple[BaseSimulation, str]:
     time = None if number or options.at == START else _time(options.at)
     simulation = build_simulation(options)
     if time is not None:
-        quiet = getattr(options, "quiet", False) or not sys.stdout.isatty()
+        quiet = getattr(options, "quiet", False) or sys.stdout is None or not sys.stdout.isatty()
         with ProgressBar(simulation.mechanism.name, quiet, total=time, amount=SECONDS) as progress:
             simulation.run(until=time, progress=progress.show)
         return simulation, _state_text(simulation, f"at {simulation.time:g} s")

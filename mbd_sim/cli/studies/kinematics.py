@@ -352,7 +352,7 @@ def _searched_everywhere(
     norm: Norm,
     conditions: Sequence[Condition],
 ) -> Design:
-    with ProgressBar("search", options.quiet or not sys.stdout.isatty()) as bar:
+    with ProgressBar("search", options.quiet or sys.stdout is None or not sys.stdout.isatty()) as bar:
         return synthesize_globally(
             mechanism,
             drive,
