@@ -65,6 +65,21 @@ def test_defects_agree_with_following_the_motion_step_by_step():
     assert seen >= {"", "circuit", "branch"}
 
 
+def test_three_poses_of_a_textbook():
+    """Norton, Design of Machinery, the example of three-position motion synthesis: W, Z, U, S and the angles."""
+    turns = np.radians([0.0, -45.0, 9.3])
+    shifts = np.array([0.0, 2.798, 3.919]) * np.exp(1j * np.radians([0.0, -31.19, -16.34]))
+    poses = [PlanePose(shift.real, shift.imag, turn) for shift, turn in zip(shifts, turns, strict=True)]
+    published = [(0.055 + 6.832j, 1.179 + 0.940j, (342.3, 324.8)), (-2.628 - 1.825j, -0.109 + 1.487j, (30.9, 80.6))]
+    found = linkages_for_poses(poses, Given(points=[-body for _, body, _ in published]))
+    dyads = {dyad.point: dyad for linkage in found.linkages for dyad in (linkage.driver, linkage.follower)}
+    for link, body, angles in published:
+        dyad = dyads[-body]
+        arms = found.motion.of(dyad.point) - dyad.center
+        assert dyad.center == pytest.approx(-body - link, abs=3e-3)  # the published numbers have three decimals
+        assert np.degrees(np.angle(arms[1:] / arms[0])) % 360.0 == pytest.approx(angles, abs=0.03)
+
+
 @pytest.mark.parametrize("kind", ["four_bar", "slider"])
 def test_five_poses_the_linkage_that_made_them_is_found_and_runs(kind):
     theta = [0.1, 0.9, 2.0, 3.1, 4.5]
