@@ -135,7 +135,7 @@ def hull_of(body: RoundBody) -> RoundHull:
     arms = np.zeros((POINTS, 3))
     if body.curved.any() and len(body.faces):
         first, second = perpendiculars(body.directions[0] if len(body.directions) else body.faces[-1].normal)
-        sines, cosines = sines_cosines(np.arange(POINTS) * (2.0 * np.pi / POINTS))
+        sines, cosines = sines_cosines(np.linspace(0.0, 2.0 * np.pi, POINTS, endpoint=False))
         arms = cosines[:, None] * first + sines[:, None] * second
     borders, inward = [], []
     for face in body.faces:
