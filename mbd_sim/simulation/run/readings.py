@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 # Instructions of derivatives up to which they are compiled, within about a second. Larger ones would take some seconds,
 # which pay off after ten thousand calls; to compile them then would change the bits of results from call to call.
 COMPILED = 15_000
+ALLOWED = 1e-9  # error of a row of constraints, relative to its terms, up to which accelerations are allowed
 
 
 class CompiledReadings:
@@ -156,10 +157,32 @@ class DynamicsReadings:
         """The efforts (nv,) that produce accelerations u' (nv,): see `Simulation.inverse_dynamics`."""
         model, (time, y, inputs) = self._model, self._memory.now
         wanted = finite_vector(u_rates, self._nv, "u_rates")
-        if self._is_open_chain and not model.equations.has_contact(inputs):
+        q, u = y[model.q_range], y[model.u_range]
+        if not model.equations.has_contact(inputs):
             self._u_rates[:] = wanted
-            return self.term("tree_efforts")
-        return self._inverse(y[model.q_range], y[model.u_range], wanted, time, inputs)
+            efforts = self.term("tree_efforts")
+            if self._is_open_chain:
+                return efforts
+            if self._is_allowed(wanted):
+                constraints = model.equations.constraints.with_values(inputs[model.equations.inputs.values])
+                return self._without_constraint_forces(efforts, constraints.row_sizes(time, q), constraints.scales)
+        return self._inverse(q, u, wanted, time, inputs)
+
+    def _without_constraint_forces(self, efforts: Array, row_sizes: Array, scales: Array) -> Array:
+        """The part (nv,) of efforts that has power along free directions, by LAPACK."""
+        from mbd_sim.dynamics.constraints.functions import scaled
+        from mbd_sim.dynamics.math.rank import RANK
+
+        jacobian = self.term("constraint_jacobian")
+        rank = int(np.sum(np.linalg.svd(scaled(jacobian, row_sizes, scales), compute_uv=False) > RANK))
+        held = np.linalg.svd(scaled(jacobian, row_sizes, np.ones(self._nv)))[2][:rank]
+        return np.asarray(efforts - held.T @ (held @ efforts))
+
+    def _is_allowed(self, u_rates: Array) -> bool:
+        """Whether the constraints allow accelerations (nv,), to round-off."""
+        jacobian, bias = self.term("constraint_jacobian"), self.term("constraint_bias")
+        sizes = np.abs(jacobian) @ np.abs(u_rates) + np.abs(bias)
+        return bool(np.all(np.abs(jacobian @ u_rates + bias) <= ALLOWED * sizes))
 
     @cached_property
     def _is_open_chain(self) -> bool:
