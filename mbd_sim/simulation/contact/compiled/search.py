@@ -38,7 +38,7 @@ BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
 FALLING = 10.0
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
-ENOUGH = 1e-3  # of the tolerance, up to which a change of features is where it is sought
+ENOUGH = 1e-4  # of the tolerance, up to which a change of features is where it is sought
 DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 # What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
 # says that they meet beside their closed slots, or that the features of these change, the slip of friction along its
