@@ -20,11 +20,11 @@ fixed there; a direction across it (3) in the second part; the radii (2) of rims
 a key.
 
 Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
-the edge and the tangent of the rim,
+the edge and the tangent of the rim. With r, the part of p + s d - c across a,
 
-    |(p + s d - c)_⊥| = ρ,   r = (p + s d - c)_⊥,   n = ∓ (a × r) × d / |(a × r) × d|,   g = a·(p + s d - c) n·a,
+    |r| = ρ,   n = ± (a × r) × d / |(a × r) × d|,   g = a·(p + s d - c) n·a;
 
-with the sign of the root s. The normal among the numbers is a then, in the part of the end.
+n has the sign opposite to that of the root s. The normal among the numbers is a then, in the part of the end.
 """
 
 from __future__ import annotations
