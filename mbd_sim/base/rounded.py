@@ -63,6 +63,7 @@ def tangent(angle: float) -> float:
 
 def arc_tangent(y: float, x: float = 1.0) -> float:
     """The angle in rad of the point x, y, from -π to π."""
+    y, x = float(y), float(x)
     near = math.atan2(y, x)
     if not (x and y and math.isfinite(x) and math.isfinite(y)):
         return near
@@ -79,6 +80,7 @@ def arc_sine(sine: float) -> float:
 
     :raises ValueError: it is not between -1 and 1.
     """
+    sine = float(sine)
     near = math.asin(sine)
     if abs(sine) < TINY:
         return float(sine)
@@ -93,6 +95,7 @@ def arc_cosine(cosine: float) -> float:
 
     :raises ValueError: it is not between -1 and 1.
     """
+    cosine = float(cosine)
     near = math.acos(cosine)
     if abs(cosine) == 1.0 or math.isnan(near):
         return near
@@ -105,6 +108,7 @@ def exponential(x: float) -> float:
 
     :raises OverflowError: it is too large.
     """
+    x = float(x)
     near = math.exp(x)
     return float(DIGITS.exp(Decimal(x))) if math.isfinite(x) and near else near
 
@@ -114,12 +118,14 @@ def logarithm(x: float) -> float:
 
     :raises ValueError: x is not positive.
     """
+    x = float(x)
     near = math.log(x)
     return float(DIGITS.ln(Decimal(x))) if math.isfinite(near) else near
 
 
 def hyperbolic_tangent(x: float) -> float:
     """The hyperbolic tangent."""
+    x = float(x)
     if abs(x) < TINY or math.isnan(x):
         return float(x)
     if abs(x) > SATURATED:
@@ -134,6 +140,7 @@ def power(base: float, exponent: float) -> float:
     :raises ValueError: the base is negative and the exponent not whole, or the base is zero and the exponent negative.
     :raises OverflowError: it is too large.
     """
+    base, exponent = float(base), float(exponent)
     near = math.pow(base, exponent)
     if not near or not math.isfinite(near) or not math.isfinite(exponent):
         return near
@@ -144,6 +151,7 @@ def power(base: float, exponent: float) -> float:
 
 def hypotenuse(x: float, y: float) -> float:
     """√(x² + y²)."""
+    x, y = float(x), float(y)
     near = math.hypot(x, y)
     if not math.isfinite(near):
         return near

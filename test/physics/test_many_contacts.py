@@ -68,17 +68,16 @@ def test_no_contact_of_an_arch_pulls_at_the_start():
 
 def test_an_arch_stands_above_its_least_thickness_and_falls_below_it():
     least = least_thickness(5)
-    arch = Simulation.from_file("arch", parameters={"n": 5, "t": 1.01 * least}, live=["t"])
-    start = arch.q.copy()
-    arch.run(until=0.5)
-    assert np.max(np.abs(arch.q - start)) < 1e-14
-    assert abs(arch.energies.residual) < 1e-12
-    arch.set_live({"t": 0.99 * least})
-    arch.reset()
-    arch.run(until=0.5)
+    standing = Simulation.from_file("arch", parameters={"n": 5, "t": 1.01 * least})
+    start = standing.q.copy()
+    standing.run(until=0.5)
+    assert np.max(np.abs(standing.q - start)) < 1e-14
+    assert abs(standing.energies.residual) < 1e-12
+    falling = Simulation.from_file("arch", parameters={"n": 5, "t": 0.99 * least})
+    falling.run(until=0.5)
     crown = 3 * 2 + 1  # the height of the third voussoir, of which the axis points downward
-    assert arch.q[crown] > 1e-3
-    assert abs(arch.energies.residual) < 1e-10
+    assert falling.q[crown] > 1e-3
+    assert abs(falling.energies.residual) < 1e-10
 
 
 @pytest.mark.parametrize("force", [10.0, 9.0])
