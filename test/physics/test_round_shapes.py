@@ -1,4 +1,4 @@
-"""Round bodies in contact with finite ones: closed forms."""
+"""Round bodies in contact with finite ones: closed forms, and the same motion as on a plane."""
 
 from __future__ import annotations
 
@@ -43,6 +43,18 @@ def test_a_cylinder_rolls_down_an_inclined_block_and_leaves_its_edge():
     expected = [1.0 + rate * left * flown + 0.5 * gravity[0] * flown**2, 0.0, 0.2 + 0.5 * gravity[2] * flown**2]
     assert simulation.q[:3] == pytest.approx(expected, abs=1e-9)
     assert abs(simulation.energies.residual) < 1e-12
+
+
+def test_a_can_slides_on_a_block_as_on_a_plane():
+    """Flat, spinning, on six points of its rim."""
+    can = "{type: cylinder, radius: 0.1, length: 0.1, mass: 2}"
+    start = "position: [0.3, 0, 0.15], velocity: [0.4, 0.2, 0], angular_velocity: [0, 0, 3]"
+    both = [scene(can, start, contact) for contact in ("between: [a, b]", "parts: [a], plane: b.top")]
+    for simulation in both:
+        simulation.run(until=0.1)
+    assert both[0].q == pytest.approx(both[1].q, abs=1e-11)
+    assert both[0].u == pytest.approx(both[1].u, abs=1e-10)
+    assert both[0].energies.dissipated == pytest.approx(both[1].energies.dissipated, rel=1e-10)
 
 
 def test_a_can_that_slides_over_an_edge_tips_where_its_pressure_reaches_the_edge():

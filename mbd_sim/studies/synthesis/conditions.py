@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 
@@ -99,8 +99,8 @@ def _condition(text: str, mechanism: Mechanism) -> Condition:
         value = parse_value(found[4], mechanism.parameters, unit)
     except InputError as error:
         raise InputError(f"'{text}': {error.message}", error.remedy) from error
-    measure: Measure = found[1]  # type: ignore[assignment]  # one of them, see above
-    relation: Relation = "=" if found[3].startswith("=") else found[3]  # type: ignore[assignment]
+    measure = cast("Measure", found[1])
+    relation = cast("Relation", "=" if found[3].startswith("=") else found[3])
     if measure == "stroke" and (value < 0.0 or (value == 0.0 and relation == "=")):
         raise InputError(f"'{text}': a stroke is positive", "Give another value.")
     return Condition(measure, name, relation, value, unit)

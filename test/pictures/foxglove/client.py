@@ -10,6 +10,7 @@ from collections import defaultdict
 from typing import Any
 
 from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
 TIMEOUT = 30.0  # s
 MESSAGE, TIME, PLAYBACK = 1, 2, 5  # first bytes of binary messages
@@ -19,7 +20,7 @@ class Client:
     """Subscribes to all topics; keeps the messages of each with their times in ns."""
 
     def __init__(self, address: str) -> None:
-        self._socket = connect(address, subprotocols=["foxglove.sdk.v1"])  # type: ignore[list-item]
+        self._socket = connect(address, subprotocols=[Subprotocol("foxglove.sdk.v1")])
         self.info = json.loads(self._socket.recv(timeout=10.0))
         self.channels: dict[int, dict[str, Any]] = {}
         self.messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
