@@ -23,6 +23,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.pictures.foxglove.entities import nanoseconds
 from mbd_sim.pictures.foxglove.stream import FoxgloveStream
 from mbd_sim.pictures.rerun.scene import LoggedEvent, SceneDescription
+from mbd_sim.pictures.rerun.sinks import ViewerError
 
 PERIOD = 1.0 / 30.0  # s between two batches
 
@@ -65,8 +66,10 @@ class Playback:
     def flush(self) -> None:
         """Start the server: everything has been collected.
 
-        :raises ViewerError: nothing can listen on the port.
+        :raises ViewerError: there are no states, or nothing can listen on the port.
         """
+        if not self._rows:
+            raise ViewerError("Foxglove's time bar has nothing to play: there are no states.")
         self._samples = np.concatenate(self._rows)
         self._times = self._samples[:, 0].tolist()
         self._control = _Control(self._times[0], self._times[-1])
