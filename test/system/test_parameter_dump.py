@@ -40,7 +40,7 @@ def dump(listener: Listener) -> dict[str, Any]:
 def load(listener: Listener, path: Path, content: dict[str, Any]) -> dict[str, str]:
     """What `ros2 param load` does. Returns the names, each with the reason of the refusal, empty for success."""
     path.write_text(yaml.dump({"/sim_node": {"ros__parameters": content}}, default_flow_style=False))
-    parameters = list(parameter_dict_from_yaml_file(str(path), use_wildcard=True).values())
+    parameters = list(parameter_dict_from_yaml_file(str(path), True, ["/sim_node"]).values())
     results = listener.call(SetParameters, "set_parameters", parameters=parameters).results
     assert len(results) == len(parameters)
     return {
@@ -66,10 +66,10 @@ def test_a_node_takes_its_own_dump_and_what_was_edited_in_it(tmp_path: Path) -> 
         content |= {"step_count": 2.5, "marker_rate": -1.0, "use_sim_time": True}
         answers = load(listener, tmp_path / "edited.yaml", content)
         refused = {name: reason for name, reason in answers.items() if reason}
+        assert refused.pop("step_count").startswith("Wrong parameter type")  # rclpy's words, which differ by version
         assert refused == {
             "mechanism": "parameter 'mechanism' is read-only: set it when starting the node",
             "record_dir": "parameter 'record_dir' is read-only: set it when starting the node",
-            "step_count": "Wrong parameter type, expected 'Type.INTEGER' got 'Type.DOUBLE'",
             "marker_rate": "Parameter marker_rate out of range Min: 0.0, Max: 1000.0, value: -1.0",
             "use_sim_time": "set use_sim_time when starting the node: it decides whose clock the node follows.",
         }
