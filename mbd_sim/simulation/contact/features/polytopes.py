@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE
 from mbd_sim.mechanism.elements.contacts import Solid
-from mbd_sim.simulation.contact.compiled.features.polytopes import PARALLEL, Polytopes, SharpHull
+from mbd_sim.simulation.contact.compiled.features.polytope_distances import PARALLEL, Polytopes, SharpHull
 from mbd_sim.simulation.contact.features.narrow_phase import Bounds, CompiledPhase
 
 
