@@ -16,6 +16,6 @@ HAS_ROS_WHEELS = (platform.system(), platform.machine()) == ("Linux", "x86_64")
 def tests(session: nox.Session) -> None:
     """Install the package with what its tests need, and run them."""
     # What the ROS wheels of the environment that runs nox have left behind.
-    session.env |= {"LD_LIBRARY_PATH": None, "_ROS_WHEELS_BOOTSTRAP_COMPLETE": None}
+    session.env.update({"LD_LIBRARY_PATH": None, "_ROS_WHEELS_BOOTSTRAP_COMPLETE": None})
     session.install("--editable", ".[ros,test]" if HAS_ROS_WHEELS else ".[test]")
     session.run("python", "-m", "pytest", "--numprocesses", "2", "--dist", "worksteal", *session.posargs)

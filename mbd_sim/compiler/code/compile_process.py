@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import IO
 
 REPORT_PERIOD = 5.0  # s
 PROGRAM = Path(__file__).with_name("object_code.py")
@@ -56,10 +59,16 @@ def _started(*arguments: str) -> subprocess.Popen[bytes]:
 
 def _output(process: subprocess.Popen[bytes], text: str, began: float) -> bytes:
     """What the process writes until it ends."""
-    given: bytes | None = text.encode()
+    # `communicate` that is called again after a timeout writes no more of its input.
+    given, process.stdin = process.stdin, None
+    threading.Thread(target=_write, args=(given, text), daemon=True).start()
     while True:
         try:
-            return process.communicate(given, timeout=REPORT_PERIOD)[0]
+            return process.communicate(timeout=REPORT_PERIOD)[0]
         except subprocess.TimeoutExpired:
-            given = None  # it goes on being written
             _log.info("still compiling: %.0f s", time.monotonic() - began)
+
+
+def _write(pipe: IO[bytes], text: str) -> None:
+    with contextlib.suppress(BrokenPipeError), pipe:  # the process may have ended
+        pipe.write(text.encode())

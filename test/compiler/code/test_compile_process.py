@@ -97,9 +97,9 @@ def test_paths_that_are_no_texts_are_left_out_as_imports_do(monkeypatch):
 def test_progress_is_logged(monkeypatch, caplog):
     monkeypatch.setattr(compile_process, "REPORT_PERIOD", 0.001)
     with caplog.at_level("INFO", logger=compile_process.__name__):
-        compile_apart(swapping_module(), *host(), 1)
+        assert compile_apart(swapping_module() + "; more than a pipe holds\n" * 10_000, *host(), 1) is not None
     messages = [record.message for record in caplog.records]
-    assert messages[0] == "compiling 0.0 MB of intermediate code"
+    assert messages[0] == "compiling 0.3 MB of intermediate code"
     assert {message.partition(": ")[0] for message in messages[1:-1]} == {"still compiling"}
     assert messages[-1].startswith("compiled in ")
 
