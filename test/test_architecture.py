@@ -196,6 +196,21 @@ def test_functions_fit_on_a_screen():
     assert not long
 
 
+def comprehensions(function):
+    return [node for node in ast.walk(function) if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp)]
+
+
+def test_variables_of_comprehensions_are_not_functions_that_are_called_beside_them():
+    """Python 3.12.1 takes such a function for the variable, and ends with an UnboundLocalError."""
+    for name, tree in modules().items():
+        top = {node.name for node in functions(tree)}
+        for function in functions(tree):
+            targets = [one.target for node in comprehensions(function) for one in node.generators]
+            bound = {node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)} & top
+            called = {getattr(node.func, "id", "") for node in ast.walk(function) if isinstance(node, ast.Call)}
+            assert not bound & called, f"{name}.{function.name}"
+
+
 def test_derive_is_a_table_of_contents():
     (derive,) = (one for one in functions(modules()["dynamics.equations"]) if one.name == "derive")
     code = derive.body[1:]  # after the docstring

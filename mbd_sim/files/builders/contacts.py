@@ -291,7 +291,7 @@ class _ContactBuilder:
         """The places and the names of the parts that touch a support, a part or ground."""
         place: Location = (*where, "parts")
         if spec.parts != ALL:
-            return [((*place, index), reference) for index, reference in enumerate(spec.parts or [])]
+            return [((*place, index), written) for index, written in enumerate(spec.parts or [])]
         names = free_parts(self._touching_parts(where, spec), self._context.valid_joints.values(), support)
         if not names and self._all_known:
             self._context.report(place, "no part with a shape can touch it", "Give parts shapes, or 'collisions'.")

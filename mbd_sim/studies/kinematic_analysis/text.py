@@ -225,7 +225,7 @@ def _usual_columns(motion: DrivenMotion, points: Sequence[str], loads: DriveLoad
 
 def _table(motion: DrivenMotion, columns: Mapping[str, Array]) -> Iterator[str]:
     """Some rows: evenly spaced ones, and all dead and change points."""
-    rows = {int(row) for row in np.linspace(0, len(motion) - 1, min(LINES, len(motion))).round()}
+    rows = {int(place) for place in np.linspace(0, len(motion) - 1, min(LINES, len(motion))).round()}
     marks = {one.row: one.kind for one in motion.singular}
     widths = [max(len(name), WIDTH) for name in columns]
     cleaned = [_without_round_off(motion, name, values) for name, values in columns.items()]
