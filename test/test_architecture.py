@@ -203,7 +203,8 @@ def comprehensions(function):
 def test_variables_of_comprehensions_are_not_functions_that_are_called_beside_them():
     """Python 3.12.1 takes such a function for the variable, and ends with an UnboundLocalError."""
     for name, tree in modules().items():
-        top = {node.name for node in functions(tree)}
+        imported = [alias for node in nodes(tree) if isinstance(node, ast.ImportFrom) for alias in node.names]
+        top = {alias.asname or alias.name for alias in imported} | {node.name for node in functions(tree)}
         for function in functions(tree):
             targets = [one.target for node in comprehensions(function) for one in node.generators]
             bound = {node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)} & top
