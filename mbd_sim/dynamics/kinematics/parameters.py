@@ -321,7 +321,7 @@ def read_fields(kind: type) -> tuple[tuple[str, bool], ...]:
 
 def _has_features(contact: Contact) -> bool:
     """Whether features are computed from the sizes of both bodies, which are then numbers and no symbols."""
-    has_slots = contact.slots > 0 and not isinstance(contact.first, Ball)  # a ball touches cylinders without them as well
+    has_slots = contact.slots > 0 and not isinstance(contact.first, Ball)  # which touches cylinders without them too
     return has_slots or any(isinstance(body, PlanarBody) for body in (contact.first, contact.second))
 
 

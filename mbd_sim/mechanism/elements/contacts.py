@@ -175,11 +175,10 @@ class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
     Pairs are ball and face, rim and face, rim point and face, ellipsoid and face, ball and ball, ball and barrel, two
-    barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face; a ball and a barrel have a
-    slot where the ball can pass from an end over the edge to the side. `names` are those of both
+    barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both
     for people, `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have
-    `slots`, with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and
-    nothing moves; None in space.
+    `slots`, with changing vertices, edges and faces, and a ball has one at the side, the edges and ends of a barrel.
+    `still` is the axis of ground along which both are prisms and nothing moves; None in space.
     """
 
     name: str
