@@ -20,6 +20,7 @@ from mbd_sim.base.errors import InputError, MechanismError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, RowWriter, perpendiculars, velocity_at
+from mbd_sim.dynamics.contact.barrel_rows import BARREL_SIZE, barrel_touch, has_one_row
 from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
@@ -33,7 +34,7 @@ from mbd_sim.dynamics.math.laws import dry_friction
 from mbd_sim.dynamics.math.spatial import constant, is_absent
 from mbd_sim.mechanism.elements import constraints as c
 from mbd_sim.mechanism.elements.constraints import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.elements.contacts import Cluster, Contact, Face, PlanarBody, Solid
+from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cluster, Contact, Face, PlanarBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location
@@ -202,7 +203,7 @@ def one_sided_rows(
             remedy = "Move their shapes into one plane, or remove the contact."
             problem = message.format(*map(repr, contact.names))
             raise MechanismError([mechanism.source.problem(("contacts", contact.name), problem, remedy)])
-        if moving.slots:
+        if moving.slots and not has_one_row(moving, still):
             gaps += _slots(moving, bodies, length)
         else:
             gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
@@ -222,6 +223,9 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap
             case Cluster(), Face() as face:
                 numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = cluster_touch(numbers, *frames, face, length)
+            case Ball() as ball, Barrel() as barrel:
+                numbers = ca.SX.sym("features", BARREL_SIZE)
+                touching = barrel_touch(contact, numbers, (ball, barrel), frames, length)
             case PlanarBody() as one, PlanarBody() as other:
                 numbers = ca.SX.sym("features", SLOT_SIZE)
                 touching = outline_touch(numbers, (one, other), *frames, length)

@@ -11,6 +11,8 @@ import casadi as ca
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.equations import expressed_in_state
+from mbd_sim.dynamics.contact.barrel_rows import has_one_row
+from mbd_sim.dynamics.contact.one_sided_equations import still_axis
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.math.expressions import function_of
@@ -66,11 +68,16 @@ def passing_functions(mechanism: Mechanism, loaded: Sequence[str] = ()) -> Passi
 
     :param loaded: see `trace`.
     """
-    static = [contact for contact in mechanism.contacts if not contact.slots]  # the others are followed within a step
-    pairs = [*_constraint_pairs(mechanism), *map(_contact_pair, static)]
-    if not pairs:
+    static = [contact for contact in mechanism.contacts if not contact.slots or isinstance(contact.first, Ball)]
+    constraints = [*_constraint_pairs(mechanism)]
+    if not static and not constraints:
         return None
     traced = trace(mechanism, loaded)
+    still = still_axis(traced.poses)
+    static = [contact for contact in static if not contact.slots or has_one_row(contact, still)]
+    pairs = [*constraints, *map(_contact_pair, static)]  # the others are followed within a step
+    if not pairs:
+        return None
     bodies = BodySymbols(traced.links)
     in_state = expressed_in_state(traced, bodies, ca.SX.sym("time"))
     columns = [ca.densify(_motion(pair, traced, bodies, in_state)) for pair in pairs]

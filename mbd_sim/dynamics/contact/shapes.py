@@ -143,9 +143,9 @@ def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: in
             line = first.position - second.position
             return _round(contact, ball, other.radius, first, line, lambda normal: tangents(normal, still))
         case Ball() as ball, Barrel() as barrel if contact.inside:
-            return _ball_in_barrel(contact, ball, barrel, first, second)
+            return ball_in_barrel(contact, ball, barrel, first, second)
         case Ball() as ball, Barrel() as barrel:
-            return _ball_on_barrel(ball, barrel, first, second)
+            return ball_on_barrel(ball, barrel, first, second)
         case Barrel() as inner, Barrel() as barrel:
             axis, across, _ = _cylindrical(barrel, first, second)
             roller = Ball(inner.at, inner.radius)
@@ -254,28 +254,55 @@ def _cylindrical(barrel: Barrel, first: SymbolicPose, second: SymbolicPose) -> t
     return axis, line - axis * along, along
 
 
-def _ball_on_barrel(ball: Ball, barrel: Barrel, first: SymbolicPose, second: SymbolicPose) -> Touch:
-    """A ball at the side, on an end, or at an edge of a cylinder."""
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """What of a cylinder a ball touches: an `end`, 1 or -1, or 0 for none, and 1 for the `side` and an edge, else 0."""
+
+    end: ca.SX
+    side: ca.SX
+
+
+def ball_on_barrel(
+    ball: Ball, barrel: Barrel, first: SymbolicPose, second: SymbolicPose, zone: Zone | None = None
+) -> Touch:
+    """A ball at the side, on an end, or at an edge of a cylinder.
+
+    :param zone: what it touches; where it is not given, that to which its center is nearest.
+    """
     axis, across, along = _cylindrical(barrel, first, second)
-    radial, up = ca.sqrt(ca.dot(across, across) + FLAT), ca.if_else(along < 0.0, -1.0, 1.0)
-    beside, beyond = radial - barrel.radius, ca.fabs(along) - 0.5 * barrel.length
-    outward, at_edge, on_end = across / radial, (beside > 0.0) * (beyond > 0.0), beyond > beside
+    radial = ca.sqrt(ca.dot(across, across) + FLAT)
+    beside, outward = radial - barrel.radius, across / radial
+    if zone is None:
+        up = ca.if_else(along < 0.0, -1.0, 1.0)
+        beyond = ca.fabs(along) - 0.5 * barrel.length
+        at_edge, on_end = (beside > 0.0) * (beyond > 0.0), beyond > beside
+        on_face = on_end * (beside <= 0.0)
+    else:
+        up, beyond = zone.end, zone.end * along - 0.5 * barrel.length
+        at_edge, on_end, on_face = zone.side * up * up, up * up, up * up * (1.0 - zone.side)
     size = ca.sqrt(beside * beside + beyond * beyond + FLAT)
-    distance = ca.if_else(at_edge, size, ca.fmax(beside, beyond)) - ball.radius
+    distance = ca.if_else(at_edge, size, ca.if_else(on_end, beyond, beside)) - ball.radius
     flat = ca.if_else(on_end, up * axis, outward)
     normal = ca.if_else(at_edge, (beside * outward + (beyond * up) * axis) / size, flat)
     around, fixed = ca.cross(axis, outward), _turned(second, perpendiculars(barrel.axis)[0])
-    side = ca.if_else(on_end * (beside <= 0.0), fixed, around)
+    side = ca.if_else(on_face, fixed, around)
     return Touch(distance, normal, first.position - ball.radius * normal, (side, ca.cross(normal, side)))
 
 
-def _ball_in_barrel(contact: Contact, ball: Ball, barrel: Barrel, first: SymbolicPose, second: SymbolicPose) -> Touch:
-    """A ball inside a tube with a thin wall, or at the edge of one of its ends."""
+def ball_in_barrel(
+    contact: Contact, ball: Ball, barrel: Barrel, first: SymbolicPose, second: SymbolicPose, zone: Zone | None = None
+) -> Touch:
+    """A ball inside a tube with a thin wall, or at the edge of one of its ends; for the `zone` see `ball_on_barrel`."""
     axis, across, along = _cylindrical(barrel, first, second)
     inner = _round(contact, ball, barrel.radius, first, across, lambda normal: (ca.cross(axis, normal), axis))
-    radial, up = ca.sqrt(ca.dot(across, across) + FLAT), ca.if_else(along < 0.0, -1.0, 1.0)
-    beside, beyond = radial - barrel.radius, ca.fabs(along) - 0.5 * barrel.length
-    outside, outward = beyond > ALONG * barrel.radius, across / radial
+    radial = ca.sqrt(ca.dot(across, across) + FLAT)
+    beside, outward = radial - barrel.radius, across / radial
+    if zone is None:
+        up = ca.if_else(along < 0.0, -1.0, 1.0)
+        beyond = ca.fabs(along) - 0.5 * barrel.length
+        outside = beyond > ALONG * barrel.radius
+    else:
+        up, beyond, outside = zone.end, zone.end * along - 0.5 * barrel.length, zone.end * zone.end
     size = ca.sqrt(beside * beside + beyond * beyond + FLAT)
     normal = ca.if_else(outside, (beside * outward + (beyond * up) * axis) / size, inner.normal)
     around = ca.if_else(outside, ca.cross(axis, outward), inner.sides[0])

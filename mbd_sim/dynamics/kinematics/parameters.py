@@ -321,7 +321,8 @@ def read_fields(kind: type) -> tuple[tuple[str, bool], ...]:
 
 def _has_features(contact: Contact) -> bool:
     """Whether features are computed from the sizes of both bodies, which are then numbers and no symbols."""
-    return bool(contact.slots) or any(isinstance(body, PlanarBody) for body in (contact.first, contact.second))
+    has_slots = contact.slots > 0 and not isinstance(contact.first, Ball)  # which touches cylinders without them too
+    return has_slots or any(isinstance(body, PlanarBody) for body in (contact.first, contact.second))
 
 
 def add_leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:

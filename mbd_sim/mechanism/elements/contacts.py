@@ -177,8 +177,8 @@ class Contact:
     Pairs are ball and face, rim and face, rim point and face, ellipsoid and face, ball and ball, ball and barrel, two
     barrels with parallel axes, ball and cam, barrel and cam with parallel axes, cam and face. `names` are those of both
     for people, `quantity` both and the corner or rim in one word. Two solids touch in up to as many points as they have
-    `slots`, with changing vertices, edges and faces. `still` is the axis of ground along which both are prisms and
-    nothing moves; None in space.
+    `slots`, with changing vertices, edges and faces, and a ball has one at the side, the edges and ends of a barrel.
+    `still` is the axis of ground along which both are prisms and nothing moves; None in space.
     """
 
     name: str

@@ -227,19 +227,23 @@ def _without_depth(path: SheetPath) -> SheetPath:
 def named_joints_and_parts(
     page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], size: float
 ) -> list[tuple[SheetText, float]]:
-    """The names of the parts, and of the joints that move where there is room, each with the most it may cover."""
+    """The names of the parts, and of the joints that move where there is room, each with the most it may cover.
+
+    A joint that is called as one of its parts has no name of its own.
+    """
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
-    colors = part_colors(mechanism)
+    colors, visible = part_colors(mechanism), [name for name, part in mechanism.parts.items() if not is_invisible(part)]
     names = [
         (
             SheetText(_spaced(name), _label_point(page, part, poses[name]), PART_NAME, outline_color(colors[name])),
             math.inf,
         )
         for name, part in mechanism.parts.items()
-        if not is_invisible(part)
+        if name in visible
     ]
     for joint in joints:
-        if joint.joint.kind.connects and not carries_coordinate_only(joint):
+        own, parts = joint.joint.name, (joint.joint.inboard, joint.joint.outboard_part)
+        if joint.joint.kind.connects and not carries_coordinate_only(joint) and not (own in visible and own in parts):
             at = page.project(label_point(page, joint, size))
             names.append((SheetText(_spaced(joint.joint.name), at, JOINT_NAME, GRAY, italic=True), MAX_COVERED))
     return names

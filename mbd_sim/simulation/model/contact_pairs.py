@@ -127,7 +127,7 @@ def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> 
         yield problem(
             where,
             f"{names} move along the axis, so that one can pass an end of the other, which cannot be computed",
-            "Hold them beside each other by joints, or give the first a sphere with a radius.",
+            "Hold them beside each other by joints, give the first a sphere with a radius, or the second a length.",
         )
     elif isinstance(second, Barrel):
         reach = 0.5 * (second.length + (first.length if isinstance(first, Barrel) else 0.0))

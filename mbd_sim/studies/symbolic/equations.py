@@ -17,7 +17,7 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.layouts.vectors import coordinate_layout
 from mbd_sim.mechanism.contents import expressions_of_forces, has_one_sided, require_no_commanded_drives
-from mbd_sim.mechanism.elements.contacts import Cam
+from mbd_sim.mechanism.elements.contacts import Ball, Cam
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
 from mbd_sim.mechanism.values.laws import Linear
 from mbd_sim.studies.algebra.evaluation import polynomials
@@ -118,7 +118,7 @@ def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = 
     """
     require_no_commanded_drives(require_mechanism(mechanism), "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
-    _require_formulas(mechanism)
+    mechanism = _with_formulas(mechanism)
     mechanism = as_in_textbooks(mechanism)
     values = None
     if parameters is None or parameters:
@@ -274,7 +274,13 @@ def _require_small(mechanism: Mechanism, speeds: int) -> None:
         raise too_large(mechanism, f"it has {speeds} generalized speeds, more than {MAX_SPEEDS}")
 
 
-def _require_formulas(mechanism: Mechanism) -> None:
+def _with_formulas(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with one row for all that a ball touches of a cylinder.
+
+    :raises MbdSimError: a contact has no formula.
+    """
+    contacts = [replace(each, slots=0) if isinstance(each.first, Ball) else each for each in mechanism.contacts]
+    mechanism = replace(mechanism, contacts=tuple(contacts))
     pairs = ((contact.name, (contact.first, contact.second)) for contact in mechanism.contacts)
     cams = list(dict.fromkeys(name for name, bodies in pairs if any(isinstance(body, Cam) for body in bodies)))
     if cams:
@@ -287,6 +293,7 @@ def _require_formulas(mechanism: Mechanism) -> None:
             f"{mechanism.name}: the gap of {listed(list(dict.fromkeys(slots)))} has no formula, because the features "
             "that touch change. Use spheres, or planes."
         )
+    return mechanism
 
 
 @record

@@ -76,6 +76,9 @@ def test_every_shipped_mechanism_fits_its_sheet_and_names_do_not_cover_each_othe
     assert picture.size[0] <= 680.0
     parts = [text for text in picture.sheet.texts if text.text.replace(" ", "_") in mechanism.parts]
     assert len(parts) >= sum(not is_invisible(part) for part in mechanism.parts.values())
+    named = [text.text.replace(" ", "_") for text in parts]
+    for joint in mechanism.joints.values():  # one that is called as its part is not named again
+        assert named.count(joint.name) <= 1 or joint.outboard_part != joint.name
     for index, first in enumerate(parts):
         assert not any(overlaps(first, other) for other in parts[index + 1 :])
 

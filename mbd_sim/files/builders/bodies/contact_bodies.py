@@ -186,6 +186,9 @@ def slots_of(first: ContactBody, second: ContactBody, inside: bool, compliant: b
     """The number of points in which two bodies can touch with changing features; 0 if these never change."""
     if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
         return MOST_SLOTS  # fewer, once the plane is known
+    if isinstance(first, Ball) and isinstance(second, Barrel):
+        touches_ends = second.length > 0.0 or (first.radius > 0.0 and not inside)  # a ring around a ball is all edge
+        return 1 if touches_ends and not compliant else 0
     static = inside or (compliant and isinstance(first, Barrel) and isinstance(second, Barrel))
     if static or isinstance(first, Ball | Rim | Cam) or isinstance(second, Ball | Face | Cam):
         return 0

@@ -29,6 +29,7 @@ from mbd_sim.simulation.contact.compiled import (
     step,
 )
 from mbd_sim.simulation.contact.compiled.features import (
+    barrels,
     crossings,
     meetings,
     normals,
@@ -42,6 +43,7 @@ from mbd_sim.simulation.contact.compiled.features import (
 )
 
 MODULES: tuple[ModuleType, ...] = (
+    barrels,
     candidate_forces,
     contacts,
     crossings,
@@ -82,6 +84,9 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     linear.best_conditioned,
     linear.independent,
     linear.lemke,
+    barrels.barrel_distance,
+    barrels.barrel_margin,
+    barrels.barrel_touching,
     outlines.outline_distance,
     outlines.outline_margin,
     outlines.outline_touching,

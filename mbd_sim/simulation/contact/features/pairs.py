@@ -17,6 +17,7 @@ from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.mechanism.elements.contacts import (
+    Ball,
     Barrel,
     Cluster,
     ConeBody,
@@ -28,6 +29,7 @@ from mbd_sim.mechanism.elements.contacts import (
 )
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, FeaturePair
+from mbd_sim.simulation.contact.features.barrels import BarrelPair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
@@ -42,6 +44,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
             return ClusterOnPlane(cluster, face, contact.slots)
         case Solid() as first, Solid() as second:
             return PolytopePair(first, second, contact.slots, contact.still)
+        case Ball() as ball, Barrel() as barrel:
+            return BarrelPair(ball, barrel, inside=contact.inside)
         case PlanarBody() as first, PlanarBody() as second:
             return OutlinePair(first, second, contact.slots, contact.names)
         case (
