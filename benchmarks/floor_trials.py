@@ -1,9 +1,9 @@
 """Real robots on a floor with simple controllers: standing, landing, walking, grasping and pressing.
 
 They come from the packages `example-robot-data` and `gymnasium`; the hand on a table is an SDF of our own. Springs and
-dampers hold their joints, and motors add the efforts of a gait or a grip. URDF files lack the inertias of rotors, without
-which a damper of a humanoid's ankle acts within microseconds; where it matters, the trial gives them. Friction of held
-joints is left out, because MuJoCo's is soft.
+dampers hold their joints, and motors add the efforts of a gait or a grip. URDF files lack the inertias of rotors,
+without which a damper of a humanoid's ankle acts within microseconds; where it matters, the trial gives them. Friction
+of held joints is left out, because MuJoCo's is soft.
 """
 
 from __future__ import annotations
