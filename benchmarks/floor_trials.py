@@ -1,7 +1,9 @@
 """Real robots on a floor with simple controllers: standing, landing, walking, grasping and pressing.
 
 They come from the packages `example-robot-data` and `gymnasium`; the hand on a table is an SDF of our own. Springs and
-dampers hold their joints, and motors add the efforts of a gait or a grip.
+dampers hold their joints, and motors add the efforts of a gait or a grip. URDF files lack the inertias of rotors,
+without which a damper of a humanoid's ankle acts within microseconds; where it matters, the trial gives them. Friction
+of held joints is left out, because MuJoCo's is soft.
 """
 
 from __future__ import annotations
@@ -67,8 +69,15 @@ def held(mechanism: Mechanism, pose: Mapping[str, float], stiffness: float, damp
             f'joints."{joint.name}".rest': rest,
             f'joints."{joint.name}".stiffness': stiffness,
             f'joints."{joint.name}".damping': damping,
+            f'joints."{joint.name}".friction': None,
         }
     return changes
+
+
+def rotors(mechanism: Mechanism, inertia: float) -> dict[str, Any]:
+    """Actuators whose rotors add an inertia to each hinge, and which exert nothing."""
+    hinges = [joint.name for joint in mechanism.joints.values() if joint.type == "revolute" and not joint.drive]
+    return {name: {"type": "effort", "joint": name, "rotor_inertia": inertia} for name in hinges}
 
 
 def _raised(mechanism: Mechanism, height: float) -> dict[str, Any]:
@@ -206,7 +215,7 @@ def z1_presses() -> Mechanism:
         "plane": "ground",
         "friction": 0.4,
     }
-    return with_values(arm, changes | {"contacts": {"floor": floor}})
+    return with_values(arm, changes | {"contacts": {"floor": floor}, "actuators": rotors(arm, 0.02)})
 
 
 def standing(
@@ -217,13 +226,17 @@ def standing(
     more: Mapping[str, Any] | None = None,
     raised: float = 0.0,
     motors: Sequence[str] = (),
+    rotor: float = 0.0,
 ) -> Callable[[], Mechanism]:
     """Builds a robot on the floor that is held at a pose."""
 
     def build() -> Mechanism:
         path = file()
         mechanism = load_mechanism(path, base=None if path.endswith(".xml") else "free", hulls=True)
-        found = on_floor(mechanism, held(mechanism, pose, stiffness, damping) | dict(more or {}))
+        changes = held(mechanism, pose, stiffness, damping) | dict(more or {})
+        if rotor:
+            changes["actuators"] = rotors(mechanism, rotor)
+        found = on_floor(mechanism, changes)
         if raised:
             found = with_values(found, _raised(found, raised))
         if motors:
@@ -280,6 +293,7 @@ TRIALS = {
             },
             3000.0,
             50.0,
+            rotor=0.5,
         ),
     ),
     "g1_stands": Trial(
@@ -290,6 +304,7 @@ TRIALS = {
             {"hip_pitch": -0.2, "knee": 0.42, "ankle_pitch": -0.23},
             500.0,
             10.0,
+            rotor=0.05,
         ),
     ),
     "cassie_stands": Trial(

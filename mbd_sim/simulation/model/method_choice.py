@@ -82,10 +82,11 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     if step * mode.rate <= MARGIN * method.stability_limit:
         return MethodChoice(method)
     rates = f"{mechanism.coordinate_names[mode.speed]} has rates of {mode.rate:.1g}/s"
-    if name == AUTO and one_sided_names(mechanism):
+    if one_sided_names(mechanism) and (name == AUTO or step * mode.rate > method.stability_limit):
         remark = (
-            f"{rates}, too fast for steps of {step:g} s with method {default}; methods for stiff mechanisms do not "
-            f"treat one-sided elements. Use steps of {MARGIN * method.stability_limit / mode.rate:.2g} s."
+            f"{rates}, too fast for steps of {step:g} s with method {method.name}; methods for stiff mechanisms do not "
+            f"treat one-sided elements. Use steps of {MARGIN * method.stability_limit / mode.rate:.2g} s, less damping "
+            "or stiffness, or more inertia, such as that of a rotor."
         )
         return MethodChoice(method, remark)
     if name == AUTO:

@@ -70,6 +70,15 @@ def test_an_explicit_choice_is_kept_with_a_warning():
     assert Simulation(written, method="auto").model.method.name == "rosenbrock_w"
 
 
+def test_one_sided_elements_are_not_told_to_use_a_method_that_refuses_them():
+    """Before, a method chosen by the user was answered with 'Use method rosenbrock', which cannot treat stops."""
+    stops = STIFF.replace("damping: 1e4", "damping: 1e4, limits: {lower: -2, upper: 2, restitution: 0}", 1)
+    for method, named in ((None, "adams11"), ("rk4", "rk4")):
+        remark = Simulation(parse_mechanism(stops), method=method).remarks[0]
+        assert f"with method {named}; methods for stiff mechanisms do not treat one-sided elements" in remark
+        assert "Use steps of" in remark and "rosenbrock" not in remark
+
+
 def test_the_step_counts():
     assert finger(step=1e-11).model.method.name == "adams11"
     assert Ensemble(parse_mechanism(STIFF), 2).model.method.name == "rosenbrock_w"
