@@ -48,7 +48,8 @@ def status(address: str) -> int:
         with urllib.request.urlopen(address) as answer:
             return int(answer.status)
     except urllib.error.HTTPError as error:
-        return error.code
+        with error:
+            return error.code
 
 
 def test_the_lab_listens_for_other_machines_with_a_token(tmp_path: Path) -> None:

@@ -199,6 +199,7 @@ def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, open
     )
 
 
+@pytest.mark.usefixtures("chromium")  # whose page begins one
 def test_the_recordings_are_recomputed(node):
     """That from the start, which a page has ended, and that which the page has begun."""
     stop_recording(node.listener, node.folder)
