@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mbd_sim import __version__
@@ -67,6 +68,15 @@ def test_check_as_json_holds_the_same_numbers(capsys):
     assert code == 0
     assert (found["degrees_of_freedom"], found["mass"], found["gravity"]) == (6, 1.0, [0.0, 0.0, 0.0])
     assert found["start"]["kinetic"] == pytest.approx(0.5 * (1 * 0.01**2 + 2 * 2**2 + 3 * 0.01**2), rel=1e-15)
+
+
+def test_check_closes_the_loops_at_another_start(capsys):
+    _, out, _ = answer(capsys, "check", "four_bar", "--json", "--start", "crank_pivot=30 deg")
+    crank, _, rocker = json.loads(out)["start"]["q"]
+    pin, end = 0.5 * np.exp(1j * crank), 1.5 + 1.2 * np.exp(1j * rocker)
+    assert crank == pytest.approx(np.pi / 6) and abs(end - pin) == pytest.approx(1.4)
+    code, _, problem = answer(capsys, "check", "double_rod", "--start", "elbo=1")
+    assert code != 0 and "Did you mean 'elbow'" in problem
 
 
 def test_check_remarks_on_limits_that_do_nothing(capsys, tmp_path):

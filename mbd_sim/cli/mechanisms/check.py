@@ -11,7 +11,7 @@ from mbd_sim.base.plain_output import print_file
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_mechanism
 from mbd_sim.cli.shared.drawing import add_drawing, draw_requested, require_drawing
-from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
+from mbd_sim.cli.shared.setup_options import add_robot, add_set, add_start_positions, changed_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.report.text import cached_report, kinematic_text, report_text
 
@@ -19,6 +19,7 @@ from mbd_sim.studies.report.text import cached_report, kinematic_text, report_te
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_set(parser)
+    add_start_positions(parser)
     add_robot(parser)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     parser.add_argument(
@@ -62,7 +63,7 @@ def _execute(options: argparse.Namespace) -> int:
         names = ", ".join(f"--{name}" for name in unused)
         raise CommandError(f"{names}: --latex prints equations instead of the report", "Leave one of them out.")
     require_drawing(options)
-    mechanism = changed_mechanism(options)
+    mechanism = changed_mechanism(options, starts=True)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):
             return _print_report(cached_report(mechanism), options)

@@ -50,27 +50,35 @@ def add_robot(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_start(parser: argparse._ActionsContainer) -> None:
-    """Declare `--start` and `--effort`."""
+def add_start_positions(parser: argparse._ActionsContainer) -> None:
+    """Declare `--start`."""
     add_repeatable(
         parser,
         "--start",
         "JOINT=VALUE",
         "start position of a joint or coordinate, in rad or m or with a unit, such as elbow='30 deg'; repeatable",
     )
+
+
+def add_start(parser: argparse._ActionsContainer) -> None:
+    """Declare `--start` and `--effort`."""
+    add_start_positions(parser)
     add_repeatable(
         parser, "--effort", "JOINT=VALUE", "constant effort on a joint, in N or N·m or with a unit; repeatable"
     )
 
 
-def changed_mechanism(options: argparse.Namespace) -> Mechanism:
-    """The mechanism with the values of `--set`.
+def changed_mechanism(options: argparse.Namespace, *, starts: bool = False) -> Mechanism:
+    """The mechanism with the values of `--set`, and, if the command `starts` it, with those of `--start`.
 
-    :raises InputError: an option is not an assignment.
+    :raises InputError: an option is not an assignment, or names a joint that does not exist.
     :raises MechanismError: with all problems of the file, or of the values.
     """
     Waiting.stage("read the mechanism")
-    return set_up_by(options, read_mechanism(options), changes_of(options.changes))
+    mechanism, changes = read_mechanism(options), changes_of(options.changes)
+    if starts:
+        changes |= _start_positions(mechanism, options)
+    return set_up_by(options, mechanism, changes)
 
 
 def set_up_by(options: argparse.Namespace, mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
@@ -105,7 +113,7 @@ def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) 
     Waiting.stage("read the mechanism")
     mechanism = read_mechanism(options)
     changes = changes_of(options.changes) if with_changes else {}
-    changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
+    changes |= _start_positions(mechanism, options)
     mechanism = set_up_by(options, mechanism, changes)
     Waiting.stage("derive and compile the equations")
     simulation = BaseSimulation(
@@ -157,11 +165,11 @@ def _effort(text: str, mechanism: Mechanism) -> tuple[str, float]:
         raise InputError(f"--effort {text}: '{value}' is not a number", "Write for example elbow=2.5.") from None
 
 
-def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) -> dict[str, Any]:
+def _start_positions(mechanism: Mechanism, options: argparse.Namespace) -> dict[str, Any]:
     """The values of `--start`, by key of the file: of a joint with one coordinate, or of one of several coordinates."""
     lists: dict[str, list[Any]] = {}
     found: dict[str, Any] = {}
-    for name, text in starts:
+    for name, text in _pairs("--start", options.start, "elbow=0.5"):
         joint, number = _coordinate(mechanism, name)
         key = f"joints.{in_quotes(joint)}.position"
         if drive := mechanism.all_joints[joint].drive:

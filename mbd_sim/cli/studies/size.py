@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mbd_sim.base.errors import InputError, listed, nearest
+from mbd_sim.base.geometry.pose import Array
 from mbd_sim.cli.shared.command import Command
 from mbd_sim.cli.shared.common import add_quiet, add_repeatable, positive_in, print_notes, print_written, text_table
 from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
@@ -23,7 +24,7 @@ from mbd_sim.studies.kinematic_analysis.system import bare_range_remark, drive_r
 from mbd_sim.studies.sizing.catalog import AMBIENT, Catalog, GearType, MotorType, read_catalog, shipped_catalog
 from mbd_sim.studies.sizing.cycle import LoadCycle, drive_cycles, read_cycle
 from mbd_sim.studies.sizing.duty import MotorDuty, motor_duty
-from mbd_sim.studies.sizing.flywheel import flywheel, load_beside
+from mbd_sim.studies.sizing.flywheel import flywheel, load_beside, with_flywheel
 from mbd_sim.studies.sizing.gears import best_ratio
 from mbd_sim.studies.sizing.laws import LAWS, SHARE, MotionLaw, law_of_text, motion_law
 from mbd_sim.studies.sizing.picture import draw_duty
@@ -107,7 +108,7 @@ def _execute(options: argparse.Namespace) -> int:
     catalog = _catalog(options)
     load, motion, law = _load(options)
     print("\n".join(load_lines(load)))
-    changed = _balanced(options, load, motion, law)
+    changed, speed = _balanced(options, load, motion, law)
     duties = ordered(_duties(options, catalog, changed))
     if duties:
         print()
@@ -124,7 +125,7 @@ def _execute(options: argparse.Namespace) -> int:
         }
         write_columns(options.out, duty_series(first) if first else load_series(changed), about)
     if options.plot is not None:
-        draw_duty(options.plot, changed, first, load if changed is not load else None)
+        draw_duty(options.plot, changed, first, load if changed is not load else None, speed)
     print_written(options.out, options.plot)
     return 0 if not duties or duties[0].suffices else 1
 
@@ -209,8 +210,8 @@ def _joints(known: Sequence[str], name: str) -> str:
 
 def _balanced(
     options: argparse.Namespace, load: LoadCycle, motion: DrivenMotion | None, law: MotionLaw | None
-) -> LoadCycle:
-    """The load of the motor after the spring and the flywheel, which are printed."""
+) -> tuple[LoadCycle, Array | None]:
+    """The load of the motor after the spring and the flywheel, which are printed; and the speed with a flywheel."""
     if not options.spring and (options.between or options.rest):
         raise InputError("--between and --rest are of a spring", "Give --spring too.")
     if options.spring:
@@ -230,8 +231,8 @@ def _balanced(
     if options.flywheel is not None:
         wheel = flywheel(load, options.flywheel)
         print("\n".join(flywheel_lines(wheel)))
-        load = load_beside(load, wheel)
-    return load
+        return load_beside(load, wheel), with_flywheel(load, wheel) if wheel.total else None
+    return load, None
 
 
 def _duties(options: argparse.Namespace, catalog: Catalog, load: LoadCycle) -> list[MotorDuty]:

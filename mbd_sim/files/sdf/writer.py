@@ -8,6 +8,7 @@ the SDF.
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,7 @@ from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.sdf.written_joints import LinkPoses, SdfJoint, WrittenAxis, written_chain, written_closing
 from mbd_sim.files.urdf.elements import mimics_of
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
+from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import Face
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
@@ -311,6 +313,9 @@ def _note_rest(document: SdfDocument) -> None:
     constraints = [one.name for one in mechanism.constraints if one.name not in mimicked]
     balls = [joint for joint in joints if joint.kind.quaternion is not None]
     moving = [joint.name for joint in joints if joint.drive]
+    accelerated = [
+        drive.name for drive in commanded_drives(mechanism).values() if not math.isinf(drive.acceleration_limit)
+    ]
     started = [
         joint.name
         for joint in mechanism.joints.values()
@@ -322,6 +327,7 @@ def _note_rest(document: SdfDocument) -> None:
     other_friction = [joint.name for joint in joints if joint.friction and not joint.friction.is_plain]
     for kind, names in (
         ("drives, whose joints move freely", moving),
+        ("limits on the acceleration of drives", accelerated),
         ("constraints", constraints),
         ("springs, dampers and forces", [element.name for element in elements]),
         (

@@ -6,6 +6,7 @@ coordinate is written with its offset.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -13,8 +14,8 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about
-from mbd_sim.files.urdf.elements import Mimic, motions_of
-from mbd_sim.mechanism.elements.joint_types import JointType
+from mbd_sim.files.urdf.elements import Mimic, motions_of, range_of
+from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import Joint
 
 NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal"}
@@ -102,7 +103,7 @@ def written_chain(joint: Joint, placement: LinkPoses, mimics: Mapping[str, Mimic
                 place,
                 (axis,),
                 effort=joint.effort_limit if single else None,
-                velocity=joint.velocity_limit if single else None,
+                velocity=_velocity_limit(joint) if single else None,
             )
         )
         if not last:
@@ -139,7 +140,23 @@ def _native(
         axes = [_axis(joint, name, sign * one, placement, mimics) for name, one in zip(names, turned, strict=True)]
     elif joint.kind.advances:
         axes = [_axis(joint, joint.name, sign * joint.axis, placement, mimics)]
-    return SdfJoint(joint.name, native_type(joint), parent, child, outer, tuple(axes), joint.lead, joint.effort_limit)
+    return SdfJoint(
+        joint.name,
+        native_type(joint),
+        parent,
+        child,
+        outer,
+        tuple(axes),
+        joint.lead,
+        joint.effort_limit,
+        _velocity_limit(joint),
+    )
+
+
+def _velocity_limit(joint: Joint) -> float | None:
+    """The largest speed of a joint, or of its drive if this follows commands; None without one."""
+    limit = joint.drive.velocity_limit if isinstance(joint.drive, CommandedDrive) else joint.velocity_limit
+    return None if limit is None or math.isinf(limit) else limit
 
 
 def _axis(joint: Joint, name: str, direction: Array, placement: LinkPoses, mimics: Mapping[str, Mimic]) -> WrittenAxis:
@@ -147,9 +164,10 @@ def _axis(joint: Joint, name: str, direction: Array, placement: LinkPoses, mimic
     if name not in placement.offsets:
         return WrittenAxis(direction)
     index, offset = joint.motion_names.index(name), placement.offsets[name]
+    lower, upper = (None if math.isinf(bound) else bound - offset for bound in range_of(joint, index))
     if joint.drive:
-        return WrittenAxis(direction, coordinate=name)
-    limits, friction, mimic = joint.limits_of(index), joint.friction, mimics.get(name)
+        return WrittenAxis(direction, lower=lower, upper=upper, coordinate=name)
+    friction, mimic = joint.friction, mimics.get(name)
     if mimic is not None:
         moved = mimic.offset + mimic.multiplier * placement.offsets[mimic.joint] - offset
         mimic = replace(mimic, offset=moved)
@@ -159,8 +177,8 @@ def _axis(joint: Joint, name: str, direction: Array, placement: LinkPoses, mimic
         float(joint.rest[index]) - offset,
         float(joint.damping[index]) + (friction.viscous if friction else 0.0),
         friction.coulomb if friction else 0.0,
-        limits.lower - offset if limits else None,
-        limits.upper - offset if limits else None,
+        lower,
+        upper,
         mimic,
         name,
     )

@@ -89,4 +89,4 @@ def with_flywheel(load: LoadCycle, wheel: Flywheel) -> Array:
     low, high = samples.extremes_of_integral(wheel.mean_effort * load.speed - load.power)
     inertia = wheel.inertia + wheel.present
     middle = (0.5 * wheel.irregularity * wheel.speed) ** 2 + wheel.speed**2  # mean of the squares of both extremes
-    return np.asarray(np.sqrt(middle + 2.0 * (stored - 0.5 * (low + high)) / inertia))
+    return np.asarray(np.sign(wheel.speed) * np.sqrt(middle + 2.0 * (stored - 0.5 * (low + high)) / inertia))

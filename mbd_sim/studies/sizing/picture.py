@@ -21,11 +21,16 @@ SETTINGS = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "mbd_sim
 
 
 def draw_duty(
-    path: str | Path, load: LoadCycle, duty: MotorDuty | None = None, before: LoadCycle | None = None
+    path: str | Path,
+    load: LoadCycle,
+    duty: MotorDuty | None = None,
+    before: LoadCycle | None = None,
+    speed: Array | None = None,
 ) -> None:
     """Draw a load, and what a motor does for it, as .png, .svg or .pdf.
 
     :param before: the load without a spring or a flywheel, to compare with.
+    :param speed: the speed (n,) that a flywheel lets fluctuate, of which the irregularity is written.
     :raises MbdSimError: the file cannot be written.
     """
     path = Path(path)
@@ -45,6 +50,8 @@ def draw_duty(
         _over_time(
             axes[0, 1], load.time, load.speed, f"speed of {load.name}", "rad/s" if load.rotation else "m/s", ORANGE
         )
+        if speed is not None:
+            _fluctuation(axes[0, 1], load, speed)
         figure.suptitle(load.name if duty is None else f"{load.name}: {duty.motor.name}, gear {duty.gear.name}")
         if duty is not None:
             _cloud(axes[1, 0], duty)
@@ -67,6 +74,19 @@ def _over_time(axes: Any, time: Array, values: Array, title: str, unit: str, col
     largest = float(np.max(np.abs(values), initial=0.0))
     if np.all(np.isfinite(values)) and np.ptp(values) < STEADY * largest:
         axes.set_ylim(sorted((0.0, 1.15 * (largest if values[0] > 0.0 else -largest))))
+
+
+def _fluctuation(axes: Any, load: LoadCycle, speed: Array) -> None:
+    """The speed with a flywheel, and its extremes, on a scale that shows them."""
+    lowest, highest = float(speed.min()), float(speed.max())
+    irregularity = (highest - lowest) / abs(load.samples.mean(load.speed))
+    axes.lines[0].set(color=GRAY, linestyle="--", label="mean" if np.ptp(load.speed) == 0.0 else "without flywheel")
+    label = f"with the flywheel, irregularity {irregularity:.3g}"
+    axes.plot(load.time, speed, color=ORANGE, linewidth=1.3, label=label)
+    margin = 0.4 * max(highest - lowest, float(np.ptp(load.speed)), 1e-9 * abs(highest))  # room for the legend
+    both = np.concatenate([speed, load.speed])
+    axes.set_ylim(both.min() - 0.2 * margin, both.max() + margin)
+    axes.legend(frameon=False, fontsize="small", loc="upper right")
 
 
 def _cloud(axes: Any, duty: MotorDuty) -> None:

@@ -1,5 +1,7 @@
 """A mechanism written as SDF and read again has the same accelerations; test_drake has another reader."""
 
+import xml.etree.ElementTree as ElementTree
+
 import numpy as np
 import pytest
 
@@ -125,3 +127,24 @@ def test_a_start_away_from_zero_is_listed():
     moved = replaced_start(mechanism, np.array([0.4, 0.2]), np.zeros(2))
     (note,) = [note for note in to_sdf(moved).left_out if "start" in note]
     assert note == f"positions and velocities at the start: {', '.join(mechanism.joints)}"
+
+
+@pytest.mark.parametrize("axis", ["type: revolute", "type: prismatic", "type: screw, lead: 20 mm"])
+def test_ranges_and_speeds_of_drives_that_follow_commands_are_limits(axis):
+    """SDF has no place for their acceleration. A range may be open on one side."""
+    text = f"""
+mechanism: driven
+parts: {{a: {{mass: 1, inertia: [1, 1, 1]}}, b: {{mass: 1, inertia: [1, 1, 1]}}}}
+joints:
+  one: {{between: [a, ground], {axis}, axis: [0, 0, 1], drive: {{command: position, bandwidth: 8, velocity_limit: 0.5,
+         acceleration_limit: 1.2, lower: -1, upper: 2}}}}
+  two: {{between: [b, a], {axis}, axis: [0, 0, 1], drive: {{command: position, bandwidth: 8, upper: 3}}}}
+"""
+    document = to_sdf(parse_mechanism(text))
+    assert "limits on the acceleration of drives: one" in document.text
+    joints = {one.get("name"): one.find("axis/limit") for one in ElementTree.fromstring(document.text).iter("joint")}
+    found = {name: {one.tag: float(one.text) for one in limit} for name, limit in joints.items()}
+    assert found == {
+        "one": {"lower": -1.0, "upper": 2.0, "velocity": 0.5},
+        "two": {"lower": -np.inf, "upper": 3.0},
+    }

@@ -146,6 +146,8 @@ def test_flywheel_of_a_press_and_of_harmonic_torque():
     close(wheel.inertia, wheel.swing / (0.05 * w**2))
     speeds = with_flywheel(press, wheel)
     close((speeds.max() - speeds.min()) / (0.5 * (speeds.max() + speeds.min())), 0.05)
+    back = LoadCycle.of_arrays(time, np.full(4, -w), -press.effort)  # the other way round
+    close(with_flywheel(back, flywheel(back, 0.05)), -speeds)
     heavy = LoadCycle.of_arrays(time, np.full(4, w), press.effort, inertia=0.3)
     wheel = flywheel(heavy, 0.05)
     beside = load_beside(heavy, wheel)
