@@ -64,7 +64,7 @@ class MotorType:
     __repr__ = short_repr
 
     def __eq__(self, other: object) -> bool:
-        """Whether all values are the same, unknown ones included: from Python 3.13 on, data classes tell NaN from itself."""
+        """Whether all values are the same, unknown ones included: data classes of Python 3.13 tell NaN from itself."""
         return isinstance(other, MotorType) and vars(self) == vars(other)
 
     @property
