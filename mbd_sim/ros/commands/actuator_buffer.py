@@ -23,6 +23,7 @@ class ActuatorBuffer:
         """Commands for steps of `step_size` in s, which are clamped to the `ranges` if they are given."""
         self.map, self.player = command_map, TrajectoryPlayer(command_map, step_size)
         self.ranges, self.limited = ranges, 0  # how often commands have been clamped
+        self.excess = ""  # the newest command that has been clamped, in words
         self._exceeded = False
         self._requested = np.full(len(command_map.names), np.nan)  # nan: never commanded
         self._new = False
@@ -69,8 +70,8 @@ class ActuatorBuffer:
                 requested[velocity] = 0.0
         self._commanded |= dict.fromkeys(actuators)
         self._requested, self._new = requested, True
-        self._exceeded = self.ranges is not None and self.ranges.exceeded(requested)
-        self.limited += self._exceeded
+        excess = self.ranges.excess(requested) if self.ranges is not None else ""
+        self._count(excess, again=True)
 
     def renew(self, commands: Mapping[str, float]) -> None:
         """Restart the watchdog of each actuator one of whose commands by channel is still the newest."""
@@ -101,10 +102,13 @@ class ActuatorBuffer:
         self._new = False
         if self.ranges is None:
             return commands
-        exceeded = self.ranges.exceeded(commands)
-        self.limited += exceeded and not self._exceeded  # of a trajectory, once until it is within its ranges again
-        self._exceeded = exceeded
+        self._count(self.ranges.excess(commands), again=False)
         return self.ranges.clamped(commands)
+
+    def _count(self, excess: str, *, again: bool) -> None:
+        """Count commands that are clamped: each one, or those of a trajectory once until it is in range `again`."""
+        self.limited += bool(excess) and (again or not self._exceeded)
+        self.excess, self._exceeded = excess or self.excess, bool(excess)
 
     def _expire(self, time: float) -> None:
         """Set commands other than positions to zero where none has arrived for too long."""

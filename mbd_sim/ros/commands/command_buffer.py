@@ -80,6 +80,7 @@ class CommandBuffer:
         self._actuators = ActuatorBuffer(command_map, step_size, ranges)
         self._router = JointCommandRouter(effort_map, list(self._actuators.map.takers.values()))
         self.accepted = self.rejected = self.expired = self._reduced = 0
+        self._excess = ""  # an effort that has been reduced, in words
         size = len(effort_map.names)
         self._requested, self._new = np.zeros(size), False
         self._commanded, self._lapsed = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
@@ -108,6 +109,13 @@ class CommandBuffer:
     def limited(self) -> int:
         """How many efforts, commands of actuators and velocities of bases were beyond limits, and were reduced."""
         return self._actuators.limited + self._reduced
+
+    def take_excess(self) -> str:
+        """A command that has been reduced since the last call, in words; empty if none has."""
+        with self._lock:
+            found = self._actuators.excess or self._excess
+            self._actuators.excess = self._excess = ""
+            return found
 
     @property
     def lapsed(self) -> tuple[str, ...]:
@@ -257,7 +265,8 @@ class CommandBuffer:
                 self._actuators.take(commands, actuators)
             if commands is None or efforts:
                 self._new = True
-                self._reduced += self.map.exceeded(self._requested)
+                excess = self.map.excess(self._requested)
+                self._excess, self._reduced = excess or self._excess, self._reduced + bool(excess)
                 by_name = isinstance(efforts, Mapping)
                 self._commanded |= [name in efforts for name in self.map.names] if by_name else True
 

@@ -126,16 +126,21 @@ class CommandRanges:
     def __init__(self, mechanism: Mechanism) -> None:
         found = [bounds for taker in mechanism.commanded for bounds in command_bounds(mechanism, taker)]
         self.lower, self.upper = np.array(found, dtype=float).reshape(-1, 2).T
-        names = [(taker.name, channel) for taker in mechanism.commanded for channel in taker.channels]
-        self._index = {name: index for index, name in enumerate(names)}
+        self._names = [(taker.name, channel) for taker in mechanism.commanded for channel in taker.channels]
+        self._index = {name: index for index, name in enumerate(self._names)}
 
     def clamped(self, commands: Array) -> Array:
         """Commands (n,) within their bounds; nan stays."""
         return np.clip(commands, self.lower, self.upper)
 
-    def exceeded(self, commands: Array) -> bool:
-        """Whether one of the commands (n,) is out of its bounds."""
-        return bool(np.any((commands < self.lower) | (commands > self.upper)))
+    def excess(self, commands: Array) -> str:
+        """The first of the commands (n,) that is out of its bounds, in words; empty if there is none."""
+        beyond = np.flatnonzero((commands < self.lower) | (commands > self.upper))
+        if not len(beyond):
+            return ""
+        (taker, channel), index = self._names[beyond[0]], beyond[0]
+        bounds = f"{self.lower[index]:.6g} to {self.upper[index]:.6g}"
+        return f"the {channel} {commands[index]:.6g} of '{taker}' is not within {bounds}"
 
     def require(self, taker: str, joint: str, curve: JointCurve) -> None:
         """Refuse a trajectory with a point out of bounds.

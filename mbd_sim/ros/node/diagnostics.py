@@ -235,7 +235,7 @@ class Diagnostics:
 
     def _commands(self, now: CounterSample) -> DiagnosticStatus:
         subscriptions, commands = self.subscriptions, self.subscriptions.commands
-        problem = ""
+        problem, excess = "", commands.take_excess()
         if (rejected := now.rejected - self._last.rejected) and subscriptions.last_rejection is not None:
             topic, error = subscriptions.last_rejection
             problem = (
@@ -249,10 +249,12 @@ class Diagnostics:
                 "Send commands more often, or raise command_timeout (0: never)"
             )
         elif limited := now.limited - self._last.limited:
+            named = f": {excess}" if excess else ""
             problem = (
-                f"{limited} commands in the last second were beyond the limits of their joints, and have been reduced. "
+                f"{counted(limited, 'command')} beyond limits in the last second, reduced to them{named}. "
                 "Command positions within 'limits', velocities up to 'velocity_limit', and efforts up to 'effort_limit'"
             )
+            self._node.get_logger().warning(problem, throttle_duration_sec=WARNING_PERIOD)
         return self._status("commands", problem or "OK", bool(problem), {
             "accepted": str(subscriptions.accepted),
             "rejected": str(now.rejected),

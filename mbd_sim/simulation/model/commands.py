@@ -222,9 +222,13 @@ class EffortMap:
         clamped: Array = np.copysign(np.minimum(np.abs(efforts), self.limits), efforts)
         return clamped
 
-    def exceeded(self, efforts: Array) -> bool:
-        """Whether one of the efforts is beyond its limit, so that `clamped` reduces it."""
-        return bool(np.any(np.abs(efforts) > self.limits))
+    def excess(self, efforts: Array) -> str:
+        """The first of the efforts (nv,) that `clamped` reduces, in words; empty if it reduces none."""
+        beyond = np.flatnonzero(np.abs(efforts) > self.limits)
+        if not len(beyond):
+            return ""
+        index = beyond[0]
+        return f"the effort {efforts[index]:.6g} of '{self.names[index]}' is beyond {self.limits[index]:.6g}"
 
     def require(self, name: str) -> None:
         """Check that a joint exists and is not driven.

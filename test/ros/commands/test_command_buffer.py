@@ -26,6 +26,7 @@ def test_a_command_is_due_once_as_given_and_counted_if_it_is_beyond_limits(buffe
     (due,) = buffer.due(0.0)
     assert (due.efforts.tolist(), due.expired) == ([1.0, -7.0, 3.0], ())  # the simulation clamps
     assert (buffer.due(0.001), buffer.limited) == ([], 1)
+    assert [buffer.take_excess(), buffer.take_excess()] == ["the effort -7 of 'knee' is beyond 5", ""]
     buffer.by_order([1.0, -5.0, 3.0])
     assert buffer.limited == 1
 

@@ -195,17 +195,23 @@ def limited():
 
 
 @pytest.mark.parametrize(
-    ("position", "velocity", "expected", "count"),
-    [(0.9, -1.9, (0.9, -1.9), 0), (1.2, 0.0, (1.0, 0.0), 1), (-7.0, -3.0, (-0.5, -2.0), 1), (0.0, 5.0, (0.0, 2.0), 1)],
+    ("position", "velocity", "expected", "excess"),
+    [
+        (0.9, -1.9, (0.9, -1.9), ""),
+        (1.2, 0.0, (1.0, 0.0), "the position 1.2 of 'a' is not within -0.5 to 1"),
+        (-7.0, -3.0, (-0.5, -2.0), "the position -7 of 'a' is not within -0.5 to 1"),
+        (0.0, 5.0, (0.0, 2.0), "the velocity 5 of 'a' is not within -2 to 2"),
+    ],
 )
-def test_positions_and_velocities_beyond_the_limits_of_a_joint_are_clamped_and_counted(
-    limited, position, velocity, expected, count
+def test_positions_and_velocities_beyond_the_limits_of_a_joint_are_clamped_counted_and_named(
+    limited, position, velocity, expected, excess
 ):
     simulation, buffer = limited
     buffer.by_name(["hip"], [], positions=[position], velocities=[velocity])
     found = due(simulation, buffer)
     assert (found["a.position"], found["a.velocity"]) == expected
-    assert (buffer.limited, buffer.accepted) == (count, 1)
+    count = bool(excess)
+    assert (buffer.limited, buffer.accepted, buffer.take_excess()) == (count, 1, excess)
     assert buffer.due_for_actuators(0.1, np.zeros(6)) is None and buffer.limited == count
 
 
