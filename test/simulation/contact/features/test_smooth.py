@@ -129,6 +129,21 @@ def test_an_edge_that_lies_flat_on_a_round_end_has_no_iterated_normal(order):
         assert found and not any(each.numbers[16 + ITERATED] for each in found)
 
 
+@pytest.mark.parametrize(("kind", "end"), [("cone", -0.2), ("cylinder", -0.2), ("disc", 0.0)])
+@pytest.mark.parametrize("order", (1, -1))
+@pytest.mark.parametrize("is_turned", (False, True))
+def test_balls_across_the_plane_of_a_flat_end_and_beyond_it_are_as_far_as_its_rim(kind, end, order, is_turned):
+    """However little they are beyond the rim, where the normal is all but that of the end."""
+    chance, radius, ball = np.random.default_rng(5), 0.25, 0.3
+    pair = SmoothPair(*(body(kind, [radius, 0.4]), Solid(HERE, np.zeros((1, 3)), (), ball))[::order], 1)
+    for beyond in 10.0 ** chance.uniform(-7.0, -1.0, 20):
+        spin = Rotation.random(rng=chance) if is_turned else Rotation.identity()
+        around, deep = chance.uniform(-3.0, 3.0) * is_turned, -ball + 10.0 ** chance.uniform(-12.0, -3.0)
+        center = [(radius + beyond) * np.cos(around), (radius + beyond) * np.sin(around), end + deep]
+        poses = (Pose(np.zeros(3), spin.as_matrix()), Pose(spin.apply(center), np.eye(3)))[::order]
+        assert pair.distance(*poses) == pytest.approx(np.hypot(beyond, deep) - ball, abs=1e-13)
+
+
 @pytest.mark.parametrize("order", (1, -1))
 @pytest.mark.parametrize("tilt", (0.0, 1e-7, 1e-4, 0.006))
 def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):

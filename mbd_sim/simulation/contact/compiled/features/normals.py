@@ -37,6 +37,7 @@ ITERATIONS, HALVINGS = 15, 6
 CONVERGED = 1e-9  # change of a normal, after which it is exact to round-off
 LARGEST_STEP = 0.5  # rad
 WORSE = 1e-14  # of a gap, by which it may be less after a step
+MORE = 1e-12  # of the distance of two corners, by which a gap is larger along a better normal
 STARTS = 26  # directions to the sides, edges and corners of a cube
 KEY = 4  # numbers of a pair of features: its kind, both features, and the sign of one of two normals
 KIND, FIRST, SECOND, SIGN = 0, 1, 2, 3
@@ -178,11 +179,14 @@ def value_at(m: Iteration, normal: Array) -> float:
 
 
 def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, has_start: bool, out: Array) -> None:
-    """The normal at which the gap of two features is largest, from a `start`, or from the best of some directions."""
+    """The normal at which the gap of two features is largest, from a `start`, or from the best of some directions.
+
+    Near the axis of a rim, steps from elsewhere lead past the normal; so what is toward the other corner is tried too.
+    """
     corner_a = a.hull.ends[2 * key[FIRST]] if key[KIND] == SIDE_CORNER else key[FIRST]
     corner_b = b.hull.ends[2 * key[SECOND]] if key[KIND] == CORNER_SIDE else key[SECOND]
     m = Iteration(a, b, corner_a, corner_b, zeros(3), zeros(3), zeros(2))
-    across, best = zeros(3), zeros(1)
+    across, toward, best = zeros(3), zeros(3), zeros(1)
     begin_iteration(m, key)
     if has_start:
         copy(start, across)
@@ -190,12 +194,24 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
         best_start(m, across)
     add(across, -dot(m.direction, across), m.direction, across)
     divide(across, size_of(across))
+    climb(m, across, best)
+    slope_at(m, m.line, out)
+    admit(m, out, toward)
+    normal_from(m, toward, out)
+    if value_at(m, out) > best[0] + MORE * size_of(m.line):
+        copy(toward, across)
+        climb(m, across, best)
     normal_from(m, across, out)
-    best[0] = value_at(m, out)
+
+
+def climb(m: Iteration, across: Array, best: Array) -> None:
+    """Change the part of the normal across the side until the gap, which is the `best`, is largest."""
+    normal = zeros(3)
+    normal_from(m, across, normal)
+    best[0] = value_at(m, normal)
     for _ in range(ITERATIONS):
         if improve(m, across, best) <= CONVERGED:
             break
-    normal_from(m, across, out)
 
 
 def best_start(m: Iteration, out: Array) -> None:
