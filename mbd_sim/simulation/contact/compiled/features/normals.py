@@ -196,11 +196,14 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
     divide(across, size_of(across))
     climb(m, across, best)
     slope_at(m, m.line, out)
-    admit(m, out, toward)
-    normal_from(m, toward, out)
-    if value_at(m, out) > best[0] + MORE * size_of(m.line):
-        copy(toward, across)
-        climb(m, across, best)
+    size = size_of(out)
+    if size > 0.0:
+        divide(out, size)
+        admit(m, out, toward)
+        normal_from(m, toward, out)
+        if value_at(m, out) > best[0] + MORE * size_of(m.line):
+            copy(toward, across)
+            climb(m, across, best)
     normal_from(m, across, out)
 
 
