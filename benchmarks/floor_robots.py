@@ -123,7 +123,7 @@ def difference(one: Course, other: Course) -> list[float]:
     """The largest difference of a coordinate at each instant."""
     out = []
     for a, b in zip(one.values, other.values, strict=True):
-        common = [name for name in a if name in b and a[name].size == b[name].size]
+        common = [name for name in a if name in b and a[name].size == b[name].size > 0]
         out.append(max(float(np.max(np.abs(a[name] - b[name]))) for name in common))
     return out
 
