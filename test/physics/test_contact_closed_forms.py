@@ -65,6 +65,35 @@ def test_a_slow_ball_follows_the_edge_of_a_disc(spin, share):
     assert abs(sim.energies.residual) < 1e-13
 
 
+CONE_TABLE = DISC.replace("type: disc, radius: 0.3", "type: cone, radius: 0.3, length: 0.2, axis: [0, 0, -1]")
+
+
+def test_a_ball_rolls_over_the_rim_of_a_cone_and_back():
+    """On the base at a constant speed, and about the rim at v² = v0² + 10/7 g r (1 - cos θ), from where it returns."""
+    sim, radius = Simulation.from_text(CONE_TABLE.replace("SPEED", "0").replace("SPIN", "0").replace("0.5}", "9}")), 0.05
+    chance = np.random.default_rng(3)
+    for speed, around in zip(chance.uniform(0.05, 0.4, 6), chance.uniform(-3.0, 3.0, 6), strict=True):
+        outward = np.array([math.cos(around), math.sin(around), 0.0])
+        start, across = (0.3 - chance.uniform(0.28, 0.299)) / speed, np.array([-outward[1], outward[0], 0.0])
+        sim.reset(
+            q=[*((0.3 - start * speed) * outward + [0, 0, radius]), 1, 0, 0, 0],
+            u=[*speed * outward, *speed / radius * across],
+        )
+        rate = lambda a: math.sqrt(speed**2 + 10 / 7 * G * radius * (1 - math.cos(a))) / radius  # noqa: E731, B023
+        sim.run(start + 0.3 * radius / speed)
+        angle = math.atan2(sim.q[:3] @ outward - 0.3, sim.q[2])
+        turned = quad(lambda a: 1.0 / rate(a), 0.0, angle, epsabs=1e-14, epsrel=1e-13)[0]  # noqa: B023
+        assert angle > 0.1
+        assert start + turned == pytest.approx(sim.time, abs=1e-11)
+        assert list(sim.u[3:6]) == pytest.approx(list(rate(angle) * across), abs=1e-9)
+        sim.reset(q=sim.q, u=-sim.u)
+        sim.run(turned + start)
+        assert sim.q[:3] @ outward == pytest.approx(0.3 - start * speed, abs=1e-11)
+        assert list(sim.u) == pytest.approx([*-speed * outward, *-speed / radius * across], abs=1e-9)
+        assert abs(sim.energies.residual) < 1e-13
+        assert sim.contacts()["c"].state == "sticks"
+
+
 BALL_AND_CYLINDER = """
 mechanism: ball_and_cylinder
 parts:

@@ -6,8 +6,10 @@ A D² Aᵀ), the gap along a unit normal n, which points from the second body to
     g(n) = n·(c_A - c_B) - √(n·K_A n) - √(n·K_B n) - r_A - r_B.
 
 The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
-Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint
-among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that
+Otherwise g(n) is the largest of those normals that a side admits, or of all. That of a rounded point and a rim, or
+another point, is in closed form as well: from the nearest point of the rim. There the normal of steps would not do,
+because g has a kink at the axis of the rim, where such a point passes to the end. Others are found by Newton steps from
+a hint among the numbers, which is renewed after each step. The rate is the velocity along the normal of the points that
 touch. A slot without features has zeros only; its gap is then the natural length.
 
 The numbers of a slot are c_A and c_B (6) from the points at which the bodies are attached, in the axes of their parts;
@@ -91,16 +93,23 @@ def smooth_touch(
         fixed += crossed * (crossing.normal if end else -crossing.normal)
     bound, cosine = free * (d_a + d_b), free * (k_b - k_a)
 
+    nearest, iterating = ca.SX(1, 1), grams
+    if _has_rounded_points(bodies):
+        nearest = free * (1.0 - ca.dot(bound, bound))
+        iterating = [(1.0 - nearest) * gram for gram in grams]
+    steps = free - nearest
+    fixed += nearest * _unit(line - _arm(grams[0], line) - _arm(grams[1], line))
+
     def following(given: ca.SX) -> ca.SX:
         """The normal after one step from a given one."""
-        return fixed + free * _newton_step(given, bound, cosine, line, grams, side, free)
+        return fixed + steps * _newton_step(given, bound, cosine, line, iterating, side, steps)
 
-    start = fixed + free * (second.rotation @ hint)
+    start = fixed + steps * (second.rotation @ hint)
     normal, value = ca.SX.sym("normal", 3), start
     for _ in range(NEWTON_STEPS):
         value = following(value)
     iterated = IteratedNormal(normal, value, following(normal))
-    arms = [_arm(gram, normal) for gram in grams]
+    arms = [_arm(gram, nearest * line + (1.0 - nearest) * normal) for gram in grams]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
     lifts = [
@@ -127,6 +136,14 @@ class _Crossing:
     along: ca.SX
     arm: ca.SX
     normal: ca.SX
+
+
+def _has_rounded_points(bodies: tuple[ContactBody, ContactBody]) -> bool:
+    """Whether one of two bodies has rounded corners, and the other one rims."""
+    return any(
+        isinstance(bodies[k], Solid) and bodies[k].radius != 0.0 and isinstance(bodies[1 - k], Barrel | ConeBody)
+        for k in (0, 1)
+    )
 
 
 def _end_of_crossing(bodies: tuple[ContactBody, ContactBody]) -> int | None:

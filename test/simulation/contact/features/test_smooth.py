@@ -144,6 +144,28 @@ def test_balls_across_the_plane_of_a_flat_end_and_beyond_it_are_as_far_as_its_ri
         assert pair.distance(*poses) == pytest.approx(np.hypot(beyond, deep) - ball, abs=1e-13)
 
 
+@pytest.mark.parametrize(("kind", "end"), [("cone", -0.2), ("cylinder", -0.2), ("disc", 0.0)])
+@pytest.mark.parametrize("order", (1, -1))
+def test_a_ball_changes_between_a_flat_end_and_its_rim_where_its_center_crosses_it(kind, end, order):
+    """Each takes the place of the other there; the rim would not notice that the ball has passed onto the end."""
+    chance, radius, ball = np.random.default_rng(9), 0.25, 0.3
+    pair = SmoothPair(*(body(kind, [radius, 0.4]), Solid(HERE, np.zeros((1, 3)), (), ball))[::order], 1)
+
+    def poses(beyond, spin, around):
+        height = -np.sqrt(ball**2 - max(beyond, 0.0) ** 2)
+        center = [(radius + beyond) * np.cos(around), (radius + beyond) * np.sin(around), end + height]
+        return (Pose(np.zeros(3), spin.as_matrix()), Pose(spin.apply(center), np.eye(3)))[::order]
+
+    for beyond in 10.0 ** chance.uniform(-11.0, -2.0, 20):
+        spin, around = Rotation.random(rng=chance), chance.uniform(-3.0, 3.0)
+        (rim,), (face,) = (pair.touching(*poses(side * beyond, spin, around), 1e-12) for side in (1, -1))
+        assert (rim.numbers[16 + ITERATED], face.numbers[16 + ITERATED]) == (1.0, 0.0)
+        for features, outside in ((rim, 1), (face, -1)):
+            for side in (1, -1):
+                margin = pair.margin(*poses(side * beyond, spin, around), features.numbers)
+                assert margin == pytest.approx(side * outside * beyond, abs=1e-15)
+
+
 @pytest.mark.parametrize("order", (1, -1))
 @pytest.mark.parametrize("tilt", (0.0, 1e-7, 1e-4, 0.006))
 def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):

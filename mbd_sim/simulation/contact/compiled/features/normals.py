@@ -182,12 +182,16 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
     """The normal at which the gap of two features is largest, from a `start`, or from the best of some directions.
 
     Near the axis of a rim, steps from elsewhere lead past the normal; so what is toward the other corner is tried too.
+    That of a point and a rim needs no steps.
     """
     corner_a = a.hull.ends[2 * key[FIRST]] if key[KIND] == SIDE_CORNER else key[FIRST]
     corner_b = b.hull.ends[2 * key[SECOND]] if key[KIND] == CORNER_SIDE else key[SECOND]
     m = Iteration(a, b, corner_a, corner_b, zeros(3), zeros(3), zeros(2))
     across, toward, best = zeros(3), zeros(3), zeros(1)
     begin_iteration(m, key)
+    if key[KIND] == CORNER_CORNER and is_point_at_rim(a, corner_a, b, corner_b):
+        nearest_normal(m, out)
+        return
     if has_start:
         copy(start, across)
     else:
@@ -205,6 +209,32 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
             copy(toward, across)
             climb(m, across, best)
     normal_from(m, across, out)
+
+
+def is_point_at_rim(a: PlacedRound, corner_a: int, b: PlacedRound, corner_b: int) -> bool:
+    """Whether one of two corners is a point, and the other one a rim."""
+    if a.hull.curved[corner_a]:
+        return a.hull.faces > 0 and not b.hull.curved[corner_b]
+    return b.hull.faces > 0 and b.hull.curved[corner_b] != 0
+
+
+def nearest_normal(m: Iteration, out: Array) -> None:
+    """The normal of a point and a rim: from the nearest point of the rim, or that of its plane if this is within it."""
+    arm, other, outward = zeros(3), zeros(3), zeros(3)
+    offset(m.a, m.corner_a, m.line, arm)
+    offset(m.b, m.corner_b, m.line, other)
+    add(arm, 1.0, other, arm)
+    radius = size_of(arm)
+    scale(1.0 / radius if radius > 0.0 else 0.0, arm, outward)
+    subtract(m.line, arm, out)
+    if not dot(outward, m.line) > radius:
+        add(m.line, -dot(outward, m.line), outward, out)
+    if size_of(out) > 0.0:
+        divide(out, size_of(out))
+    elif m.b.hull.curved[m.corner_b]:
+        copy(m.b.normals, out)
+    else:
+        scale(-1.0, m.a.normals, out)
 
 
 def climb(m: Iteration, across: Array, best: Array) -> None:
