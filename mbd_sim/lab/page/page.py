@@ -18,6 +18,7 @@ from mbd_sim.lab.page.help_tab import HelpTab
 from mbd_sim.lab.page.keep_tab import KeepTab
 from mbd_sim.lab.page.kinematics_tab import KinematicsTab
 from mbd_sim.lab.page.plots_tab import PlotsTab
+from mbd_sim.lab.page.reach_panel import ReachPanel
 from mbd_sim.lab.page.run_bar import RunBar
 from mbd_sim.lab.page.show_tab import ShowTab
 from mbd_sim.lab.page.style import style
@@ -29,6 +30,7 @@ from mbd_sim.lab.server.server import started, stop
 from mbd_sim.lab.session.background import Preparer
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.reaching import Reacher
 from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -56,6 +58,7 @@ class Page:
         self._gate = Gate(host)
         self.server = started(self._gate, host, port, "mbd_sim lab")
         self._preparer = Preparer(session) if isinstance(session, OwnSession) else None
+        self._reacher = Reacher(session)
         self._touched, self._stopped = Touched(), threading.Event()
         self._problem = self._note = ""
         self._build()
@@ -77,6 +80,7 @@ class Page:
         self._thread.join()
         if self._preparer is not None:
             self._preparer.stop()
+        self._reacher.stop()
         stop(self.server)
 
     def refuse(self, problem: str) -> None:
@@ -122,6 +126,7 @@ class Page:
         with tabs.add_tab("Plots"):
             self._plots = PlotsTab(gui, session, dark=self._dark)
         with tabs.add_tab("Kinematics"):
+            self._reach = ReachPanel(gui, self.server.scene, session, self._reacher, size)
             self._kinematics = KinematicsTab(gui, session, self._scene, settings, size)
         with tabs.add_tab("Show"):
             ShowTab(gui, session, self._scene, css, dark=self._dark, darken=self._darken)
@@ -134,6 +139,8 @@ class Page:
         self._dark, self._outdated = dark, True
 
     def _dragged(self, page: int, phase: str, part: str, point: Any, target: Any) -> None:
+        if phase == "start":
+            self._reach.hold(part, point)
         # A start and an end are never replaced by a move.
         self.session.ask(f"drag {phase}", lambda session: session.drag(page, phase, part, point, target))
 
@@ -176,7 +183,7 @@ class Page:
 
     def _tell(self, frame: Frame) -> None:
         """Update texts, plots and sliders."""
-        for shown in (self._run_bar, self._change, self._plots, self._kinematics, self._keep, self._help):
+        for shown in (self._run_bar, self._change, self._plots, self._reach, self._kinematics, self._keep, self._help):
             shown.show(frame)
         if (text := self._status(frame)) != self._note:
             self._told.content = self._note = text
