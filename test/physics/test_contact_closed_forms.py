@@ -210,7 +210,7 @@ contacts: {c: {between: [block, left], friction: 0.4}, d: {between: [block, righ
 """
 
 
-@pytest.mark.parametrize("share", [1.001, 0.999, 0.5])
+@pytest.mark.parametrize("share", [1.001, 0.999])
 def test_a_block_between_two_fingers_slips_as_friction_cannot_hold_it(share):
     """2 μ F carries m g or less of it: it stays to round-off, or slips with g - 2 μ F / m."""
     force = share * 0.5 * G / (2.0 * 0.4)
