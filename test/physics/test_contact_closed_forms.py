@@ -70,7 +70,10 @@ CONE_TABLE = DISC.replace("type: disc, radius: 0.3", "type: cone, radius: 0.3, l
 
 def test_a_ball_rolls_over_the_rim_of_a_cone_and_back():
     """On the base at a constant speed, and about the rim at v² = v0² + 10/7 g r (1 - cos θ), from where it returns."""
-    sim, radius = Simulation.from_text(CONE_TABLE.replace("SPEED", "0").replace("SPIN", "0").replace("0.5}", "9}")), 0.05
+    sim, radius = (
+        Simulation.from_text(CONE_TABLE.replace("SPEED", "0").replace("SPIN", "0").replace("0.5}", "9}")),
+        0.05,
+    )
     chance = np.random.default_rng(3)
     for speed, around in zip(chance.uniform(0.05, 0.4, 6), chance.uniform(-3.0, 3.0, 6), strict=True):
         outward = np.array([math.cos(around), math.sin(around), 0.0])
