@@ -70,7 +70,10 @@ CONE_TABLE = DISC.replace("type: disc, radius: 0.3", "type: cone, radius: 0.3, l
 
 def test_a_ball_rolls_over_the_rim_of_a_cone_and_back():
     """On the base at a constant speed, and about the rim at v² = v0² + 10/7 g r (1 - cos θ), from where it returns."""
-    sim, radius = Simulation.from_text(CONE_TABLE.replace("SPEED", "0").replace("SPIN", "0").replace("0.5}", "9}")), 0.05
+    sim, radius = (
+        Simulation.from_text(CONE_TABLE.replace("SPEED", "0").replace("SPIN", "0").replace("0.5}", "9}")),
+        0.05,
+    )
     chance = np.random.default_rng(3)
     for speed, around in zip(chance.uniform(0.05, 0.4, 6), chance.uniform(-3.0, 3.0, 6), strict=True):
         outward = np.array([math.cos(around), math.sin(around), 0.0])
@@ -127,6 +130,46 @@ def test_balls_pass_edges_of_moving_cylinders_and_tubes_without_loss_of_energy(i
         assert ends[1] == pytest.approx(ends[0], abs=1e-7 if friction else 1e-11)  # of slip that has just begun
         passed += bool(ends[0][1] > 0.105)
     assert passed >= 3
+
+
+POINT_AND_CYLINDER = """
+mechanism: point_and_cylinder
+parts:
+  table: {shape: {type: cylinder, radius: 0.3, length: 0.2, mass: 2, axis: [1, 0, 0]}}
+  point: {shape: {type: particle, mass: 0}, mass: 0.4, inertia: [0.1, 0.1, 0.1]}
+joints:
+  table: {type: fixed, between: [ground, table]}
+  point: {type: free, between: [ground, point], position: [0, 0, UP]}
+contacts: {c: {between: [point, table], frictionINSIDE}}
+"""
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_points_slide_past_the_end_of_a_cylinder_or_a_tube_and_fall(inside):
+    """Without friction they keep their speed along its axis, so that they leave as they reach the end."""
+    sign = -1.0 if inside else 1.0
+    text = POINT_AND_CYLINDER.replace("UP", str(0.3 * sign)).replace("frictionINSIDE", f"inside: {str(inside).lower()}")
+    sim, chance = Simulation.from_text(text), np.random.default_rng(21)
+    for _ in range(4):
+        lateral, speed, start = chance.uniform(-0.03, 0.03), chance.uniform(0.5, 2.0), chance.uniform(-0.09, 0.09)
+        up, side = sign * math.sqrt(0.3**2 - lateral**2), chance.uniform(-0.2, 0.2)
+        direction = chance.choice([-1.0, 1.0])
+        leaves = (0.1 - direction * start) / speed
+        sim.reset(
+            q=[start, lateral, up, 1, 0, 0, 0],
+            u=[direction * speed, side, -side * lateral / up, *np.zeros(3)],
+        )
+        sim.step(math.floor(leaves / sim.step_size))
+        assert sim.contacts()["c"].state != "open"
+        assert math.hypot(sim.q[1], sim.q[2]) == pytest.approx(0.3, abs=1e-12)
+        sim.step()
+        (opened,) = (event.time for event in sim.contact_events if event.change == "opened")
+        assert opened == pytest.approx(leaves, abs=1e-12)
+        flown, at, speeds = 0.05, sim.q[:3].copy(), sim.u[:3].copy()
+        assert speeds[0] == pytest.approx(direction * speed, abs=1e-13)
+        sim.step(round(flown / sim.step_size))
+        assert sim.q[:3] == pytest.approx(at + flown * speeds - [0, 0, 0.5 * G * flown**2], abs=1e-12)
+        assert abs(sim.energies.residual) < 1e-13
 
 
 CORNER = """

@@ -31,6 +31,7 @@ from mbd_sim.simulation.contact.compiled import (
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
     crossings,
+    flat_rims,
     meetings,
     normals,
     outlines,
@@ -47,6 +48,7 @@ MODULES: tuple[ModuleType, ...] = (
     candidate_forces,
     contacts,
     crossings,
+    flat_rims,
     forces,
     impact,
     linear,
