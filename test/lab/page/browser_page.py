@@ -36,7 +36,7 @@ class AnyPage:
     in `drawing`.
     """
 
-    def __init__(self, chromium, url, size=SIZE):
+    def __init__(self, chromium, url, size=SIZE, ready="Play"):
         self.page, self.requests, self.errors, self.files = chromium.new_page(viewport=size), [], [], []
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -46,7 +46,7 @@ class AnyPage:
         self.page.add_init_script(PAINTLESS)
         self.page.goto(url)
         self.page.wait_for_selector("canvas", state="attached")
-        self.page.get_by_role("button", name="Play").wait_for()
+        self.page.get_by_role("button", name=ready).wait_for()
         self.page.add_style_tag(content=NO_NOTICE)
 
     @contextlib.contextmanager
