@@ -88,6 +88,11 @@ class ChoicePage:
             "Ground", (*parts, FREE), initial_value=FREE if choice.is_free else choice.held[0]
         )
         self._opacity = gui.add_slider("Opacity", min=0.1, max=1.0, step=0.05, initial_value=1.0)
+        self._told = gui.add_markdown("")
+        self._replace = gui.add_checkbox(REPLACE, initial_value=False, visible=False)
+        build = gui.add_button("Build", hint=f"write {found.out} and run it")
+        build.on_click(lambda _: self._start())
+        self._problem = gui.add_markdown("")
         with gui.add_folder("Joints"):
             if not found.candidates:
                 gui.add_markdown("No joints were found: no two parts share a face (`--gap` is how near they must be).")
@@ -96,11 +101,6 @@ class ChoicePage:
                 every.on_click(lambda event: self._take(event.target.value))
             for one in found.candidates:
                 self._types[one.number] = self._add_joint(gui, one, choice.types)
-        self._told = gui.add_markdown("")
-        self._replace = gui.add_checkbox(REPLACE, initial_value=False, visible=False)
-        build = gui.add_button("Build", hint=f"write {found.out} and run it")
-        build.on_click(lambda _: self._start())
-        self._problem = gui.add_markdown("")
         with gui.add_folder("Parts and masses", expand_by_default=False):
             gui.add_markdown(_masses(found))
         self._ground.on_update(lambda _: self._show())

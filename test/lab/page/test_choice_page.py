@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from mbd_sim.lab.joints.import_lab import ImportLab
+from test.lab.joints.test_import_lab import chosen, imported
 from test.waiting import wait_until
 
 AnyPage = pytest.importorskip("test.lab.page.browser_page").AnyPage
-
-from mbd_sim.lab.joints.import_lab import ImportLab
-from test.lab.joints.test_import_lab import chosen, imported
 
 
 def test_a_user_takes_a_joint_builds_and_goes_back(tmp_path, chromium):
