@@ -39,11 +39,11 @@ def test_a_point_follows_its_target_and_what_is_left_is_told(reaching):
     def drag():
         mouse, (x, y) = opened.page.mouse, opened.pixel(tip)
         mouse.move(x, y)
-        opened.pause(0.2)
+        opened.pause(0.3)
         mouse.down()
         for pixels in range(1, 7):
             mouse.move(x, y - 4 * pixels)
-            opened.pause(0.05)
+            opened.pause(0.08)
         mouse.up()
 
     before = opened.frame.q
@@ -52,7 +52,7 @@ def test_a_point_follows_its_target_and_what_is_left_is_told(reaching):
     opened.enter("x, y, z (m)", "2.5", lambda: panel._pose.position[2] == 2.5, "the height of the target")
     opened.press("Put it there", lambda: panel._reacher.searching, "the search", first=60.0)
     opened.page.get_by_text("Not reached:").first.wait_for()
-    opened.page.get_by_text("crank_pivot").last.wait_for()
+    opened.page.get_by_role("cell", name="crank_pivot").wait_for()
     assert opened.lab.session.bench.simulation.violation.position < 1e-9
 
 
