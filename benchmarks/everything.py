@@ -43,6 +43,7 @@ PROGRAMS = {
     "environments": Program("benchmarks.environments", quick=("--rounds", "1")),
     "contacts": Program("benchmarks.contacts", quick=("--rounds", "1")),
     "contact_bodies": Program("benchmarks.contact_bodies", quick=("--rounds", "1")),
+    "contact_machines": Program("benchmarks.contact_machines", quick=("--rounds", "1")),
     "kinematics": Program("benchmarks.kinematics"),
     "default_method": Program("benchmarks.default_method", quick=("double_rod", "four_bar", "--rounds", "1"), ros=True),
     "calls": Program("benchmarks.calls"),

@@ -3,7 +3,10 @@
 python -m benchmarks.floor_robots a1_stands ant_stands --seconds 20 --steps 1e-3 2.5e-4
 
 MuJoCo gets the same mechanism as an MJCF, with elliptic cones, and contacts that take the speed of what lands in one
-step: then its motion converges to that with rigid contacts.
+step: then its motion converges to that with rigid contacts, but for what slips in an impact. Its friction is that of a
+convex problem, in which slip lifts: a point that strikes a plane with (1, -1) m/s and a coefficient of friction of 0.3
+leaves it with (0.64, 0.19) m/s at any step, and not with (0.7, 0). `--moreau` compares with time stepping by the laws
+of Coulomb and Newton, our method `moreau`, in ever smaller steps.
 """
 
 from __future__ import annotations
@@ -34,42 +37,49 @@ class Course:
     values: list[dict[str, np.ndarray]] = field(default_factory=list)
     seconds: float = 0.0
     steps: int = 0
+    residual: float = 0.0  # J
     notes: list[str] = field(default_factory=list)
 
 
-def ours(trial: Trial, mechanism: Mechanism, seconds: float, samples: int, method: str | None) -> Course:
-    """Our run."""
+def ours(trial: Trial, mechanism: Mechanism, seconds: float, samples: int, method: str | None, own: int = 1) -> Course:
+    """Our run, in `own` steps for each ms."""
     began = time.process_time()
-    sim = Simulation(mechanism, step=STEP, method=method)
+    sim = Simulation(mechanism, step=STEP / own, method=method)
     found = Course()
     found.notes.append(f"build {time.process_time() - began:.1f} s")
     layout = Kinematics(mechanism).layout
     number = round(seconds / STEP)
     every = max(1, number // samples)
-    took = 0.0
+    took, each = 0.0, []
     for step in range(number + 1):
         if step % every == 0:
             found.times.append(sim.time)
             found.values.append({name: sim.q[layout.q[name]].copy() for name in mechanism.joints if name in layout.q})
         if step == number:
             break
-        commands = trial.commands(sim.time)
+        commands = trial.commands(step * STEP)
         began = time.process_time()
         if commands:
             sim.set_commands(commands)
-            sim.step(1)
+            sim.step(own)
+            each.append(time.process_time() - began)
         elif step % every == 0:
-            sim.step(every)
+            sim.step(own * every)
         took += time.process_time() - began
-    found.seconds, found.steps = took, number
+    found.seconds, found.steps, found.residual = took, number, sim.energies.residual
     contacts = sim.contacts()
     closed = sum(reading.state != "open" for reading in contacts.values())
     found.notes += [
         f"{len(contacts)} gaps, {closed} closed",
         f"{took / number * 1e6:.0f} us a step",
-        f"residual {sim.energies.residual:.1e} J",
+        f"residual {found.residual:.1e} J",
         f"method {sim.model.method.name}",
     ]
+    if each:
+        middle, late = (1e6 * value for value in np.percentile(each, [50, 99]))
+        overruns = sum(value > STEP for value in each)
+        found.notes.append(f"a call with its commands: median {middle:.0f} us, 99 % {late:.0f} us")
+        found.notes.append(f"{overruns} of {number} longer than a step, longest {1e3 * max(each):.0f} ms")
     return found
 
 
@@ -113,7 +123,7 @@ def difference(one: Course, other: Course) -> list[float]:
     """The largest difference of a coordinate at each instant."""
     out = []
     for a, b in zip(one.values, other.values, strict=True):
-        common = [name for name in a if name in b and a[name].size == b[name].size]
+        common = [name for name in a if name in b and a[name].size == b[name].size > 0]
         out.append(max(float(np.max(np.abs(a[name] - b[name]))) for name in common))
     return out
 
@@ -124,6 +134,7 @@ def main() -> None:
     parser.add_argument("trials", nargs="+", choices=[*TRIALS, "all"])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--steps", type=float, nargs="*", default=[1e-3, 2.5e-4, 6.25e-5])
+    parser.add_argument("--moreau", type=int, nargs="*", default=[], help="steps of time stepping within 1 ms")
     parser.add_argument("--samples", type=int, default=10)
     parser.add_argument("--method")
     options = parser.parse_args()
@@ -141,6 +152,9 @@ def main() -> None:
         shown = [name for name in trial.watch if name in run.values[0]] or [next(iter(run.values[0]))]
         for at, values in zip(run.times, run.values, strict=True):
             print(f"   {at:6.2f}", *(values[name] for name in shown))
+        for own in options.moreau:
+            other = ours(trial, mechanism, options.seconds, options.samples, "moreau", own)
+            print(f"   moreau {STEP / own:g} s:", *(f"{d:.1e}" for d in difference(run, other)), flush=True)
         for step in options.steps:
             other = theirs(trial, mechanism, options.seconds, options.samples, step)
             print(

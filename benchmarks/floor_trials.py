@@ -227,8 +227,9 @@ def standing(
     raised: float = 0.0,
     motors: Sequence[str] = (),
     rotor: float = 0.0,
+    feet: Sequence[str] = (),
 ) -> Callable[[], Mechanism]:
-    """Builds a robot on the floor that is held at a pose."""
+    """Builds a robot on the floor that is held at a pose, with everything or only its `feet` touching the floor."""
 
     def build() -> Mechanism:
         path = file()
@@ -236,6 +237,8 @@ def standing(
         changes = held(mechanism, pose, stiffness, damping) | dict(more or {})
         if rotor:
             changes["actuators"] = rotors(mechanism, rotor)
+        if feet:
+            changes["contacts"] = {"floor": {"parts": list(feet), "plane": "ground", "friction": 0.8}}
         found = on_floor(mechanism, changes)
         if raised:
             found = with_values(found, _raised(found, raised))
@@ -348,8 +351,9 @@ TRIALS = {
             60.0,
             2.0,
             motors=[name for leg in A1_LEGS.values() for name in leg],
+            feet=[f"{leg}_foot" for leg in A1_LEGS],
         ),
-        trot(A1_LEGS, 60.0, 2.0, 0.1, 0.5),
+        trot(A1_LEGS, 60.0, 2.0, 0.3, 0.4),
     ),
     "gripper_lifts": Trial(
         "SDF",

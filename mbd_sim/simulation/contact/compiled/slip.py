@@ -13,6 +13,7 @@ from mbd_sim.compiler.steps.guarded import STIFF, TURNING
 from mbd_sim.simulation.contact.compiled.contacts import (
     Contacts,
     direction_at,
+    force_at,
     guard_at,
     rate_at,
     read,
@@ -39,17 +40,27 @@ from mbd_sim.simulation.contact.compiled.search import (
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
 STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
+BENT = 1e-4  # part of such a change in the motion with slips that turn, from which on it does not
 NOISE = 1e-15  # of the natural speed, in slip
 SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
-STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
+STEADY = 4.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
+MOST_TURNED = 0.05  # rad, between such a direction and the slip at the end
+MOST_LOADED = 0.05  # of a normal force, by which it may change meanwhile
+NEAR = 0.9  # cosine of the angle between it and the slip at the start
+HELD = 1e-11  # of the natural speed, slip across such a direction that does not matter
+SLOWED = 0.5  # of its speed, down to which a slip may become slower while it has such a direction
+MOST_TRIALS = 12  # of lengths for which such directions are sought
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
+SHORT_WAY = 1e-11  # of the natural length, way on which it does not matter how a slip turns until it stops
+BEYOND = 0.3  # of `STOPPED`, speed by which such a motion ends beyond the stop
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
 )
 FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8
+CONVERGED = 1e-11  # of the natural speed, slip across directions that are right
 SHORTEST = 1e-15  # of the natural time, and of the time
 MOST_SHORTENED = 500  # times that a part of a step is shortened
 MOST_FAILED = 20  # times that a part of a step is shortened because its end is not finite
@@ -234,9 +245,7 @@ def follow(c: Contacts, m: TrialPart, s: Sliding, length: float, first_length: f
     """Take the motion in which slips do not turn much, or have constant directions; whether friction is steady."""
     if not find_turning(c, m, s, length) or keeps_straight(c, m, s):
         return False
-    longest = steady_length(c, m, s, length)
-    if any(s.steady[k] for k in range(c.frictions)):
-        along_fixed(c, m, s, longest)
+    if along_steady(c, m, s, steady_length(c, m, s, length)):
         return True
     resolve_turning(c, m, s, min(length, first_length))
     return False
@@ -269,8 +278,14 @@ def with_directions(c: Contacts, m: TrialPart, s: Sliding, marks: Integers) -> N
 
 
 def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
-    """Take the motion with constant directions of friction, if the slips keep these directions."""
+    """Take the motion with constant directions of friction, if the slips keep these directions.
+
+    Then they keep them in the motion that was taken as well, but for round-off.
+    """
     n, noise = readings_size(c), NOISE * c.unit_speed
+    for k in range(c.frictions):
+        if s.turning[k] and not is_straight(c, s, m, k, BENT, BENT * c.slow):
+            return False
     with_directions(c, m, s, s.turning)
     fixed = TrialPart(
         m.y, s.given, m.t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), m.state, m.out, m.places_before,
@@ -280,18 +295,21 @@ def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
     if has_failed(fixed):
         m.failed[0] = 1
     for k in range(c.frictions):
-        if s.turning[k] and not is_straight(c, s, fixed, k, noise):
+        if s.turning[k] and not is_straight(c, s, fixed, k, STRAIGHT, noise):
             return False
     take_motion(c, m, s, fixed)
     return True
 
 
-def is_straight(c: Contacts, s: Sliding, fixed: TrialPart, k: int, noise: float) -> bool:
-    """Whether a slip has the direction before and after it has changed, or has reversed it."""
+def is_straight(c: Contacts, s: Sliding, m: TrialPart, k: int, part: float, noise: float) -> bool:
+    """Whether a slip has its direction before and after it has changed, or has reversed it.
+
+    :param part: of its change, that may be across the direction, besides the noise.
+    """
     x, y = s.directions[2 * k], s.directions[2 * k + 1]
-    across = abs(x * slip(c, fixed.before, k, 1) - y * slip(c, fixed.before, k, 0))
-    across = max(across, abs(x * slip(c, fixed.after, k, 1) - y * slip(c, fixed.after, k, 0)))
-    return across <= STRAIGHT * change_of_slip(c, fixed.before, fixed.after, k) + noise
+    across = abs(x * slip(c, m.before, k, 1) - y * slip(c, m.before, k, 0))
+    across = max(across, abs(x * slip(c, m.after, k, 1) - y * slip(c, m.after, k, 0)))
+    return across <= part * change_of_slip(c, m.before, m.after, k) + noise
 
 
 def take_motion(c: Contacts, m: TrialPart, s: Sliding, fixed: TrialPart) -> None:
@@ -308,26 +326,94 @@ def take_motion(c: Contacts, m: TrialPart, s: Sliding, fixed: TrialPart) -> None
 
 
 def steady_length(c: Contacts, m: TrialPart, s: Sliding, length: float) -> float:
-    """Find the elements whose friction turns their slip much faster than it changes, and how long it does."""
-    fastest, soon = 0.0, m.out
+    """How long directions may be constant, as far as slips slow down: up to a stop that is near, or for a part of that.
+
+    Then all slips that turn have constant directions, so none of them limits the length by how fast friction turns it.
+    """
+    fastest, soon, slows = 0.0, m.out, False
     for k in range(c.frictions):
-        s.steady[k] = 0
-        if s.turning[k] and speed_of(c, m.before, k) > c.slow:
+        s.steady[k] = s.turning[k]
+        speed = speed_of(c, m.before, k)
+        if s.turning[k] and speed > c.slow:
             fastest = max(fastest, turning_at(c, m.before, k) / STIFF)
-    if length * fastest <= STEADY:
+            slows = slows or not forward(c, m.before, m.after, k) > speed * speed
+    if not slows or not fastest * length > STEADY:
         return length
-    brief = BRIEF / fastest
-    soon = readings_at(c, m, brief)
+    soon = readings_at(c, m, BRIEF / fastest)
     for k in range(c.frictions):
-        if s.turning[k] and speed_of(c, m.before, k) > c.slow:
-            change = change_of_slip(c, m.before, soon, k) / brief
-            if change > 0.0:
-                length = min(length, SHORTER * TURNING * speed_of(c, m.before, k) / change)
-    if length * fastest > STEADY:
-        for k in range(c.frictions):
-            is_moving = s.turning[k] and speed_of(c, m.before, k) > c.slow
-            s.steady[k] = is_moving and length * turning_at(c, m.before, k) / STIFF > 1.0
+        speed = speed_of(c, m.before, k)
+        if s.turning[k] and speed > c.slow:
+            slowing = (speed * speed - forward(c, m.before, soon, k)) / speed * fastest / BRIEF
+            if slowing > 0.0:
+                is_short = is_short_way(c, speed, speed / slowing)
+                length = min(length, (1.0 + ANGLE if is_short else 1.0 - SLOWED) * speed / slowing)
     return length
+
+
+def is_short_way(c: Contacts, speed: float, length: float) -> bool:
+    """Whether a slip that stops after this length cannot move so far that its direction matters."""
+    return speed * length <= SHORT_WAY * c.unit_speed / c.unit_rate
+
+
+def is_stiff(c: Contacts, m: TrialPart, k: int, length: float) -> bool:
+    """Whether friction turns a slip within a small part of a length, as where sliding begins, or its way is short."""
+    speed = speed_of(c, m.before, k)
+    return speed <= c.slow or length * turning_at(c, m.before, k) > STEADY * STIFF or is_short_way(c, speed, length)
+
+
+def along_steady(c: Contacts, m: TrialPart, s: Sliding, length: float) -> bool:
+    """Take a motion with constant directions in which slips turn little; False where that is shorter than stable steps.
+
+    Then the motion is not changed, but for its length.
+    """
+    start, share, shortest = zeros(2 * c.frictions), 0.0, SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
+    if any(s.steady[k] and c.slow < speed_of(c, m.before, k) <= STOPPED * c.unit_speed for k in range(c.frictions)):
+        return False
+    for i in range(2 * c.frictions):
+        start[i] = s.directions[i]
+    for _ in range(MOST_TRIALS):
+        if length < shortest or not any(s.steady[k] and is_stiff(c, m, k, length) for k in range(c.frictions)):
+            break
+        share = steady_share(c, m, s, start) if along_fixed(c, m, s, length) else SHORTENING
+        if share == 1.0:
+            for i in range(c.inputs):
+                m.inputs[i] = s.given[i]
+            m.latest[0] = NONE
+            read(c, m.t, m.y, m.inputs, m.before)
+            return True
+        for i in range(2 * c.frictions):
+            s.directions[i] = start[i]
+        length *= share
+        m.span[0] = NONE
+    return False
+
+
+def steady_share(c: Contacts, m: TrialPart, s: Sliding, start: Array) -> float:
+    """The share of a motion with constant directions in which slips turn and slow down little, or stop; 1 if they do.
+
+    :param start: the directions at its start.
+    """
+    found, beyond = 1.0, BEYOND * STOPPED * c.unit_speed
+    if has_failed(m):
+        return SHORTENING
+    for k in range(c.frictions):
+        if s.steady[k]:
+            x, y, speed = s.directions[2 * k], s.directions[2 * k + 1], speed_of(c, m.before, k)
+            along = slip(c, m.after, k, 0) * x + slip(c, m.after, k, 1) * y
+            across = abs(slip(c, m.after, k, 1) * x - slip(c, m.after, k, 0) * y)
+            load, change = m.before[force_at(c, c.friction_gaps[k])], m.after[force_at(c, c.friction_gaps[k])]
+            if abs(change - load) > MOST_LOADED * abs(load):
+                found = min(found, max(SHORTER * MOST_LOADED * abs(load) / abs(change - load), SHORTENING))
+            if not x * start[2 * k] + y * start[2 * k + 1] > NEAR:
+                found = min(found, SHORTENING)
+            elif speed > c.slow and is_short_way(c, speed, m.span[0]):
+                if along < -2.0 * beyond:
+                    found = min(found, (speed + beyond) / (speed - along))
+            elif not along > SLOWED * speed:
+                found = min(found, max(SHORTER * (1.0 - SLOWED) * speed / (speed - along), 0.1 * SHORTENING))
+            elif across > max(HELD * c.unit_speed, MOST_TURNED * along):
+                found = min(found, max(SHORTER * MOST_TURNED * along / across, SHORTENING))
+    return found
 
 
 def resolve_turning(c: Contacts, m: TrialPart, s: Sliding, length: float) -> None:
@@ -360,44 +446,66 @@ def length_resolved(c: Contacts, m: TrialPart, s: Sliding, length: float) -> flo
     return share * length
 
 
-def along_fixed(c: Contacts, m: TrialPart, s: Sliding, length: float) -> None:
-    """Take the motion with constant directions of friction, which are those that the slips have at the end.
+def along_fixed(c: Contacts, m: TrialPart, s: Sliding, length: float) -> bool:
+    """Find the motion with constant directions of friction which have the same effect as those of the slips, if it is.
 
-    That is stable however fast friction turns the slips; these are then so slow that it is accurate as well.
+    That is stable however fast friction turns the slips. The impulse of friction has the direction in the middle of the
+    motion if the slip has this direction when the `share` of its length is over.
     """
     n = c.pairs
     found, last, jacobian, step = zeros(n), math.inf, zeros(n * n), zeros(n)
-    start, moved, count = zeros(2 * c.frictions), zeros(n), 0
+    moved, count, column, share = zeros(n), 0, 0, 1.0
     for k in range(c.frictions):
         count += s.steady[k]
-    slip_across(c, m, s, length, found)
+    share = share_of(c, m, s, length)
+    slip_across(c, m, s, share * length, found)
+    for k in range(c.frictions):
+        if s.steady[k]:
+            x, y = s.directions[2 * k], s.directions[2 * k + 1]
+            rotate(s.directions, k, ANGLE)
+            slip_across(c, m, s, share * length, moved)
+            s.directions[2 * k], s.directions[2 * k + 1] = x, y
+            for row in range(count):
+                jacobian[row * n + column] = (moved[row] - found[row]) / ANGLE
+            column += 1
     for _ in range(NEWTON_STEPS):
-        for i in range(2 * c.frictions):
-            start[i] = s.directions[i]
-        column = 0
-        for k in range(c.frictions):
-            if s.steady[k]:
-                rotate(s.directions, k, ANGLE)
-                slip_across(c, m, s, length, moved)
-                for row in range(count):
-                    jacobian[row * count + column] = (moved[row] - found[row]) / ANGLE
-                for i in range(2 * c.frictions):
-                    s.directions[i] = start[i]
-                column += 1
-        solve(count, jacobian, found, step)
-        row = 0
-        for k in range(c.frictions):
-            if s.steady[k]:
-                rotate(s.directions, k, -step[row])
-                row += 1
         last = largest(count, found)
-        slip_across(c, m, s, length, found)
-        if not largest(count, found) < 0.5 * last:
+        take_newton_step(c, s, count, jacobian, found, step)
+        slip_across(c, m, s, share * length, found)
+        if not CONVERGED * c.unit_speed < largest(count, found) < 0.5 * last:
             break
-    for i in range(c.inputs):
-        m.inputs[i] = s.given[i]
-    m.latest[0] = NONE
-    read(c, m.t, m.y, m.inputs, m.before)
+    if not largest(count, found) <= CONVERGED * c.unit_speed:
+        return False
+    if share < 1.0:
+        slip_across(c, m, s, length, found)
+    return True
+
+
+def take_newton_step(c: Contacts, s: Sliding, count: int, jacobian: Array, found: Array, step: Array) -> None:
+    """Turn the directions to where slips have no part across them."""
+    matrix, row, n = zeros(count * count), 0, c.pairs
+    for i in range(count):
+        for j in range(count):
+            matrix[i * count + j] = jacobian[i * n + j]
+    solve(count, matrix, found, step)
+    for k in range(c.frictions):
+        if s.steady[k]:
+            rotate(s.directions, k, -step[row])
+            row += 1
+
+
+def share_of(c: Contacts, m: TrialPart, s: Sliding, length: float) -> float:
+    """When, as a part of a length, slips have the direction in which friction acts on average.
+
+    With a slip v across its present direction, friction at the rate k turns it as v' = b - k v. If b changes linearly
+    and v follows it, a constant force has the same impulse if it has the direction of the slip at the share x of the
+    length, where k L x (1 - x) = 2 x - 1: half of it where friction turns slowly, at the end where it turns fast.
+    """
+    least = math.inf
+    for k in range(c.frictions):
+        if s.steady[k] and speed_of(c, m.before, k) > c.slow:
+            least = min(least, length * turning_at(c, m.before, k))
+    return 1.0 if least > 1e8 else (least - 2.0 + math.sqrt(least * least + 4.0)) / (2.0 * least)
 
 
 def largest(n: int, values: Array) -> float:
