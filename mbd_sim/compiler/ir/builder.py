@@ -80,7 +80,7 @@ class IRBuilder:
 
     def fma(self, x: Value, y: Value, z: Value) -> Value:
         """Compute x y + z, rounded once."""
-        if self.module.fast or any(is_vector(one.type) for one in (x, y, z)):
+        if self.module.fast or any(is_vector(value.type) for value in (x, y, z)):
             return self.intrinsic("llvm.fma", x, y, z)
         return self.call(self._fused(), [x, y, z])
 
