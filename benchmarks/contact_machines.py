@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.contacts import HOPPER, MEMBERS, TIME
 from benchmarks.floor_robots import Course, difference, ours, theirs
@@ -104,7 +105,7 @@ def hoppers(rounds: int) -> Row:
     return Row(f"{MEMBERS} hoppers", medians[0], tuple(zip(medians[1:], errors, strict=True)), residual)
 
 
-def mujoco_hoppers(heights: np.ndarray, step: float, into: np.ndarray) -> Callable[[], None]:
+def mujoco_hoppers(heights: NDArray[np.float64], step: float, into: NDArray[np.float64]) -> Callable[[], None]:
     """A run of all hoppers one after the other, which writes their ends."""
     model = mujoco.MjModel.from_xml_string(HOPPERS.format(step=step, stiff=2.0 * step))
     data = mujoco.MjData(model)

@@ -50,7 +50,8 @@ def ours(trial: Trial, mechanism: Mechanism, seconds: float, samples: int, metho
     layout = Kinematics(mechanism).layout
     number = round(seconds / STEP)
     every = max(1, number // samples)
-    took, each = 0.0, []
+    took = 0.0
+    each: list[float] = []
     for step in range(number + 1):
         if step % every == 0:
             found.times.append(sim.time)
