@@ -147,7 +147,7 @@ setup(
         "test": [
             *ALL,
             "fmpy>=0.3.26",
-            "hypothesis>=6.100",
+            "hypothesis>=6.125",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",

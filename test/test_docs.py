@@ -81,8 +81,13 @@ def test_paths_in_the_guides_exist(page):
 @pytest.mark.parametrize("page", GUIDES[:2], ids=name_of)
 def test_classes_and_constants_in_the_guides_exist(page):
     names = re.findall(r"`([A-Z]\w+)`", page.read_text(encoding="utf-8"))
-    words = {word for path in SOURCES if path.suffix == ".py" for word in re.findall(r"\w+", path.read_text("utf-8"))}
-    assert len(names) > 5 and [name for name in names if name not in words] == []
+    assert len(names) > 5 and [name for name in names if name not in words_of_sources()] == []
+
+
+@functools.cache
+def words_of_sources():
+    texts = (path.read_text("utf-8") for path in SOURCES if path.suffix == ".py")
+    return frozenset().union(*(re.findall(r"\w+", text) for text in texts))
 
 
 def blocks(page, language=""):
@@ -102,10 +107,13 @@ def test_the_pages_show_every_command():
     assert {"check", "run", "sweep", "verify", "rerun-with", "view", "plot", "export", "urdf", "convert"} <= shown
 
 
+parser = functools.cache(build_parser)
+
+
 @pytest.mark.parametrize("line", sorted({line for page in PAGES for line in commands(page)}))
 def test_command_lines_in_the_pages_are_valid(line):
     words = shlex.split(line, comments=True)[1:]
-    build_parser().parse_args(words[: words.index(">")] if ">" in words else words)
+    parser().parse_args(words[: words.index(">")] if ">" in words else words)
 
 
 def test_the_first_tutorial_quotes_errors(tmp_path, monkeypatch, capsys):

@@ -29,6 +29,12 @@ OFFERED: tuple[JointType, ...] = ("revolute", "prismatic", "cylindrical", "spher
 NEED_AXIS: tuple[JointType, ...] = ("revolute", "prismatic", "cylindrical", "planar")
 SMALL = 0.02  # of the largest, below which a singular value of the rows is zero; rad for inexact directions
 
+
+def word_of(kind: JointType | None) -> str:
+    """What users call a type of joint; `none` if there is none."""
+    return next((word for word, found in WORDS.items() if found == kind), kind or "none")
+
+
 Freedom = tuple[JointType | None, Array | None]  # the type, and the axis of what is left
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.imports.assembly import CadAssembly
-from mbd_sim.imports.joints import Candidate
+from mbd_sim.imports.joints import Candidate, word_of
 from mbd_sim.pictures.drawing.sheet import (
     AZIMUTH,
     ELEVATION,
@@ -131,9 +131,8 @@ def _add_numbers(axes: Any, page: ScaledView, candidates: Sequence[Candidate]) -
 
 
 def _add_legend(axes: Any, candidates: Sequence[Candidate], top: Array) -> None:
-    words: dict[str | None, str] = {"revolute": "hinge", "prismatic": "slider", "spherical": "ball", None: "choose"}
     for row, candidate in enumerate(candidates):
-        kind = words.get(candidate.type, candidate.type)
+        kind = word_of(candidate.type) if candidate.type else "choose"
         names = " – ".join(name if len(name) <= 18 else name[:17] + "…" for name in candidate.parts)
         place = top - np.array([0.0, LINE * row])
         axes.text(*place, f"{candidate.number}", fontsize=9.0, color=ACCENT, ha="right", va="center", weight="bold")

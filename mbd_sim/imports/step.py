@@ -18,11 +18,12 @@ import numpy as np
 from mbd_sim.base.errors import InputError, listed
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.base.packages import require_packages
+from mbd_sim.files.text.library import CAD_SUFFIXES
 from mbd_sim.imports.assembly import Body, CadAssembly, ImportedPart, PlacedBody
 from mbd_sim.mechanism.elements.parts import is_frame_name
 from mbd_sim.mechanism.values.names import accepted_names, unique_name
 
-SUFFIXES = (".step", ".stp", ".p21")
+SUFFIXES = CAD_SUFFIXES
 MOST_BYTES = 300_000_000  # of a file
 MOST_PARTS = 1000
 MILLIMETER = 1e-3  # m, the unit of OpenCASCADE, to which it converts

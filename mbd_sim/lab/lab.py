@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.page.page import Page, Theme
+from mbd_sim.lab.server.server import PageServer
 from mbd_sim.lab.session.background import FileWatch
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.continuation import continue_run
@@ -40,6 +42,8 @@ class Lab:
         drive: str | None = None,
         record: Path | None = None,
         start: BaseSimulation | None = None,
+        server: PageServer | None = None,
+        back: tuple[str, Callable[[], None]] | None = None,
     ) -> None:
         """Build the mechanism, start its session, and open the server.
 
@@ -48,6 +52,8 @@ class Lab:
         :param port: 0: a free one.
         :param record: an .mcap file that is recorded from the start.
         :param start: a simulation of the mechanism, whose present state is that of the page at first.
+        :param server: one that goes on when the lab is closed, instead of one at `host` and `port`.
+        :param back: see `Page`.
         :raises MechanismError: with all problems of the file.
         :raises MissingPackageError: viser is not installed.
         """
@@ -62,7 +68,9 @@ class Lab:
         self.session = OwnSession(bench, running=running and drive is None)
         if record is not None:
             self.session.record(record)
-        self.page = Page(self.session, host=host, port=port, theme=theme, check=self._checked)
+        self._server = server or PageServer(host, port)
+        self._owns_server = server is None
+        self.page = Page(self.session, self._server, theme=theme, check=self._checked, back=back)
         self._watch: FileWatch | None = None
         if mechanism.source.file and Path(mechanism.source.file).is_file():
             self._watch = FileWatch(mechanism, self._bench, self._adopt, self.page.refuse)
@@ -78,7 +86,7 @@ class Lab:
     @property
     def url(self) -> str:
         """The address of the page."""
-        return self.page.url
+        return self._server.url
 
     def close(self) -> None:
         """Close the page, and complete the recording."""
@@ -86,6 +94,8 @@ class Lab:
             self._watch.stop()
         self.page.stop()
         self.session.stop()
+        if self._owns_server:
+            self._server.stop()
 
     def __enter__(self) -> Self:
         return self

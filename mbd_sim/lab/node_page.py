@@ -11,6 +11,7 @@ import sys
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.operating_system import lower_priority
 from mbd_sim.lab.page.page import Page
+from mbd_sim.lab.server.server import PageServer
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.link import PageOrder, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
@@ -30,17 +31,12 @@ def main() -> int:
     try:
         simulation = BaseSimulation(order.mechanism, **order.simulation)
         session = NodeSession(Bench(simulation), link)
-        page = Page(
-            session,
-            host=order.host,
-            port=order.port,
-            theme="light",
-            check=lambda: report_text(cached_report(order.mechanism)),
-        )
+        server = PageServer(order.host, order.port)
+        Page(session, server, theme="light", check=lambda: report_text(cached_report(order.mechanism)))
     except (MbdSimError, OSError) as error:
         link.send(json.dumps({"failed": str(error)}).encode())
         return 1
-    link.send(json.dumps({"address": page.url}).encode())
+    link.send(json.dumps({"address": server.url}).encode())
     session.start()
     session.wait()
     os._exit(0)  # viser's threads would go on for as long as pages are open

@@ -268,7 +268,8 @@ def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):
 
 def test_another_process_finds_it_and_gets_the_same_bits(folder):
     program = (
-        "from mbd_sim import Simulation; s = Simulation.from_file('four_bar'); s.step(300); print(s.state.tolist())"
+        "from mbd_sim.compiler.code import machine_code; machine_code.LEVEL = 0; from mbd_sim import Simulation; "
+        "s = Simulation.from_file('four_bar'); s.step(300); print(s.state.tolist())"
     )
     answers = [
         subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout

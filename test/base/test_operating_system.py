@@ -87,6 +87,8 @@ COMMANDS = {
     "macOS": ("run four_bar --time 0.3 --out run.mcap",),  # it lacks nothing that Windows has
 }
 PROGRAM = """
+from mbd_sim.compiler.code import machine_code
+machine_code.LEVEL = 0
 from mbd_sim.cli.main import main
 for arguments in {commands!r}:
     assert main(arguments.split()) == 0, arguments

@@ -16,6 +16,8 @@ class Blocker:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Blocker())
+from mbd_sim.compiler.code import machine_code
+machine_code.LEVEL = 0
 from mbd_sim.cli.main import main
 from mbd_sim.programs import node
 

@@ -57,7 +57,6 @@ def test_a_path_that_is_not_utf8_is_printed_with_its_bytes(monkeypatch):
 @pytest.mark.parametrize(
     ("encoding", "command"),
     [
-        ("", ("check", "four_bar")),
         ("", ("modes", "cart_pendulum")),
         ("cp437", ("check", "four_bar")),
     ],

@@ -8,6 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from mbd_sim.cli.main import main
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.files.load import load_mechanism
 
 CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 QUIET = ("run", "verify", "rerun-with", "plot", "export")
@@ -66,7 +68,7 @@ def execute_snippet(language, code):
     """Run a snippet: a mechanism and a C program are written to files; commands `mbd_sim` and `gcc` are executed."""
     if language == "yaml" and (name := re.match(r"mechanism: (\w+)\n", code)):
         Path(f"{name[1]}.yaml").write_text(code, encoding="utf-8")
-        assert main(["check", f"{name[1]}.yaml"]) == 0
+        derive(load_mechanism(f"{name[1]}.yaml"))
     elif language == "python" and "fmpy" in code and not find_spec("fmpy"):
         return  # an extra of the tests
     elif language == "python" and "rclpy" not in code and "Lockstep" not in code:

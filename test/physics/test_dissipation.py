@@ -24,8 +24,10 @@ def test_quadratic_drag_slows_the_puck_as_one_over_t():
     assert sim.energies.dissipated == pytest.approx(0.5 * p["m"] * v0**2 * (1 - slower**-2), rel=1e-13)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
-@pytest.mark.parametrize("where", ["joint", "line", "velocity"])
+@pytest.mark.parametrize(
+    ("where", "exponent"),
+    [("joint", 1.0), ("joint", 1.5), ("line", 1.0), ("line", 3.0), ("velocity", 1.0), ("velocity", 2.0)],
+)
 def test_a_power_law_damper_slows_a_slider_down(exponent, where):
     """m v' = -C v^p: v^(1-p) = v0^(1-p) + (p - 1) C t / m, and an exponential for p = 1."""
     law = f"coefficient: 1.5, exponent: {exponent}"

@@ -7,7 +7,7 @@ follow commands move as coordinates do, within their ranges, because they can be
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mbd_sim.analysis.mechanics.free_drives import FreeDrives
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.base.errors import InputError, listed, nearest
+from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import rotation_vector, to_quaternion
 from mbd_sim.base.interrupts import interruptible_tracing
@@ -33,6 +34,7 @@ LEAST_STEP = 1e-12  # in natural units
 LONGEST_STEP = 0.5  # in natural units
 STALLED, MOST_STALLED = 1e-9, 3  # share by which a step reduces the error too little, and how often it may
 ALIKE, MOST_ALIKE = 1e-6, 3  # share by which errors differ that count as the same, and how often the same is found
+TRIES, TOLERANCE = 30, 1e-9  # by default
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-13, 1e8
 
 Mask = NDArray[np.bool_]
@@ -68,11 +70,12 @@ def inverse_kinematics(
     position: Sequence[float] | Array | None = None,
     rotation: Sequence[Sequence[float]] | Array | None = None,
     *,
+    at: Sequence[float] | Array | None = None,
     q: Sequence[float] | Array | None = None,
     time: float = 0.0,
     limits: bool = True,
-    tries: int = 30,
-    tolerance: float = 1e-9,
+    tries: int = TRIES,
+    tolerance: float = TOLERANCE,
 ) -> InverseKinematics:
     """The coordinates that bring a point or a frame of a part to a target in ground's frame.
 
@@ -88,6 +91,7 @@ def inverse_kinematics(
     :param frame: a part, or a point `part.point` with its axes.
     :param position: (3,) in m, where the origin of the frame shall be; None for anywhere.
     :param rotation: (3, 3), how its axes shall stand in ground's; None for any way.
+    :param at: (3,) in m, in the axes of the frame, another point that shall be there instead of its origin.
     :param q: (nq,) where to begin, by default at the start.
     :param time: in s, on which drives by expressions depend: these prescribe the motion of their joints.
     :param limits: whether the coordinates stay within the `limits` of their joints, and drives within their ranges.
@@ -95,9 +99,26 @@ def inverse_kinematics(
     :param tolerance: up to which the target counts as reached, in rad and relative to the size of the mechanism.
     :raises ValueError: there is no such frame, or numbers do not fit; or no position from q closes the loops.
     """
+    *_, best = improving(kinematics, frame, position, rotation, at, q, time, limits, tries, tolerance)
+    return best
+
+
+def improving(
+    kinematics: Kinematics,
+    frame: str,
+    position: Sequence[float] | Array | None,
+    rotation: Sequence[Sequence[float]] | Array | None,
+    at: Sequence[float] | Array | None = None,
+    q: Sequence[float] | Array | None = None,
+    time: float = 0.0,
+    limits: bool = True,
+    tries: int = TRIES,
+    tolerance: float = TOLERANCE,
+) -> Iterator[InverseKinematics]:
+    """The best that was found after each start, of which the last is that of `inverse_kinematics`: first from `q`."""
     free = kinematics.with_free_drives
     drives = FreeDrives(kinematics.layout, free.layout)
-    problem = _Reaching(free, frame, _target(position, rotation), time, limits)
+    problem = _Reaching(free, frame, at, _target(position, rotation), time, limits)
     random, best, alike = np.random.default_rng(0), None, 0
     start = free.closed(drives.released(kinematics.checked(q)), time)
     for attempt in range(max(1, tries)):
@@ -109,10 +130,9 @@ def inverse_kinematics(
             alike += 1
         if best is None or found.error < best.error:
             best, alike = found, alike if best and found.error > (1.0 - ALIKE) * best.error else 0
+        yield problem.answer(best, tolerance, drives)
         if best.error <= tolerance or alike >= MOST_ALIKE:
             break
-    assert best is not None
-    return problem.answer(best, tolerance, drives)
 
 
 @dataclass(frozen=True)
@@ -153,10 +173,18 @@ class _Found:
 class _Reaching:
     """The residual of a frame and its Jacobian, in natural units, and the loops."""
 
-    def __init__(self, kinematics: Kinematics, frame: str, target: _Target, time: float, limits: bool) -> None:
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        frame: str,
+        at: Sequence[float] | Array | None,
+        target: _Target,
+        time: float,
+        limits: bool,
+    ) -> None:
         self.kinematics, self.target, self.time = kinematics, target, time
         self.constraints: ConstraintFunctions = kinematics.constraints
-        part, self.local = _frame(kinematics, frame)
+        part, self.local = _frame(kinematics, frame, at)
         traced = kinematics.traced
         self._pose, self._jacobian = (frame_function(traced, part, quantity) for quantity in ("pose", "jacobian"))
         self._y = np.zeros(traced.y.numel())
@@ -299,8 +327,8 @@ class _Reaching:
         return f" {listed(names)} {what} of time, here at {self.time:g} s: only the other joints were moved."
 
 
-def _frame(kinematics: Kinematics, name: str) -> tuple[str, Pose]:
-    """The part of a frame, and its pose there."""
+def _frame(kinematics: Kinematics, name: str, at: Sequence[float] | Array | None) -> tuple[str, Pose]:
+    """The part of a frame, and its pose there, with its origin moved to `at` (3,)."""
     parts = kinematics.mechanism.parts
     known = {one.name: one.points for one in parts.values()}
     try:
@@ -308,7 +336,9 @@ def _frame(kinematics: Kinematics, name: str) -> tuple[str, Pose]:
     except InputError as error:
         valid = [text for owner, points in known.items() for text in (owner, *(f"{owner}.{p}" for p in points))]
         raise InputError(f"there is no part or point '{name}'", nearest(name, valid)) from error
-    return part, known[part][point] if point else identity_pose()
+    pose = known[part][point] if point else identity_pose()
+    moved = finite_vector([0.0, 0.0, 0.0] if at is None else at, 3, "at")
+    return part, pose @ Pose(moved, np.eye(3))
 
 
 def _ranges(kinematics: Kinematics, limits: bool) -> tuple[list[str], tuple[Array, Array], Array, Array]:

@@ -6,20 +6,19 @@ import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from mbd_sim.base.errors import CommandError, counted
 from mbd_sim.cli.shared.command import Command, Waiting
 from mbd_sim.cli.shared.common import add_repeatable, positive_in, print_notes
+from mbd_sim.cli.shared.page_options import add_page, require_page, serve_page
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.imports.assembly import CadAssembly
+from mbd_sim.imports.build import Import
 from mbd_sim.imports.choice import NONE, Choice, choose
-from mbd_sim.imports.joints import OFFERED, WORDS, Candidate, candidates_of
+from mbd_sim.imports.joints import OFFERED, WORDS, Candidate, candidates_of, word_of
 from mbd_sim.imports.masses import MassTable, mass_table
 from mbd_sim.imports.meshes import mesh_files, read_meshes
-from mbd_sim.imports.picture import write_picture
 from mbd_sim.imports.step import SUFFIXES, read_step
-from mbd_sim.imports.written import UP, mesh_folder, write_stl, written
+from mbd_sim.imports.written import UP
 
 GAP = 1e-4  # m
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}  # in m
@@ -66,35 +65,46 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", choices=UNITS, help="the unit of meshes in formats that state none: STL, OBJ and PLY")
     parser.add_argument("--up", choices=UP, default="z", help="the axis that points upward (default: z)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="mechanism file to write (default: NAME.yaml)")
+    parser.add_argument(
+        "--lab", action="store_true", help="choose the joints on a page in the browser, and run it there"
+    )
+    add_page(parser.add_argument_group("the page of --lab"))
     parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 
 def _import(options: argparse.Namespace) -> int:
     """Read the parts, find joints, and write the mechanism file, its meshes and the picture."""
     out: Path = options.out or Path(f"{options.files[0].resolve().stem}.yaml")
-    folder, picture = mesh_folder(out), out.with_name(f"{out.stem}_joints.png")
     _require_new(out, options.force)
+    if options.lab:
+        require_page(options)
     table = mass_table(options.density, options.mass, options.materials)
     Waiting.stage("read the parts")
     assembly = _read(options, out.stem)
     table.require_used(assembly)
     Waiting.stage("find the joints")
-    candidates = candidates_of(assembly, options.gap)
-    choice = choose(assembly, candidates, options.joints == "all", options.joint, options.ground)
-    found = written(assembly, table, candidates, choice, out, options.up)
-    (folder if found.meshes else out.parent).mkdir(parents=True, exist_ok=True)
-    for name, triangles in found.meshes.items():
-        write_stl(folder / f"{name}.stl", triangles)
-    out.write_text(found.text, encoding="utf-8")
+    found = Import(assembly, table, tuple(candidates_of(assembly, options.gap)), out, options.up)
+    choice = choose(assembly, found.candidates, options.joints == "all", options.joint, options.ground)
+    if options.lab:
+        return _choose_on_page(found, choice, options)
+    count = found.write(choice)
     Waiting.stage("draw the picture")
-    axis, sign = UP[options.up]
-    glass = [] if choice.is_free else choice.held[:1]
-    write_picture(picture, assembly, candidates, glass, sign * np.eye(3)[axis])
+    found.draw(choice)
     Waiting.stage("load the mechanism")
-    _report(assembly, table, candidates, choice)
+    _report(assembly, table, found.candidates, choice)
     load_mechanism(out)
-    meshes = f", {folder} with {counted(len(found.meshes), 'STL file')}," if found.meshes else ""
-    print(f"wrote {out}{meshes} and {picture}")
+    meshes = f", {found.folder} with {counted(count, 'STL file')}," if count else ""
+    print(f"wrote {out}{meshes} and {found.picture}")
+    return 0
+
+
+def _choose_on_page(found: Import, choice: Choice, options: argparse.Namespace) -> int:
+    """Serve the page on which joints are chosen, and then the mechanism, until Ctrl-C."""
+    from mbd_sim.lab.joints.import_lab import ImportLab
+
+    print_notes(list(found.assembly.notes))
+    with ImportLab(found, choice, host=options.host, port=options.port, theme=options.theme) as lab:
+        serve_page(f"the choice of joints of {found.assembly.name}", lab.url, options)
     return 0
 
 
@@ -152,11 +162,7 @@ def _part_rows(assembly: CadAssembly, table: MassTable) -> Iterator[list[str]]:
 def _joint_rows(candidates: Sequence[Candidate], choice: Choice) -> Iterator[list[str]]:
     for one in candidates:
         taken = choice.types.get(one.number)
-        yield [str(one.number), " – ".join(one.parts), _word(one.type), _word(taken) if taken else "", one.why]
-
-
-def _word(kind: str | None) -> str:
-    return next((word for word, found in WORDS.items() if found == kind), kind or "none")
+        yield [str(one.number), " – ".join(one.parts), word_of(one.type), word_of(taken) if taken else "", one.why]
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -170,8 +176,8 @@ COMMANDS = {
     "import": Command(
         "Write a mechanism file from a STEP assembly of a CAD program, or from closed meshes: a part for each solid, "
         "with its mass and inertia by the materials that are given, its mesh and its color. Faces that parts share are "
-        "offered as joints, with numbers that a picture shows. Take them with --joints all or --joint, or later in the "
-        "file, which has the others as comments.",
+        "offered as joints, with numbers that a picture shows. Take them with --joints all or --joint, in the browser "
+        "with --lab, or later in the file, which has the others as comments.",
         _add_import,
         _import,
     ),

@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import threading
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from mbd_sim.base.errors import CommandError, MechanismError, NoInertiaError, counted
 from mbd_sim.base.packages import require_packages
@@ -26,6 +24,7 @@ from mbd_sim.cli.shared.common import (
     shown_plots,
     text_table,
 )
+from mbd_sim.cli.shared.page_options import add_page, require_page, serve_page
 from mbd_sim.cli.shared.recorded_run import add_run, read_run_table, recorded_run
 from mbd_sim.cli.shared.setup_options import add_robot, add_set, changed_mechanism
 from mbd_sim.recordings.run.reader import Recording, open_recording
@@ -175,11 +174,8 @@ def _add_lab(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_set(parser)
     add_robot(parser)
-    parser.add_argument("--port", type=int, default=8080, help="default 8080; 0: any that is free")
-    parser.add_argument("--host", default="127.0.0.1", help="listen for other machines too, such as 0.0.0.0")
-    parser.add_argument("--no-open", action="store_true", help="only print the address, without opening a browser")
+    add_page(parser)
     parser.add_argument("--paused", action="store_true", help="start paused")
-    parser.add_argument("--theme", choices=("light", "dark"), default="light", help="default light")
     parser.add_argument("--record", metavar="FILE.mcap", type=Path, help="record from the start")
     parser.add_argument(
         "--drive",
@@ -193,13 +189,8 @@ def _add_lab(parser: argparse.ArgumentParser) -> None:
 
 
 def _lab(options: argparse.Namespace) -> int:
-    """Write the page with the motion, or serve the page until Ctrl-C.
-
-    :raises CommandError: the port is not possible.
-    """
-    require_packages("viser", purpose="The lab")
-    if not 0 <= options.port <= 65535:
-        raise CommandError(f"there is no port {options.port}", "Give one from 1024 to 65535, or 0.")
+    """Write the page with the motion, or serve the page until Ctrl-C."""
+    require_page(options)
     mechanism = changed_mechanism(options)
     if options.html is not None:
         from mbd_sim.lab.scene.keep import write_html
@@ -222,12 +213,7 @@ def _lab(options: argparse.Namespace) -> int:
     except NoInertiaError as error:
         raise CommandError(str(error).rstrip("."), "Or show positions only: --drive JOINT.") from error
     with lab:
-        if options.port not in (0, urlsplit(lab.url).port):
-            print(f"Port {options.port} is taken by another program, so another one is used.")
-        print(f"{mechanism.name} is on {lab.url} (Ctrl-C ends it)", flush=True)
-        if not options.no_open:
-            webbrowser.open(lab.url)
-        threading.Event().wait()
+        serve_page(mechanism.name, lab.url, options)
     return 0
 
 

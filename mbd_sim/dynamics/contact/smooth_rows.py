@@ -6,9 +6,10 @@ A D² Aᵀ), the gap along a unit normal n, which points from the second body to
     g(n) = n·(c_A - c_B) - √(n·K_A n) - √(n·K_B n) - r_A - r_B.
 
 The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
-Otherwise g(n) is the largest of those normals that a side admits, or of all. It is found by Newton steps from a hint
-among the numbers, which is renewed after each step. Its rate is the velocity along the normal of the points that
-touch. A slot without features has zeros only; its gap is then the natural length.
+Otherwise g(n) is the largest of those normals that a side admits, or of all. That of a rounded point and a rim, or a
+tip, is in closed form as well; others are found by Newton steps from a hint among the numbers, which is renewed after
+each step. The rate is the velocity along the normal of the points that touch. A slot without features has zeros only;
+its gap is then the natural length.
 
 The numbers of a slot are c_A and c_B (6) from the points at which the bodies are attached, in the axes of their parts;
 the directions d of sides (6), zero for other features; the radii in m of circles (2), 1 for an ellipsoid and 0 for a
@@ -89,18 +90,12 @@ def smooth_touch(
         axis, edge = frames[end].rotation @ hint, (d_b, d_a)[end]
         crossing = _crossing(line if end else -line, edge, axis, numbers[12 + end], sign, crossed)
         fixed += crossed * (crossing.normal if end else -crossing.normal)
-    bound, cosine = free * (d_a + d_b), free * (k_b - k_a)
-
-    def following(given: ca.SX) -> ca.SX:
-        """The normal after one step from a given one."""
-        return fixed + free * _newton_step(given, bound, cosine, line, grams, side, free)
-
-    start = fixed + free * (second.rotation @ hint)
-    normal, value = ca.SX.sym("normal", 3), start
-    for _ in range(NEWTON_STEPS):
-        value = following(value)
-    iterated = IteratedNormal(normal, value, following(normal))
-    arms = [_arm(gram, normal) for gram in grams]
+    search = _Search(line, grams, free * (d_a + d_b), free * (k_b - k_a), side, free)
+    if (rounded := _rounded(bodies)) is not None:
+        axis, radius = _axis(bodies[1 - rounded], frames[1 - rounded]), numbers[13 - rounded]
+        search = _RoundedSearch(**vars(search), axis=axis, radius=radius)
+    iterated, normal, toward = search.found(fixed, second.rotation @ hint)
+    arms = [_arm(gram, toward) for gram in grams]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
     lifts = [
@@ -121,12 +116,77 @@ def smooth_touch(
 
 
 @dataclass(frozen=True, eq=False)
+class _Search:
+    """The search of the normal of two corners, with their `grams` and the `line` between them, which a side can bound.
+
+    It is `used` if it is 1, and 0 if the normal is fixed.
+    """
+
+    line: ca.SX
+    grams: list[ca.SX]
+    bound: ca.SX
+    cosine: ca.SX
+    side: ca.SX
+    used: ca.SX
+
+    def found(self, fixed: ca.SX, hint: ca.SX) -> tuple[IteratedNormal, ca.SX, ca.SX]:
+        """What is iterated, the normal, and the direction in which the corners touch, as expressions of its symbols."""
+
+        def following(given: ca.SX) -> ca.SX:
+            """The normal after one step from a given one."""
+            step = _newton_step(given, self.bound, self.cosine, self.line, self.grams, self.side, self.used)
+            return fixed + self.used * step
+
+        symbols, value = ca.SX.sym("normal", 3), fixed + self.used * hint
+        for _ in range(NEWTON_STEPS):
+            value = following(value)
+        return IteratedNormal(symbols, value, following(symbols)), symbols, symbols
+
+
+@dataclass(frozen=True, eq=False)
+class _RoundedSearch(_Search):
+    """The search where one of the bodies is rounded, and the other one has rims with this `axis`.
+
+    The normal of a rounded point and a rim, or a tip, is in closed form. Beyond the plane of a rim, g(n) has a kink at
+    its axis, through which the normal passes as the point comes to be on the end; the nearest point of a rim has none.
+    """
+
+    axis: ca.SX
+    radius: ca.SX
+
+    def found(self, fixed: ca.SX, hint: ca.SX) -> tuple[IteratedNormal, ca.SX, ca.SX]:
+        """See `_Search`."""
+        at_point = self.used * (ca.dot(self.bound, self.bound) < 0.5)
+        outward = _unit(self.line - self.axis * ca.dot(self.axis, self.line))
+        fixed += at_point * _unit(self.line - self.radius * outward)
+        steps = self.used - at_point
+        others = _Search(self.line, [steps * gram for gram in self.grams], self.bound, self.cosine, self.side, steps)
+        iterated, normal, toward = others.found(fixed, hint)
+        return iterated, normal, at_point * outward + (1.0 - at_point) * toward
+
+
+@dataclass(frozen=True, eq=False)
 class _Crossing:
     """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end."""
 
     along: ca.SX
     arm: ca.SX
     normal: ca.SX
+
+
+def _axis(body: ContactBody, frame: SymbolicPose) -> ca.SX:
+    """The axis of a round body."""
+    assert isinstance(body, Barrel | ConeBody)
+    return ca.sparsify(frame.rotation @ constant(body.axis))
+
+
+def _rounded(bodies: tuple[ContactBody, ContactBody]) -> int | None:
+    """Which of two bodies has rounded corners, if the other one has rims."""
+    for k in (0, 1):
+        body = bodies[k]
+        if isinstance(body, Solid) and body.radius != 0.0 and isinstance(bodies[1 - k], Barrel | ConeBody):
+            return k
+    return None
 
 
 def _end_of_crossing(bodies: tuple[ContactBody, ContactBody]) -> int | None:

@@ -144,6 +144,10 @@ class CBuilder(IRBuilder):
         """Compute −x."""
         return self._value(x.type, "-{0}", (x,), SIGN)
 
+    def fma(self, x: Value, y: Value, z: Value) -> Value:
+        """Compute x y + z, rounded once."""
+        return self.intrinsic("llvm.fma", x, y, z)
+
     def intrinsic(self, name: str, *arguments: Value) -> Value:
         """A function of the library of mathematics."""
         return self._value(DOUBLE, _call(name.removeprefix("llvm."), len(arguments)), arguments, NAME)

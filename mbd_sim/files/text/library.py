@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import re
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +19,7 @@ from mbd_sim.files.text.ros_packages import package_folders
 READ_SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf", ".world")
 XACRO_SUFFIX = ".xacro"
 SUFFIXES = (*READ_SUFFIXES, XACRO_SUFFIX)
+CAD_SUFFIXES = (".step", ".stp", ".p21")  # of STEP, which is imported
 _ARGUMENT = re.compile(r"(?:^|\s+)([A-Za-z_][\w.-]*):=")
 
 NO_PACKAGE = "Source the workspace that has it, put its folder beside this one, or its parent into ROS_PACKAGE_PATH."
@@ -112,6 +114,8 @@ def packaged(uri: str, folder: Path) -> Path:
 def _found(path: Path) -> Path:
     if path.suffix in SUFFIXES or path.parent != Path():
         if path.is_file():
+            if path.suffix.lower() in CAD_SUFFIXES:
+                raise MechanismError([_cad(path)])
             return path
         if path.is_dir():
             raise MechanismError([_folder(path)])
@@ -119,6 +123,8 @@ def _found(path: Path) -> Path:
     ships = shipped()
     if path.name in ships:
         return ships[path.name]
+    if path.is_file() and path.suffix.lower() in CAD_SUFFIXES:
+        raise MechanismError([_cad(path)])
     if path.is_file():
         message = "a file of this name is here, but its ending is not that of a mechanism"
         remedy = f"Rename it, for example to '{path.stem}.yaml'."
@@ -138,6 +144,11 @@ def _found(path: Path) -> Path:
             )
         ]
     )
+
+
+def _cad(path: Path) -> Problem:
+    remedy = f"Import it: mbd_sim import {shlex.quote(str(path))} --density steel --lab"
+    return Problem("is an assembly of a CAD program", remedy, key="mechanism", value=quoted(str(path)))
 
 
 def _folder(path: Path) -> Problem:

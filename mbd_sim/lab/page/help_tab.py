@@ -29,6 +29,9 @@ and what has the same names goes on.
 turns, which follows changed lengths. *Keep this curve* leaves it in gray, to compare it with that of other lengths.
 There are dead points, limit positions and the transmission angle too.
 
+**Inverse kinematics:** choose a point in *Kinematics*, *Bring a point to a target*, and drag the arrows in the scene or
+type where it shall be. The joints are listed, and what is left if it is out of reach.
+
 **Points of your own:** `mbd_sim convert four_bar > my.yaml` writes a file of your own. Add a point under `points:` of a
 part, such as `P: [0.7, 0, 0.5]` in its frame, and open it: `mbd_sim lab my.yaml`.
 

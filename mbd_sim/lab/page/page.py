@@ -18,17 +18,18 @@ from mbd_sim.lab.page.help_tab import HelpTab
 from mbd_sim.lab.page.keep_tab import KeepTab
 from mbd_sim.lab.page.kinematics_tab import KinematicsTab
 from mbd_sim.lab.page.plots_tab import PlotsTab
+from mbd_sim.lab.page.reach_panel import ReachPanel
 from mbd_sim.lab.page.run_bar import RunBar
 from mbd_sim.lab.page.show_tab import ShowTab
 from mbd_sim.lab.page.style import style
 from mbd_sim.lab.page.touched import Touched
-from mbd_sim.lab.scene.camera import aim
+from mbd_sim.lab.scene.camera import aim, keep_aimed
 from mbd_sim.lab.scene.scene import Scene
-from mbd_sim.lab.server.safety import Gate
-from mbd_sim.lab.server.server import started, stop
+from mbd_sim.lab.server.server import PageServer
 from mbd_sim.lab.session.background import Preparer
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.lab.session.own_session import OwnSession
+from mbd_sim.lab.session.reaching import Reacher
 from mbd_sim.lab.session.session import Session
 from mbd_sim.lab.session.sliders import settings_of
 from mbd_sim.pictures.shapes.extent import extent_of
@@ -39,23 +40,29 @@ Theme = Literal["light", "dark"]
 PICTURES = 60.0  # a second
 NUMBERS = 6.0  # updates of texts, plots and sliders a second
 PANEL = 370.0  # px of width
-FIRST_VIEWS = 5  # that are corrected
 
 
 class Page:
-    """The page of a session; `url` opens it."""
+    """The page of a session on a server, in place of what this showed before."""
 
     def __init__(
-        self, session: Session, *, host: str, port: int, theme: Theme, check: Callable[[], str] | None = None
+        self,
+        session: Session,
+        server: PageServer,
+        *,
+        theme: Theme,
+        check: Callable[[], str] | None = None,
+        back: tuple[str, Callable[[], None]] | None = None,
     ) -> None:
-        """Start the server.
+        """Build the page and begin to show frames.
 
         :param check: finds what `mbd_sim check` says about the mechanism; called in a thread of its own.
+        :param back: the label of a button that leads to another page, and what it calls.
         """
         self.session, self._check, self._dark = session, check, theme == "dark"
-        self._gate = Gate(host)
-        self.server = started(self._gate, host, port, "mbd_sim lab")
+        self.server, self._back = server.viser, back
         self._preparer = Preparer(session) if isinstance(session, OwnSession) else None
+        self._reacher = Reacher(session)
         self._touched, self._stopped = Touched(), threading.Event()
         self._problem = self._note = ""
         self._build()
@@ -64,20 +71,13 @@ class Page:
         self._thread = threading.Thread(target=self._run, name="lab_page", daemon=True)
         self._thread.start()
 
-    @property
-    def url(self) -> str:
-        """The address, with the token if there is one."""
-        host = self.server.get_host()
-        token = f"?token={self._gate.token}" if self._gate.token else ""
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.server.get_port()}/{token}"
-
     def stop(self) -> None:
-        """Close the page and the server."""
+        """Stop to show frames and to prepare values; the server goes on."""
         self._stopped.set()
         self._thread.join()
         if self._preparer is not None:
             self._preparer.stop()
-        stop(self.server)
+        self._reacher.stop()
 
     def refuse(self, problem: str) -> None:
         """Show what is wrong with the file; the mechanism goes on."""
@@ -114,6 +114,9 @@ class Page:
         gui.add_markdown(" · ".join([f"**{mechanism.name}**", *filter(None, [mechanism.description])]))
         if missing := undrawn_meshes(mechanism):
             gui.add_markdown(f"Not drawn: {listed(missing)}.")
+        if self._back is not None:
+            label, action = self._back
+            gui.add_button(label, color="gray").on_click(lambda _: action())
         self._run_bar = RunBar(gui, session, self._touched)
         self._told = gui.add_markdown("")
         tabs = gui.add_tab_group()
@@ -122,6 +125,7 @@ class Page:
         with tabs.add_tab("Plots"):
             self._plots = PlotsTab(gui, session, dark=self._dark)
         with tabs.add_tab("Kinematics"):
+            self._reach = ReachPanel(gui, self.server.scene, session, self._reacher, size)
             self._kinematics = KinematicsTab(gui, session, self._scene, settings, size)
         with tabs.add_tab("Show"):
             ShowTab(gui, session, self._scene, css, dark=self._dark, darken=self._darken)
@@ -134,25 +138,15 @@ class Page:
         self._dark, self._outdated = dark, True
 
     def _dragged(self, page: int, phase: str, part: str, point: Any, target: Any) -> None:
+        if phase == "start":
+            self._reach.hold(part, point)
         # A start and an end are never replaced by a move.
         self.session.ask(f"drag {phase}", lambda session: session.drag(page, phase, part, point, target))
 
     def _opened(self, client: Any) -> None:
-        sizes = [(0, 0)]
-
-        def follow(_: Any) -> None:
-            """Aim at the mechanism again when the window has another size, as after turning a phone.
-
-            A slow browser applies the first view, which is that of a usual window, after it was aimed.
-            """
-            camera, size = client.camera, (client.camera.image_width, client.camera.image_height)
-            is_first = len(sizes) < FIRST_VIEWS and np.allclose(camera.position, self.server.initial_camera.position)
-            if sizes[-1] != size or is_first:
-                sizes.append(size)
-                aim(camera, self._extent, camera.aspect, camera.image_width)
-
-        client.camera.on_update(follow)
-        aim(client.camera, self._extent, client.camera.aspect, client.camera.image_width)
+        if self._stopped.is_set():  # another page is shown
+            return
+        keep_aimed(client.camera, self.server.initial_camera, lambda: None if self._stopped.is_set() else self._extent)
         self.session.ask(f"page {client.client_id}", lambda session: session.enter(client.client_id))
 
     def _closed(self, client: Any) -> None:
@@ -176,7 +170,7 @@ class Page:
 
     def _tell(self, frame: Frame) -> None:
         """Update texts, plots and sliders."""
-        for shown in (self._run_bar, self._change, self._plots, self._kinematics, self._keep, self._help):
+        for shown in (self._run_bar, self._change, self._plots, self._reach, self._kinematics, self._keep, self._help):
             shown.show(frame)
         if (text := self._status(frame)) != self._note:
             self._told.content = self._note = text

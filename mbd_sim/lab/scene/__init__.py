@@ -6,6 +6,7 @@
 | `bodies`, `traces` | forms that move with parts and follow changed lengths; paths of points |
 | `vectors`, `arrows` | forces, couples and velocities of a bench, and how they are drawn |
 | `contacts` | closed contacts |
+| `target` | where a point shall be, dragged by the user |
 | `ground` | the grid, and the planes that bodies touch |
 | `camera` | from where the scene is seen |
 | `keep` | the motion as one HTML file |

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ FOV = math.radians(30.0)  # of the height of the window
 FILLED = 0.8  # of the free part of the window
 PHONE = 576  # px of width from which viser puts the panel beside the picture and no longer into a sheet below it
 FREE_ON_A_PHONE = 0.55  # of the height, above the sheet
+FIRST_VIEWS = 5  # that are corrected
 ASPECT = 1.5  # where the window is not known
 
 
@@ -36,6 +38,27 @@ def aim(camera: Any, extent: Extent, aspect: float = ASPECT, width: float = math
     camera.fov = FOV
     camera.position = tuple(look_at + distance * toward)
     camera.look_at = tuple(look_at)
+
+
+def keep_aimed(camera: Any, initial: Any, extent: Callable[[], Extent | None]) -> None:
+    """Aim the camera of a page, and again when the window has another size, as after turning a phone.
+
+    A slow browser applies the first view, which is the `initial` one of a usual window, after it was aimed.
+
+    :param extent: what to aim at; None when this page is not shown any more.
+    """
+    sizes = [(0, 0)]
+
+    def follow(_: Any) -> None:
+        size, box = (camera.image_width, camera.image_height), extent()
+        is_first = len(sizes) < FIRST_VIEWS and np.allclose(camera.position, initial.position)
+        if box is not None and (sizes[-1] != size or is_first):
+            sizes.append(size)
+            aim(camera, box, camera.aspect, camera.image_width)
+
+    camera.on_update(follow)
+    if (box := extent()) is not None:
+        aim(camera, box, camera.aspect, camera.image_width)
 
 
 def _direction(normal: Array | None) -> Array:

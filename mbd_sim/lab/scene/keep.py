@@ -91,6 +91,7 @@ def _frame(model: Model, mechanism: Mechanism, time: float, point: RunPoint) -> 
         poses=model.pose_array(*now).copy(),
         contacts=touching(model, *now),
         energies=np.zeros(7),
+        q=np.empty(0),
         positions=np.empty(0),
         speeds=np.empty(0),
         watched={},

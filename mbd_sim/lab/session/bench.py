@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.lab.session.hold import Hold, pulled, spring_for
+from mbd_sim.lab.session.hold import Hold, at_rest, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import names_with_matches
+from mbd_sim.simulation.run.changes import require_outside
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 LIVE = (  # what can change while it runs, as far as the equations allow it
@@ -104,13 +107,28 @@ class Bench:
 
         The mechanism is at rest afterward, as far as its drives allow. The energy account begins there.
         """
-        simulation = self.simulation
-        y = pulled(simulation, part, point, target)
+        y = pulled(self.simulation, part, point, target)
         if y is not None:
-            after = simulation.model.energies(simulation.time, y, 0.0, simulation.inputs).total
-            before = simulation.energies.total
-            energy = simulation.start_energy + after - before
-            simulation.restore(y, simulation.steps, start_energy=energy)
+            self._go_to(y)
+
+    def put(self, q: Array) -> None:
+        """Put the mechanism at rest, as far as its drives allow, at coordinates (nq,) with closed loops.
+
+        The energy account begins there.
+
+        :raises CommandError: parts would be inside each other, or beyond a stop; nothing is changed then.
+        """
+        simulation, y = self.simulation, at_rest(self.simulation, q)
+        require_outside(simulation.model, simulation.time, y, np.asarray(simulation.inputs))
+        self._go_to(y)
+
+    def _go_to(self, y: Array) -> None:
+        """Go on from another state, with the residual of the energies as it is."""
+        simulation, model = self.simulation, self.simulation.model
+        before = simulation.energies.total
+        model.keep_accounts(simulation.time, simulation.state, y, simulation.inputs)
+        after = model.energies(simulation.time, y, 0.0, simulation.inputs).total
+        simulation.restore(y, simulation.steps, start_energy=simulation.start_energy + after - before)
 
     def values(self) -> dict[str, float]:
         """The live values, efforts and commands by their keys, in SI units."""

@@ -27,9 +27,9 @@ class Frame:
 
     `generation` counts the mechanisms; `mechanism` has the present live values. `poses` (parts, 12) are as in
     `Model.pose_array`, `contacts` are those that are closed; `watched` is what the session was asked to watch, by
-    name. `pull` are the held point (3,), the pointer (3,), the force (3,) and the largest
-    one in N, if something is held. `rate` is how many seconds are simulated in one, `speed` how many were asked for.
-    `values` are those of the sliders by key, in SI units.
+    name. `q` (nq,) are the coordinates, `positions` (nv,) those of `coordinate_names`. `pull` are the held point (3,),
+    the pointer (3,), the force (3,) and the largest one in N, if something is held. `rate` is how many seconds are
+    simulated in one, `speed` how many were asked for. `values` are those of the sliders by key, in SI units.
     """
 
     generation: int
@@ -42,6 +42,7 @@ class Frame:
     poses: Array
     contacts: Touching
     energies: Array
+    q: Array
     positions: Array
     speeds: Array
     watched: Mapping[str, Any]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, unpack_poses
+from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.simulation.run.changes import penetrations
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
@@ -68,16 +69,25 @@ def pulled(simulation: BaseSimulation, part: str, point: Array, target: Array) -
 
     :param point: (3,) in the part's frame; `target` (3,) in ground's.
     """
+    before = simulation.q.copy()
+    q = _Hand(simulation, part, point).follow(before.copy(), target)
+    return None if np.array_equal(q, before) else at_rest(simulation, q)
+
+
+def at_rest(simulation: BaseSimulation, q: Array) -> Array:
+    """The present state y with other coordinates (nq,), which close its loops, and as slow as its drives allow."""
     from mbd_sim.dynamics.constraints.assembly import nearest_speeds
 
     model, y = simulation.model, simulation.state
-    hand = _Hand(simulation, part, point)
-    q = hand.follow(y[model.q_range].copy(), target)
-    if np.array_equal(q, y[model.q_range]):
-        return None
     y[model.q_range] = q
-    y[model.u_range] = nearest_speeds(hand.constraints, simulation.time, q, np.zeros(model.layout.nv))
+    y[model.u_range] = nearest_speeds(_constraints(simulation), simulation.time, q, np.zeros(model.layout.nv))
     return y
+
+
+def _constraints(simulation: BaseSimulation) -> ConstraintFunctions:
+    """Those of the present lengths."""
+    values = np.asarray(simulation.inputs)[simulation.model.input_layout.values]
+    return simulation.model.equations.constraints.with_values(values)
 
 
 class _Hand:
@@ -87,7 +97,7 @@ class _Hand:
         model = self._model = simulation.model
         self._time, self._y, self._inputs = simulation.time, simulation.state, np.asarray(simulation.inputs)
         self._index, self._point = model.part_names.index(part), point
-        self.constraints = model.equations.constraints.with_values(self._inputs[model.input_layout.values])
+        self._constraints = _constraints(simulation)
 
     def follow(self, q: Array, target: Array) -> Array:
         """The coordinates (nq,) near q, with loops closed, for which the point is close to the target (3,).
@@ -105,16 +115,16 @@ class _Hand:
 
     def _step(self, q: Array, gap: Array) -> Array | None:
         """The displacement (nv,) that reduces the gap (3,); None if nothing can move."""
-        directions = self.constraints.free_directions(self._time, q)
+        directions = self._constraints.free_directions(self._time, q)
         if not directions.shape[1]:
             return None
         here = self._place(q)
-        ahead = [self._place(self.constraints.displaced(q, SMALL * one)) for one in directions.T]
+        ahead = [self._place(self._constraints.displaced(q, SMALL * one)) for one in directions.T]
         slopes = (np.column_stack(ahead) - here[:, None]) / SMALL
         softness = SOFTNESS * (float(np.linalg.norm(slopes, 2)) or 1.0)
         matrix = slopes.T @ slopes + softness**2 * np.eye(directions.shape[1])
         step: Array = directions @ np.linalg.solve(matrix, slopes.T @ gap)
-        longest = float(np.max(np.abs(step) / self.constraints.scales))
+        longest = float(np.max(np.abs(step) / self._constraints.scales))
         return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
 
     def _closer(self, q: Array, step: Array, target: Array, gap: float) -> Array | None:
@@ -122,7 +132,7 @@ class _Hand:
         from mbd_sim.dynamics.constraints.assembly import close_nearby
 
         for _ in range(HALVINGS):
-            closure = close_nearby(self.constraints, self._time, self.constraints.displaced(q, step))
+            closure = close_nearby(self._constraints, self._time, self._constraints.displaced(q, step))
             left = float(np.linalg.norm(target - self._place(closure.q)))
             if closure.closed and left < PROGRESS * gap and self._is_allowed(closure.q):
                 return closure.q

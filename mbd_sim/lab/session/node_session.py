@@ -14,13 +14,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mbd_sim.base.errors import CommandError
+import numpy as np
+
+from mbd_sim.analysis.mechanics.inverse_kinematics import InverseKinematics
+from mbd_sim.base.errors import CommandError, listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
-from mbd_sim.lab.session.hold import pulled, spring_for
+from mbd_sim.lab.session.hold import at_rest, pulled, spring_for
 from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.session import Session
 
+STILL = 1e-9  # rad or m, by which a drive has not moved
 LIVE_PERIOD = 0.1  # s between changes of live values, each of which the node validates for milliseconds
 
 
@@ -160,13 +164,26 @@ class NodeSession(Session):
 
     def place(self, part: str, point: Array, target: Array) -> None:
         """See `Session`."""
-        simulation = self.bench.simulation
-        y = pulled(simulation, part, point, target)
+        y = pulled(self.bench.simulation, part, point, target)
         if y is not None:
-            model, names = simulation.model, simulation.coordinate_names
-            positions = dict(zip(names, model.coordinates(y).tolist(), strict=True))
-            speeds = dict(zip(names, y[model.u_range].tolist(), strict=True))
-            self._send("place", positions, speeds)
+            self._send_state(y)
+
+    def put(self, found: InverseKinematics) -> None:
+        """See `Session`."""
+        simulation = self.bench.simulation
+        drives = simulation.model.layout.drives
+        places = [place.start for place in drives.values()]
+        if not np.allclose(found.q[places], simulation.q[places], rtol=0.0, atol=STILL):
+            raise CommandError(f"the drives of {listed(list(drives))} follow commands", "Press *Command the joints*.")
+        self.pause()
+        self._send_state(at_rest(simulation, found.q))
+
+    def _send_state(self, y: Array) -> None:
+        """Ask for the positions and speeds of a state of the paused mechanism."""
+        model, names = self.bench.simulation.model, self.bench.simulation.coordinate_names
+        positions = dict(zip(names, model.coordinates(y).tolist(), strict=True))
+        speeds = dict(zip(names, y[model.u_range].tolist(), strict=True))
+        self._send("place", positions, speeds)
 
     def record(self, path: Path | str) -> None:
         """Start a recording; the node names it."""

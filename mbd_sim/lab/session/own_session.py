@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from mbd_sim.analysis.mechanics.inverse_kinematics import InverseKinematics
 from mbd_sim.base.errors import DivergedError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
@@ -137,6 +138,13 @@ class OwnSession(Session):
     def place(self, part: str, point: Array, target: Array) -> None:
         """See `Session`."""
         self.bench.drag(part, point, target)
+
+    def put(self, found: InverseKinematics) -> None:
+        """See `Session`."""
+        self.pause()
+        self.bench.put(found.q)
+        self._note("put in place by inverse kinematics")
+        self.message = ""
 
     def adopt(self, bench: Bench) -> None:
         """Go on with another mechanism, in the state of this one as far as names agree."""

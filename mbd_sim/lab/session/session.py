@@ -18,6 +18,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from mbd_sim.analysis.mechanics.inverse_kinematics import InverseKinematics
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.bench import Bench
@@ -162,6 +163,13 @@ class Session(ABC):
         """Move the paused mechanism with a point of a part: see `Bench.drag`."""
 
     @abstractmethod
+    def put(self, found: InverseKinematics) -> None:
+        """Pause, and put the mechanism at rest where inverse kinematics has found it.
+
+        :raises CommandError: it cannot be there.
+        """
+
+    @abstractmethod
     def record(self, path: Path | str) -> None:
         """Record to an MCAP file from here on.
 
@@ -234,6 +242,7 @@ class Session(ABC):
             poses=model.pose_array(*now).copy(),
             contacts=touching(model, *now),
             energies=np.array(tuple(simulation.energies)),
+            q=simulation.q.copy(),
             positions=model.coordinates(simulation.state),
             speeds=simulation.u.copy(),
             watched={name: read(self.bench) for name, read in self.watched.items()},

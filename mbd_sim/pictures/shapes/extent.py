@@ -70,10 +70,11 @@ def extent_of(model: Model) -> Extent:
 
     The motion counts up to three times the box of the start, so that parts that fly away do not take the camera along.
     """
+    source = model.mechanism.source.file
     corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
-    if all(not np.ptp(points, axis=0).any() for points in corners.values()):  # meshes are read only where they must be
-        source = model.mechanism.source.file
-        corners = {name: _mesh_corners(part, source, corners[name]) for name, part in model.mechanism.parts.items()}
+    for name, part in model.mechanism.parts.items():
+        if part.meshes and not part.shapes:  # meshes are read only where they must be
+            corners[name] = _mesh_corners(part, source, corners[name])
     fixed = [pose.position for pose in model.mechanism.ground_points.values()]
     fixed += [joint.parent_pose.position for joint in model.mechanism.all_joints.values() if joint.parent == GROUND]
     times, states = _preview(model)

@@ -15,7 +15,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.simulation.contact.compiled import step
-from mbd_sim.simulation.contact.compiled.contacts import DECIDE, Contacts
+from mbd_sim.simulation.contact.compiled.instant.contacts import DECIDE, Contacts
 from mbd_sim.simulation.contact.compiled.library import library
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent

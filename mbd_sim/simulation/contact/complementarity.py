@@ -1,4 +1,4 @@
-"""Small linear systems and linear complementarity problems: see `mbd_sim.simulation.contact.compiled.linear`."""
+"""Small linear systems and linear complementarity problems: see `compiled.instant.linear`."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
-from mbd_sim.simulation.contact.compiled.impact import JAMMED
+from mbd_sim.simulation.contact.compiled.instant.impact import JAMMED
 from mbd_sim.simulation.contact.complementarity import least_solution
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.compiler.ir.python_kinds import packed
-from mbd_sim.simulation.contact.compiled.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
+from mbd_sim.simulation.contact.compiled.instant.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
 from mbd_sim.simulation.contact.compiled.library import called
 from mbd_sim.simulation.contact.complementarity import least_solution, pivots, product, solve
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.math.rank import RANK
-from mbd_sim.studies.kinematic_analysis.system import ITERATIONS, SETTLED, KinematicSystem
+from mbd_sim.studies.kinematic_analysis.system import ITERATIONS, SETTLED, KinematicSystem, in_natural_units
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +109,9 @@ class DriveLine:
 
     def _residual(self, q: Array, s: float) -> Array:
         system = self.system
-        gaps = system.in_natural_units(q, system.constraints.position(0.0, q))
-        return np.concatenate([gaps, (q[system.q_driven] - self.drives(s)) / system.scale[system.u_driven]])
+        gaps, sizes = system.constraints.position(0.0, q), system.constraints.row_sizes(0.0, q)
+        along = (q[system.q_driven] - self.drives(s)) / system.scale[system.u_driven]
+        return np.concatenate([in_natural_units(gaps, sizes), along])
 
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)

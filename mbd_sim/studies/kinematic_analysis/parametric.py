@@ -33,6 +33,7 @@ from mbd_sim.studies.kinematic_analysis.system import (
     KinematicSystem,
     coordinate_columns,
     coordinate_index,
+    in_natural_units,
     undriven,
 )
 from mbd_sim.studies.optimization.parameter_inputs import parameter_inputs
@@ -293,7 +294,7 @@ class _Solver:
     """Solves G x = rows and S x = driven in a configuration."""
 
     def __init__(self, system: KinematicSystem, q: Array) -> None:
-        self._system, self._q, self._matrix = system, q, system.stacked(q)
+        self._system, self._matrix, self._sizes = system, system.stacked(q), system.constraints.row_sizes(0.0, q)
         self._left, self._values, self._right = np.linalg.svd(self._matrix, full_matrices=False)
         if self._values[-1] <= SINGULAR * self._values[0]:
             raise MbdSimError(f"{system.mechanism.name}: there are no derivatives at a dead point.")
@@ -301,7 +302,7 @@ class _Solver:
     def __call__(self, rows: Array, driven: Array) -> Array:
         """x (nv, k) for right sides (m, k) and (drives, k)."""
         system = self._system
-        wanted = np.vstack([system.in_natural_units(self._q, rows), driven / system.scale[system.u_driven][:, None]])
+        wanted = np.vstack([in_natural_units(rows, self._sizes), driven / system.scale[system.u_driven][:, None]])
         found = np.zeros((len(self._values), wanted.shape[1]))
         for _ in range(2):
             left = self._left.T @ (wanted - self._matrix @ found)

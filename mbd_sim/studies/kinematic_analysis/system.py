@@ -23,6 +23,7 @@ from mbd_sim.base.errors import InputError, MbdSimError, MechanismError, Problem
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.dynamics.constraints.assembly import CLOSED
+from mbd_sim.dynamics.constraints.functions import scaled
 from mbd_sim.dynamics.constraints.start import assemble, rheonomic
 from mbd_sim.dynamics.kinematics.parameters import SymbolicParameters
 from mbd_sim.dynamics.kinematics.tracing import trace
@@ -315,11 +316,11 @@ class KinematicSystem:
         step = np.zeros(self.layout.nv)
         dependent = self.dependent
         for _ in range(iterations):
-            gaps = self.constraints.position(0.0, q)
-            slope = self.constraints.scaled_gradient(0.0, q)[:, dependent]
+            gaps, sizes = self.constraints.position(0.0, q), self.constraints.row_sizes(0.0, q)
+            slope = scaled(self.constraints.gradient(0.0, q), sizes, self.constraints.scales)[:, dependent]
             if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(slope))):
                 return None
-            found = -fast_least_solution(slope, self.in_natural_units(q, gaps))
+            found = -fast_least_solution(slope, in_natural_units(gaps, sizes))
             size = float(np.max(np.abs(found), initial=0.0))
             step[dependent] = self.scale[dependent] * found * min(1.0, LONGEST / max(size, LONGEST))
             q = self.displaced(q, step)
@@ -335,13 +336,13 @@ class KinematicSystem:
 
     def rates(self, q: Array, speeds: Array, accelerations: Array) -> tuple[Array, Array] | None:
         """u (nv,) and u' (nv,) for speeds (n,) and accelerations (n,) of the drives; None at a dead point."""
-        matrix = self.stacked(q)
+        matrix, sizes = self.stacked(q), self.constraints.row_sizes(0.0, q)
         left, values, right = np.linalg.svd(matrix, full_matrices=False)
         if values[-1] <= SINGULAR * values[0]:
             return None
 
         def solved(rows: Array, driven: Array) -> Array:
-            wanted = np.concatenate([self.in_natural_units(q, rows), driven / self.scale[self.u_driven]])
+            wanted = np.concatenate([in_natural_units(rows, sizes), driven / self.scale[self.u_driven]])
             found = right.T @ ((left.T @ wanted) / values)
             found += right.T @ ((left.T @ (wanted - matrix @ found)) / values)
             result = self.scale * found
@@ -355,11 +356,6 @@ class KinematicSystem:
         """G above S in natural units."""
         selection = np.eye(self.layout.nv)[self.u_driven]
         return np.vstack([self.constraints.scaled_gradient(0.0, q), selection])
-
-    def in_natural_units(self, q: Array, rows: Array) -> Array:
-        """Right sides (m, …) of the rows, such as gaps; zero for rows without a size."""
-        sizes = self.constraints.row_sizes(0.0, q)
-        return np.asarray((rows.T / np.where(sizes > 0.0, sizes, np.inf)).T)
 
     def _plain_angles(self) -> NDArray[np.bool_]:
         """Which of the coordinates (nq,) are angles."""
@@ -384,6 +380,11 @@ class KinematicSystem:
             f"coordinate{'s are' if given != 1 else ' is'} driven",
             remedy,
         )
+
+
+def in_natural_units(rows: Array, sizes: Array) -> Array:
+    """Right sides (m, …) of rows with their sizes (m,), such as gaps; zero for rows without a size."""
+    return np.asarray((rows.T / np.where(sizes > 0.0, sizes, np.inf)).T)
 
 
 class UnreachableError(MbdSimError):

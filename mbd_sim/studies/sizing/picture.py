@@ -17,6 +17,7 @@ from mbd_sim.studies.sizing.text import RPM
 
 BLUE, ORANGE, GREEN, GRAY = "tab:blue", "tab:orange", "tab:green", "0.55"
 STEADY = 0.02  # change of a curve, relative to its size, below which it is drawn from zero
+NOTHING = 1e-9  # of the peak torque of a motor, up to which it exerts nothing
 SETTINGS = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "mbd_sim"}
 
 
@@ -27,7 +28,7 @@ def draw_duty(
     before: LoadCycle | None = None,
     speed: Array | None = None,
 ) -> None:
-    """Draw a load, and what a motor does for it, as .png, .svg or .pdf.
+    """Draw a load, and what a motor does for it, as .png, .svg or .pdf; one that does nothing has no panels.
 
     :param before: the load without a spring or a flywheel, to compare with.
     :param speed: the speed (n,) that a flywheel lets fluctuate, of which the irregularity is written.
@@ -39,6 +40,9 @@ def draw_duty(
     from matplotlib import style
     from matplotlib.figure import Figure
 
+    title = load.name if duty is None else f"{load.name}: {duty.motor.name}, gear {duty.gear.name}"
+    if duty is not None and duty.peak_torque <= NOTHING * float(duty.motor.peak(np.zeros(1))[0]):
+        duty, title = None, f"{title}: it keeps the speed without torque"
     with style.context(["default", SETTINGS]):
         rows = 1 if duty is None else 3 if duty.motor.is_electric else 2
         figure = Figure(figsize=(10.5, 2.9 * rows + 0.4), layout="constrained")
@@ -52,7 +56,7 @@ def draw_duty(
         )
         if speed is not None:
             _fluctuation(axes[0, 1], load, speed)
-        figure.suptitle(load.name if duty is None else f"{load.name}: {duty.motor.name}, gear {duty.gear.name}")
+        figure.suptitle(title)
         if duty is not None:
             _cloud(axes[1, 0], duty)
             _over_time(axes[1, 1], duty.load.time, duty.power, "power", "W", GREEN)

@@ -160,6 +160,19 @@ def test_what_does_not_fit_is_refused(planar, arguments, expected):
         inverse_kinematics(planar, *arguments)
 
 
+def test_another_point_is_given_in_the_axes_of_a_frame(planar):
+    """The tip as seen from a point of the part whose axes are turned by 90 deg is (-y, x) of what it is in the part."""
+    text = PLANAR.replace(
+        f"tip: [{TWO}, 0, 0]", f"tip: [{TWO}, 0, 0], mark: {{at: [0.1, 0.2, 0], rotate: {{rpy: [0, 0, 90 deg]}}}}"
+    )
+    arm, q = Kinematics(parse_mechanism(text)), [0.3, 0.7]
+    tip = inverse_kinematics(planar, "lower.tip", [0.6, 0.4, 0.0], q=q)
+    for frame, at in (("lower", [TWO, 0.0, 0.0]), ("lower.mark", [-0.2, -(TWO - 0.1), 0.0])):
+        assert inverse_kinematics(arm, frame, [0.6, 0.4, 0.0], at=at, q=q).q == pytest.approx(tip.q, abs=1e-9)
+    with pytest.raises(ValueError, match="at must be a list of 3 values"):
+        inverse_kinematics(arm, "lower", [0.6, 0.4, 0.0], at=[1.0])
+
+
 def test_an_orientation_alone(planar):
     found = inverse_kinematics(planar, "lower", rotation=from_rpy(0.0, 0.0, 2.0))
     assert found.reached and found.q.sum() == pytest.approx(2.0, abs=1e-12)

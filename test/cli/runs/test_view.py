@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import pytest
 
 from mbd_sim.cli.main import main
-from mbd_sim.cli.runs import view
+from mbd_sim.cli.shared import page_options
 
 
 def test_another_port_than_the_one_asked_for_is_said(monkeypatch, capsys):
     pytest.importorskip("viser")
-    monkeypatch.setattr(view, "threading", SimpleNamespace(Event=lambda: SimpleNamespace(wait=lambda: None)))
+    monkeypatch.setattr(page_options, "threading", SimpleNamespace(Event=lambda: SimpleNamespace(wait=lambda: None)))
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

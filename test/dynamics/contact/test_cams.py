@@ -93,9 +93,8 @@ def test_a_member_of_an_ensemble_with_a_cam_that_is_too_concave_is_refused():
         Ensemble(parse_mechanism(text), [{"parameters.depth": 0.009}, {"parameters.depth": 0.02}])
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_a_roller_hops_on_a_lobed_cam_with_the_right_gaps_and_energies(friction):
-    simulation = lobes(friction=friction)
+def test_a_roller_hops_on_a_lobed_cam_with_the_right_gaps_and_energies():
+    simulation = lobes(friction=0.3)
     angles = np.linspace(0.0, 2.0 * np.pi, 20_001)
     radii = 0.04 + 0.01 * np.cos(5.0 * angles)
     for _ in range(100):

@@ -90,6 +90,13 @@ def test_what_can_be_no_path_is_refused(name):
     refusal(name)
 
 
+def test_an_assembly_of_a_cad_program_is_refused_with_the_line_that_imports_it(tmp_path, monkeypatch):
+    (tmp_path / "my engine.STEP").write_text("ISO-10303-21;")
+    monkeypatch.chdir(tmp_path)
+    for path in (tmp_path / "my engine.STEP", "my engine.STEP"):
+        assert refusal(path).remedy == f"Import it: mbd_sim import '{path}' --density steel --lab"
+
+
 def test_a_folder_is_refused(tmp_path, monkeypatch):
     assert refusal(tmp_path).remedy == "Give a mechanism file in it."
     folder = tmp_path / "folder.yaml"

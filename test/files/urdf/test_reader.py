@@ -94,8 +94,7 @@ def test_accelerations_are_those_of_pinocchio(name, base):
         assert accelerations(equations, *state) == pytest.approx(exact, rel=1e-9, abs=1e-9 * np.max(np.abs(exact)))
 
 
-@pytest.mark.parametrize("base", ["fixed", "free"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "base"), [*zip(ROBOTS, ("fixed", "free"), strict=True)])
 def test_its_text_alone_makes_the_same_mechanism(name, base):
     mechanism = parse_mechanism(ROBOTS[name], base=base)
     text = mechanism_text(mechanism.source)

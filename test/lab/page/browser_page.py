@@ -24,6 +24,9 @@ for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements"
 """
 
 
+NO_NOTICE = "#webgl-software-rendering { display: none }"  # which covers a part of the scene
+
+
 class AnyPage:
     """A page at an address: the addresses that it asked for, what its console reported, and the files that it downloaded.
 
@@ -33,7 +36,7 @@ class AnyPage:
     in `drawing`.
     """
 
-    def __init__(self, chromium, url, size=SIZE):
+    def __init__(self, chromium, url, size=SIZE, ready="Play"):
         self.page, self.requests, self.errors, self.files = chromium.new_page(viewport=size), [], [], []
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -43,7 +46,8 @@ class AnyPage:
         self.page.add_init_script(PAINTLESS)
         self.page.goto(url)
         self.page.wait_for_selector("canvas", state="attached")
-        self.page.get_by_role("button", name="Play").wait_for()
+        self.page.get_by_role("button", name=ready).wait_for()
+        self.page.add_style_tag(content=NO_NOTICE)
 
     @contextlib.contextmanager
     def drawing(self):

@@ -7,6 +7,7 @@ import socket
 import numpy as np
 import pytest
 
+from mbd_sim import Kinematics, inverse_kinematics
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.link import NodeState, SocketEnd
@@ -142,6 +143,17 @@ def test_dragging_a_paused_mechanism_sends_its_positions(node):
     assert name == "place"
     assert positions.keys() == speeds.keys() == set(node.simulation.coordinate_names)
     assert positions != dict(zip(node.simulation.coordinate_names, node.simulation.q.tolist(), strict=True))
+
+
+def test_what_inverse_kinematics_finds_pauses_the_node_and_is_its_state(node):
+    found = inverse_kinematics(
+        Kinematics(node.simulation.mechanism), "pendulum", at=[0, 0, 0.3], position=[0.1, 0, 0.3]
+    )
+    node.session.ask("reach", lambda one: one.put(found))
+    (pause, (name, positions, speeds)) = node.turn()
+    assert (pause, name) == (["pause", True], "place")
+    assert positions == pytest.approx(found.positions, abs=1e-12)
+    assert set(speeds.values()) == {0.0}
 
 
 def test_the_session_ends_with_the_node(node):

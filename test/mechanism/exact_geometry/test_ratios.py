@@ -43,7 +43,7 @@ def ring_text(rng, digits, length=1.0, **more):
 @pytest.mark.parametrize(("digits", "length"), [(4, 1e-6), (12, 1e6), (17, 1.0)])
 def test_a_ring_of_couplings_turns_as_the_exact_one(digits, length):
     """Rounded ratios locked it."""
-    for seed in range(3):
+    for seed in range(2):
         text, factors = ring_text(np.random.default_rng(seed), digits, length)
         found = parse_mechanism(text)
         assert not (digits == 17 and found.moved)

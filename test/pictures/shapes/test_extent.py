@@ -31,6 +31,19 @@ def test_points_between_thick_bodies_are_shown_in_front_of_them():
     assert moved[1] == extent.lower[1] < 0.0  # seen against y
 
 
+def test_a_part_of_several_that_is_only_a_mesh_counts_with_its_mesh(tmp_path):
+    """As the parts of an imported assembly, which have the points of their joints as well."""
+    (tmp_path / "a.stl").write_bytes(mesh_files.binary_stl())
+    part = "{mass: 1, inertia: [1, 1, 1], mesh: {file: a.stl}, points: {p: [0.01, 0, 0]}}"
+    (tmp_path / "m.yaml").write_text(
+        f"mechanism: m\ngravity: [0, 0, 0]\nparts: {{a: {part}, b: {part}}}\njoints:\n"
+        "  one: {type: revolute, between: [ground, a], axis: [0, 0, 1]}\n"
+        "  two: {type: revolute, between: [a.p, b.p], axis: [0, 0, 1]}\n"
+    )
+    extent = extent_of(Simulation(load_mechanism(tmp_path / "m.yaml")).model)
+    assert extent.size == pytest.approx(0.3, abs=1e-6)
+
+
 def test_the_extent_of_a_single_part_that_is_only_a_mesh_is_that_of_the_mesh(tmp_path):
     (tmp_path / "a.stl").write_bytes(mesh_files.binary_stl())
     (tmp_path / "r.urdf").write_text(

@@ -46,8 +46,7 @@ def record(folder, open_file, **options):
     return recorder
 
 
-@pytest.mark.parametrize("partial", [False, True])
-@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize(("code", "partial"), [*zip(CODES, (True, False, True), strict=True)])
 def test_after_an_error_at_any_write_other_readers_open_the_file(tmp_path, code, partial):
     for first in range(2, CHUNKS + 3):
         folder = tmp_path / str(first)

@@ -17,15 +17,12 @@ CHAOTIC = {"slider_crank_clearance": 1e-6}  # hundreds of impacts, each of which
 NAMES = [
     "ball_in_cylinder",
     "belt",
-    "column_of_beads",
     "disc_brake",
-    "four_bar_clearance",
     "newtons_cradle",
     "ratchet_and_pawl",
     "rocking",
     "slider_crank_clearance",
     "slider_crank_friction",
-    "spinning_ball",
     "tippe_top",
     "woodpecker",
 ]

@@ -11,9 +11,10 @@ import pytest
 from mbd_sim import DivergedError, MechanismError, Simulation
 from mbd_sim.compiler.ir.python_kinds import Array
 from mbd_sim.simulation.contact import stepper
-from mbd_sim.simulation.contact.compiled import forces, library, search
-from mbd_sim.simulation.contact.compiled.contacts import Contacts
-from mbd_sim.simulation.contact.compiled.forces import ForceProblem
+from mbd_sim.simulation.contact.compiled import library, search
+from mbd_sim.simulation.contact.compiled.instant import forces
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
+from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem
 from mbd_sim.simulation.contact.compiled.search import TrialPart
 from mbd_sim.simulation.contact.problem import NoSolutionError
 

@@ -80,8 +80,9 @@ def test_a_puck_rebounds_from_each_side_of_a_frame_by_itself():
     }
 
 
-@pytest.mark.parametrize("kind", PAIRS)
-@pytest.mark.parametrize("stop", ["restitution: 0.6", "stiffness: 300, damping: 0.1"])
+@pytest.mark.parametrize(
+    ("kind", "stop"), [*zip(PAIRS, ("restitution: 0.6", "stiffness: 300, damping: 0.1"), strict=True)]
+)
 def test_a_joint_with_stops_is_that_of_two_joints_with_stops(kind, stop):
     one, two = Simulation.from_text(one_joint(kind, stop)), Simulation.from_text(two_joints(kind, stop))
     for sim in (one, two):

@@ -31,10 +31,10 @@ from test.generators.legged_robots import legged
 ROOT = Path(__file__).parents[3]
 LIVE = ["gravity[*]", "parameters.*", "forces.*", "constraints.*"]  # joints have most keys: see `computed`
 FEATURES = (  # with most kinds of joints, elements and laws
-    "rover", "snap_latch", "engine", "balancing_pendulum", "geneva_drive", "tippe_top", "duffing", "backlash", "rocking",
+    "rover", "snap_latch", "engine", "balancing_pendulum", "tippe_top", "duffing", "backlash", "rocking",
     "quadratic_drag", "knife_edge", "freewheel",
 )  # fmt: skip
-SAMPLE = ("four_bar", "rssr", "bennett", "scissor_lift", "driveline", "snap_latch", "six_axis_arm", "air_spring")
+SAMPLE = ("four_bar", "rssr", "bennett", "driveline", "six_axis_arm", "air_spring")
 OLD_PROCESSOR = {
     "OPENBLAS_CORETYPE": "Nehalem",
     "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3",

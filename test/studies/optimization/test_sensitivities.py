@@ -318,7 +318,10 @@ def digest():
 
 
 def test_another_process_computes_the_same_bits():
-    code = "from test.studies.optimization.test_sensitivities import digest; print(digest())"
+    code = (
+        "from mbd_sim.compiler.code import machine_code; machine_code.LEVEL = 0; "
+        "from test.studies.optimization.test_sensitivities import digest; print(digest())"
+    )
     other = {**os.environ, "PYTHONHASHSEED": "7"}
     done = subprocess.run([sys.executable, "-c", code], env=other, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == digest()

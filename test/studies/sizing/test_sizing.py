@@ -19,6 +19,7 @@ from mbd_sim.studies.sizing import (
     spring_between,
 )
 from mbd_sim.studies.sizing.flywheel import load_beside, with_flywheel
+from mbd_sim.studies.sizing.picture import draw_duty
 
 CLOSE = 1e-9
 MOTOR = MotorType(
@@ -158,6 +159,17 @@ def test_flywheel_of_a_press_and_of_harmonic_torque():
     close(flywheel(wave, 0.02).swing, 2.0 * 12.0 / 3.0)
     with pytest.raises(InputError, match="does not turn in one direction"):
         flywheel(trapezoid()[1], 0.02)
+
+
+def test_a_motor_that_keeps_the_speed_without_torque_has_no_panels(tmp_path):
+    """Behind a flywheel whose load takes no energy on average: of torque, power and current there would be only zeros."""
+    t = np.linspace(0.0, 1.0, 61)
+    wave = LoadCycle.of_arrays(t, np.full(61, 2.0 * np.pi), np.sin(2.0 * np.pi * t))
+    idle = load_beside(wave, flywheel(wave, 0.05))
+    for load, panels in ((wave, True), (idle, False)):
+        draw_duty(tmp_path / "a.svg", load, motor_duty(load, MOTOR))
+        text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+        assert (">power<" in text, "it keeps the speed without torque" in text) == (panels, not panels)
 
 
 def test_temperature_follows_the_losses():

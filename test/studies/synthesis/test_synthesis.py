@@ -34,10 +34,9 @@ def test_a_coupler_curve_leads_back_to_its_linkage(free):
     assert motion.point("coupler.tracer").position @ [1, 1j, 0] == pytest.approx(tracer(ANGLES), abs=1e-10)
 
 
-@pytest.mark.parametrize("ends", [(-1.5, 0.8), (10.0, 8.0)])
-def test_a_range_that_leaves_out_the_start(ends):
+def test_a_range_that_leaves_out_the_start():
     """The crank starts at 60°; it is led to the range first."""
-    angles = np.linspace(*ends, 9)
+    angles = np.linspace(10.0, 8.0, 9)
     goal = PathGoal("coupler.tracer", in_plane(tracer(angles)), angles)
     design = synthesize(with_values(four_bar(), POOR), "motor", goal, BOUNDS)
     assert design.converged and design.start_rms > 0.05 and design.rms < 1e-13

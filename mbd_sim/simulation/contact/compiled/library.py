@@ -15,22 +15,11 @@ from mbd_sim.compiler.code.host_module import new_module
 from mbd_sim.compiler.code.machine_code import compile_once
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
-from mbd_sim.simulation.contact.compiled import (
-    candidate_forces,
-    contacts,
-    forces,
-    impact,
-    linear,
-    members,
-    modes,
-    pairs,
-    search,
-    slip,
-    step,
-)
+from mbd_sim.simulation.contact.compiled import members, pairs, search, sliding, slip, steady_slip, step
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
     crossings,
+    flat_rims,
     meetings,
     normals,
     outlines,
@@ -41,12 +30,14 @@ from mbd_sim.simulation.contact.compiled.features import (
     smooth,
     vectors,
 )
+from mbd_sim.simulation.contact.compiled.instant import candidate_forces, contacts, forces, impact, linear, modes
 
 MODULES: tuple[ModuleType, ...] = (
     barrels,
     candidate_forces,
     contacts,
     crossings,
+    flat_rims,
     forces,
     impact,
     linear,
@@ -61,8 +52,10 @@ MODULES: tuple[ModuleType, ...] = (
     polytopes,
     round_bodies,
     search,
+    sliding,
     slip,
     smooth,
+    steady_slip,
     step,
     vectors,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.contacts import Contacts
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.compiled.step import CAPACITY, DONE, FIELDS, NOT_FINITE, advance
 
 

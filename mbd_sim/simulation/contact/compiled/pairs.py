@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 from typing import cast
 
 from mbd_sim.compiler.ir.python_kinds import Array, External, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.contacts import Contacts, read_poses
 from mbd_sim.simulation.contact.compiled.features.vectors import cross, distance_of, dot, place, size_of, subtract
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, read_poses
 
 DISTANCE = External("float", ("int", "Array", "Array"))
 MARGIN = External("float", ("int", "Array", "Array", "Array", "Array"))

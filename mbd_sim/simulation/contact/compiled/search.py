@@ -10,7 +10,14 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.contacts import PART_STEP, Contacts, guard_at, rate_at, read, read_poses
+from mbd_sim.simulation.contact.compiled.instant.contacts import (
+    PART_STEP,
+    Contacts,
+    guard_at,
+    rate_at,
+    read,
+    read_poses,
+)
 from mbd_sim.simulation.contact.compiled.pairs import (
     AREA,
     NEAREST,

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.candidate_forces import read_terms, terms_size
-from mbd_sim.simulation.contact.compiled.contacts import (
+from mbd_sim.simulation.contact.compiled.instant.candidate_forces import read_terms, terms_size
+from mbd_sim.simulation.contact.compiled.instant.contacts import (
     ADVANCE,
     DECIDE,
     NOTE,
@@ -25,8 +25,8 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     readings_size,
     slides,
 )
-from mbd_sim.simulation.contact.compiled.impact import impact
-from mbd_sim.simulation.contact.compiled.modes import RESTING, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.instant.impact import impact
+from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage

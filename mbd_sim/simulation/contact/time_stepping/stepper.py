@@ -18,7 +18,7 @@ from mbd_sim.base.linear_algebra import added
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.simulation.contact.candidates import RESTING
-from mbd_sim.simulation.contact.compiled.forces import ACCURATE
+from mbd_sim.simulation.contact.compiled.instant.forces import ACCURATE
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedReadings, address
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper

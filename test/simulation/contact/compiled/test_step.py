@@ -7,7 +7,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.compiler.ir.python_kinds import Array, Integers
 from mbd_sim.simulation.contact.compiled import library, step
-from mbd_sim.simulation.contact.compiled.contacts import Contacts
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.stepper import OneSidedStepper
 from test.generators.contact_mechanisms import contact_mechanism
 

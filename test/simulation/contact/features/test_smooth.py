@@ -144,6 +144,84 @@ def test_balls_across_the_plane_of_a_flat_end_and_beyond_it_are_as_far_as_its_ri
         assert pair.distance(*poses) == pytest.approx(np.hypot(beyond, deep) - ball, abs=1e-13)
 
 
+@pytest.mark.parametrize(("kind", "end"), [("cone", -0.2), ("cylinder", -0.2), ("disc", 0.0)])
+@pytest.mark.parametrize("order", (1, -1))
+def test_a_ball_changes_between_a_flat_end_and_its_rim_where_its_center_crosses_it(kind, end, order):
+    """Each takes the place of the other there; the rim would not notice that the ball has passed onto the end."""
+    chance, radius, ball = np.random.default_rng(9), 0.25, 0.3
+    pair = SmoothPair(*(body(kind, [radius, 0.4]), Solid(HERE, np.zeros((1, 3)), (), ball))[::order], 1)
+
+    def poses(beyond, spin, around):
+        height = -np.sqrt(ball**2 - max(beyond, 0.0) ** 2)
+        center = [(radius + beyond) * np.cos(around), (radius + beyond) * np.sin(around), end + height]
+        return (Pose(np.zeros(3), spin.as_matrix()), Pose(spin.apply(center), np.eye(3)))[::order]
+
+    for beyond in 10.0 ** chance.uniform(-11.0, -2.0, 20):
+        spin, around = Rotation.random(rng=chance), chance.uniform(-3.0, 3.0)
+        (rim,), (face,) = (pair.touching(*poses(side * beyond, spin, around), 1e-12) for side in (1, -1))
+        assert (rim.numbers[16 + ITERATED], face.numbers[16 + ITERATED]) == (1.0, 0.0)
+        for features, outside in ((rim, 1), (face, -1)):
+            for side in (1, -1):
+                margin = pair.margin(*poses(side * beyond, spin, around), features.numbers)
+                assert margin == pytest.approx(side * outside * beyond, abs=1e-15)
+
+
+def _support(bodies, poses, normal):
+    """How far two discs, with radii, are apart along a normal: at most their distance."""
+    reach = [
+        radius * np.sqrt(max(0.0, 1.0 - (pose.rotation[:, 2] @ normal) ** 2))
+        for radius, pose in zip(bodies, poses, strict=True)
+    ]
+    return normal @ (poses[0].position - poses[1].position) - sum(reach)
+
+
+def test_discs_that_are_almost_in_one_plane_and_apart_do_not_meet():
+    """Also those beside each other that overlap from above: both normals of a rim are near the axes of both there."""
+    chance, apart = np.random.default_rng(13), 0
+    for _ in range(60):
+        radii, spin = chance.uniform(0.2, 1.0, 2), Rotation.random(rng=chance)
+        tilt = Rotation.from_rotvec([*10.0 ** chance.uniform(-3.0, -0.5) * chance.normal(size=2), 0.0])
+        around, overlap = chance.uniform(-3.0, 3.0), 10.0 ** chance.uniform(-3.5, -1.0)
+        aside = (sum(radii) - overlap) * np.array([np.cos(around), np.sin(around), 0.0])
+        aside[2] = 10.0 ** chance.uniform(-4.0, -1.5) * chance.choice([-1, 1])
+        poses = (Pose(np.zeros(3), spin.as_matrix()), Pose(spin.apply(aside), (spin * tilt).as_matrix()))
+        place = radii[0] / sum(radii) * poses[1].position
+        for _ in range(100):  # projections on both in turn, whose line becomes the normal
+            ends = []
+            for radius, pose in zip(radii, poses, strict=True):
+                own = pose.rotation.T @ (place - pose.position)
+                own[2], size = 0.0, np.hypot(own[0], own[1])
+                place = pose.position + pose.rotation @ (own * min(1.0, radius / size))
+                ends.append(place)
+            line = ends[0] - ends[1]
+        truth = _support(radii, poses, line / np.linalg.norm(line))
+        if truth > 1e-6:
+            apart += 1
+            pair = SmoothPair(*(body("disc", [radius]) for radius in radii), 1)
+            assert pair.distance(*poses) > 0.0
+    assert apart > 35
+
+
+@pytest.mark.parametrize("under", ("disc", "plate"))
+@pytest.mark.parametrize("kind", ("disc", "cylinder", "cone"))
+@pytest.mark.parametrize("order", (1, -1))
+def test_a_rim_above_a_thin_body_is_as_far_as_its_lowest_point(under, kind, order):
+    """The other side of the thin body, which is in the same plane, does not count."""
+    chance, half = np.random.default_rng(17), 0.2 if kind != "disc" else 0.0
+    corners = [[x, y, 0.0] for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
+    thin = body("disc", [0.5]) if under == "disc" else Solid(HERE, np.array(corners), ((0, 1, 2, 3), (3, 2, 1, 0)), 0.0)
+    pair = SmoothPair(*(body(kind, [0.3, 2.0 * half]), thin)[::order], 16)
+    for _ in range(20):
+        sine, around, side = 10.0 ** chance.uniform(-8.0, -2.2), chance.uniform(-3.0, 3.0), chance.choice([-1, 1])
+        turn = Rotation.from_rotvec(np.arcsin(sine) * np.array([np.cos(around), np.sin(around), 0.0]))
+        turn = turn if side == 1 else turn * Rotation.from_rotvec([np.pi, 0.0, 0.0])
+        height, spin = 10.0 ** chance.uniform(-4.0, -1.0), Rotation.random(rng=chance)
+        at = [*chance.uniform(-0.1, 0.1, 2), side * height] + side * half * np.array([*np.zeros(2), 1.0])
+        poses = (Pose(spin.apply(at), (spin * turn).as_matrix()), Pose(np.zeros(3), spin.as_matrix()))[::order]
+        lower = 0.3 * sine + 31.0 * 0.3 * sine**2  # the lowest point of the rim, and how far its points protrude
+        assert height - 1.1 * lower <= pair.distance(*poses) <= height
+
+
 @pytest.mark.parametrize("order", (1, -1))
 @pytest.mark.parametrize("tilt", (0.0, 1e-7, 1e-4, 0.006))
 def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):

@@ -8,6 +8,7 @@ from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.simulation.contact.compiled.features.crossings import GAP, MARGIN, NORMAL, POINT, meet_crossing
 from mbd_sim.simulation.contact.compiled.features.normals import (
+    CORNER_CORNER,
     CORNER_FACE,
     CORNER_SIDE,
     EDGE_RIM,
@@ -21,11 +22,13 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
     SIDE_CORNER,
     SIDE_SIDE,
     RoundBodies,
+    is_point_at_rim,
 )
 from mbd_sim.simulation.contact.compiled.features.round_bodies import (
     CODES,
     CROSSED,
     PlacedRound,
+    beside,
     farthest,
     inside,
     lead,
@@ -102,6 +105,8 @@ def meet_round(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, i: int
         own_margin(a, i, first_side, normal, -1.0, out[POINT:]),
         own_margin(b, j, second_side, normal, 1.0, out[POINT:]),
     )
+    if kind == CORNER_CORNER and is_point_at_rim(a, i, b, j):
+        out[MARGIN] = min(out[MARGIN], beside(b, j, at) if b.hull.curved[j] else beside(a, i, other))
 
 
 def own_margin(body: PlacedRound, feature: int, is_side: bool, normal: Array, sign: float, point: Array) -> float:

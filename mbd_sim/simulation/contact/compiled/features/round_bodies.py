@@ -172,6 +172,15 @@ def inside(body: PlacedRound, face: int, point: Array) -> float:
     return found
 
 
+def beside(body: PlacedRound, corner: int, point: Array) -> float:
+    """How far in m a point is outside a rim, seen along its axis."""
+    own, arm = zeros(3), zeros(3)
+    place_back(body.pose, point, own)
+    subtract(own, body.hull.corners[3 * corner :], own)
+    times(body.hull.grams[9 * corner :], own, arm)
+    return math.sqrt(max(dot(own, arm), 0.0)) / body.hull.rims[corner] - body.hull.rims[corner]
+
+
 def middle(body: PlacedRound, face: int, out: Array) -> None:
     """A point of a face."""
     place(body.pose, body.hull.centers[3 * face :], out)

@@ -22,6 +22,7 @@ from mbd_sim.simulation.contact.compiled.features.crossings import (
     is_steep,
     meet_crossing,
 )
+from mbd_sim.simulation.contact.compiled.features.flat_rims import with_flat_rims
 from mbd_sim.simulation.contact.compiled.features.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.normals import (
     CORNER_CORNER,
@@ -55,7 +56,6 @@ from mbd_sim.simulation.contact.compiled.features.round_bodies import (
     FLAT,
     PlacedRound,
     codes,
-    inside,
     lies,
     put_round,
     tilt,
@@ -65,7 +65,6 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     copy,
     cross,
     distance_of,
-    dot,
     least_axis,
     place,
     place_back,
@@ -122,72 +121,6 @@ def starts_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
         turn(b.pose, direction, normal)
         found = max(found, support(p, a, b, normal))
     return found
-
-
-def with_flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> float:
-    """The distance where rims that lie nearly flat on a face protrude, from that of the bodies without this.
-
-    Below `EXACT_TILT` the gaps of the points that carry them take its place: a rim is lower between its points.
-    """
-    found = zeros(2)  # the least gap, and whether a rim lies flat
-    found[0] = math.inf
-    if a.hull.faces and a.hull.is_curved and b.hull.faces:
-        flat_rims(p, a, b, POINT_FACE, apart, found)
-    if b.hull.faces and b.hull.is_curved and a.hull.faces:
-        flat_rims(p, a, b, FACE_POINT, apart, found)
-    return found[0] if found[1] > 0.0 else min(apart, found[0])
-
-
-def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: float, found: Array) -> None:
-    """Note the gaps of points of rims that lie on faces of the other body."""
-    sign, body, other = 1.0, a, b
-    key, normal, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
-    if kind == FACE_POINT:
-        sign, body, other = -1.0, b, a
-    key[KIND], key[SIGN] = kind, 0
-    for face in range(other.hull.faces):
-        scale(sign, other.normals[3 * face :], normal)
-        if support(p, a, b, normal) < apart - FLAT_TILT * body.hull.reach:
-            continue
-        for code in range(codes(body.hull)):
-            if code % CODES < POINTS and lies(body, other, face, code, CHORD, at) and inside(other, face, at) >= 0.0:
-                key[FIRST], key[SECOND] = code, face
-                if kind == FACE_POINT:
-                    key[FIRST], key[SECOND] = face, code
-                meet(p, a, b, key, normal, at, meeting)
-                found[0] = min(found[0], meeting[GAP])
-                if tilt(body, code // CODES, normal) < EXACT_TILT:
-                    found[1] = 1.0
-        if found[1] > 0.0:
-            beneath(p, a, b, kind, other.normals[3 * face :], found)
-
-
-def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: Array, found: Array) -> None:
-    """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
-    sign, body, other, face = 1.0, a, b, 0
-    key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
-    part = CHORD if p.radius > 0.0 else 1.0
-    if kind == FACE_POINT:
-        sign, body, other = -1.0, b, a
-    for k in range(body.hull.faces):
-        if dot(body.normals[3 * k :], normal) < dot(body.normals[3 * face :], normal):
-            face = k
-    scale(-sign, body.normals[3 * face :], outward)
-    for code in range(codes(other.hull)):
-        if code % CODES >= POINTS and lies(other, body, face, code, part, at):
-            key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
-            if kind == FACE_POINT:
-                key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
-            meet(p, a, b, key, outward, at, meeting)
-            found[0] = min(found[0], meeting[GAP])
-    for corner in range(other.hull.count):
-        if not other.hull.curved[corner]:
-            key[KIND], key[FIRST], key[SECOND] = FACE_CORNER, face, corner
-            if kind == FACE_POINT:
-                key[KIND], key[FIRST], key[SECOND] = CORNER_FACE, corner, face
-            meet(p, a, b, key, outward, at, meeting)
-            if meeting[MARGIN] >= 0.0:
-                found[0] = min(found[0], meeting[GAP])
 
 
 def is_on_face(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> bool:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.linear import lemke, pivots, solve
+from mbd_sim.simulation.contact.compiled.instant.linear import lemke, pivots, solve
 
 SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
 SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides

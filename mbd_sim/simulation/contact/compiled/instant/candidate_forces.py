@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.contacts import READ, Contacts
-from mbd_sim.simulation.contact.compiled.forces import ForceProblem, unique_forces
-from mbd_sim.simulation.contact.compiled.linear import independent, pivots, unit_diagonal
+from mbd_sim.simulation.contact.compiled.instant.contacts import READ, Contacts
+from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_forces
+from mbd_sim.simulation.contact.compiled.instant.linear import independent, pivots, unit_diagonal
 
 LOAD_ITERATIONS, LOAD_CHANGE = 200, 1e-14  # until loads of joints do not change any more, relative to the largest
 ABSENT, STICKING, SLIDING_ON, FREE = 0, 1, 2, 3  # states of friction: FREE has neither slip nor capacity

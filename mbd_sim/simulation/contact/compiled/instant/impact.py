@@ -6,14 +6,14 @@ See `mbd_sim.simulation.contact.impact` for the law.
 from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.contacts import (
+from mbd_sim.simulation.contact.compiled.instant.contacts import (
     READ_INPUTS,
     READ_RESPONSE,
     Contacts,
     rate_at,
 )
-from mbd_sim.simulation.contact.compiled.forces import ForceProblem, unique_forces
-from mbd_sim.simulation.contact.compiled.linear import null_space, solve
+from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_forces
+from mbd_sim.simulation.contact.compiled.instant.linear import null_space, solve
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 JAMMED = 1e11  # of the natural mass times the approach speed, impulse from which on it divides by round-off

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.dynamics.contact.one_sided_equations import RELEASED
-from mbd_sim.simulation.contact.compiled.candidate_forces import (
+from mbd_sim.simulation.contact.compiled.instant.candidate_forces import (
     ABSENT,
     FREE,
     SLIDING_ON,
@@ -25,7 +25,7 @@ from mbd_sim.simulation.contact.compiled.candidate_forces import (
     load_of,
     read_joint_loads,
 )
-from mbd_sim.simulation.contact.compiled.contacts import (
+from mbd_sim.simulation.contact.compiled.instant.contacts import (
     Contacts,
     active_at,
     direction_at,
@@ -34,7 +34,7 @@ from mbd_sim.simulation.contact.compiled.contacts import (
     read,
     slides,
 )
-from mbd_sim.simulation.contact.compiled.linear import best_conditioned, independent
+from mbd_sim.simulation.contact.compiled.instant.linear import best_conditioned, independent
 
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
