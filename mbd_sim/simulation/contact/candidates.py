@@ -228,7 +228,8 @@ class Candidates:
 
     def _at_limit(self, forces: Array) -> list[int]:
         overloaded = self._forced.overloaded - self._reserves.keys()
-        return [index for index in self._sticking if index in overloaded or self._use(index, forces) >= AT_LIMIT]
+        uses = {index: self._use(index, forces) for index in self._sticking}
+        return [index for index, use in uses.items() if use >= AT_LIMIT or (use > 0.0 and index in overloaded)]
 
     def _against(self, elements: Sequence[int], forces: Array) -> dict[int, Array]:
         own = {index: forces[list(self._model.frictions[index][0])] for index in elements}

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.simulation.contact.candidates import Forced
 
 MASS = """
 mechanism: mass
@@ -55,3 +56,10 @@ def test_friction_whose_limit_grows_from_zero_slips_at_once(text):
     assert sim.q[0] == pytest.approx(2.0 * 0.1**3 / 6.0, abs=1e-15)
     assert sim.u[0] == pytest.approx(2.0 * 0.1**2 / 2.0, abs=1e-15)
     assert sim.contact_events[-1].time < 2e-9
+
+
+def test_friction_that_bears_nothing_is_not_at_its_limit():
+    """An event has decided that it is overloaded, and other contacts bear its load now; it has no direction to slide in."""
+    memory = Simulation.from_text(PLANAR + FLOOR)._memory
+    find = memory.stepper._finder.find
+    assert list(find(*memory.now, Forced(overloaded=frozenset({0})))) == list(find(*memory.now))
