@@ -39,7 +39,7 @@ class ContactNodes:
     def show(self, contacts: Touching) -> None:
         """Show these contacts, and no others."""
         contacts = contacts.in_front(self._extent)
-        self._scale.add(contacts)
+        self._scale.add(contacts.forces)
         self._arrows.full = self._scale.full, 1.0
         self._arrows.show(
             Vectors(list(zip(contacts.points, contacts.forces, strict=True))), contacts.pushes.astype(bool).tolist()

@@ -120,7 +120,7 @@ class Animation:
 
         :param contacts: that are closed, as from `mbd_sim.pictures.shapes.touching.touching`.
         """
-        self._force_scale.add(contacts)
+        self._force_scale.add(contacts.forces)
         sheet = self._sheet(poses)
         sheet.add(*contact_paths(self._page, contacts, self._mechanism_size, self._force_scale.full))
         sheet.add(*self._extended_traces(poses))
@@ -162,7 +162,7 @@ class Animation:
     def _make_room(self, contacts: Sequence[Touching]) -> None:
         """For the arrows at the contacts of a whole motion, in a scale that does not change."""
         for closed in contacts:
-            self._force_scale.add(closed)
+            self._force_scale.add(closed.forces)
         size, full = self._mechanism_size, self._force_scale.full
         ends = [end for closed in contacts for arrow in closed.arrows(size, full, longest=LONG) for end in arrow]
         if ends:

@@ -162,7 +162,7 @@ def compose(
     page = ScaledView(view, scale)
     sheet = mechanism_sheet(page, mechanism, poses, size, curves)
     force_scale = ForceScale(weight(mechanism, size))
-    force_scale.add(contacts)
+    force_scale.add(contacts.forces)
     sheet.add(*contact_paths(page, contacts, size, force_scale.full))
     sheet.texts += place_labels(sheet, named_joints_and_parts(page, mechanism, poses, size))
     low, high = sheet.bounds()

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 NORMAL = 0.06  # length of the line along a normal, on both sides of its point, relative to the mechanism's size
 SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
-SLIGHTEST, SMALL = 1e-4, 0.2  # relative to the weight of all parts: forces that count, and those whose arrows are short
+SLIGHTEST = 1e-4  # of the forces that count, relative to the weight of all parts
+FITTING = (0.2, 2.0)  # forces, relative to the weight, whose arrows are neither short nor long
 USUAL, REMEMBERED = 0.9, 600  # a share of the largest forces of so many pictures
 
 
@@ -70,13 +71,14 @@ class ForceScale:
         self.full = self._weight = weight
         self._largest = deque[float](maxlen=REMEMBERED)
 
-    def add(self, contacts: Touching) -> None:
-        """Take the contacts of a picture into account."""
-        largest = float(np.max(np.linalg.norm(contacts.forces, axis=1), initial=0.0))
+    def add(self, forces: Array) -> None:
+        """Take the forces (n, 3) of a picture into account."""
+        largest = float(np.max(np.linalg.norm(forces, axis=1), initial=0.0))
         if largest > SLIGHTEST * self._weight:
             self._largest.append(largest)
             usual = float(np.quantile(self._largest, USUAL))
-            self.full = self._weight if SMALL * self._weight <= usual <= self._weight else usual
+            low, high = FITTING
+            self.full = self._weight if low * self._weight <= usual <= high * self._weight else usual
 
 
 _NOWHERE, _NONE = np.zeros((0, 3)), np.zeros(0, dtype=bool)

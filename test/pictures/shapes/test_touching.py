@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, ForceScale, Touching, touching_now
+from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, ForceScale, touching_now
 
 TABLE = """
 mechanism: table
@@ -48,13 +48,6 @@ def test_arrows_end_where_bodies_push_and_lines_show_the_normals():
     assert lines[:, 1] - lines[:, 0] == pytest.approx(4.0 * NORMAL * shown.normals)
 
 
-def pushed(force):
-    """A closed contact with a force in N."""
-    return Touching(
-        np.zeros((1, 3)), np.array([[0.0, 0.0, force]]), np.zeros((1, 3)), np.array([True]), np.array([True])
-    )
-
-
 def test_the_scale_of_arrows_fits_forces_far_from_the_weight():
     """By the weight, the teeth of a clock had no arrows, and all those of a detent were as long."""
     for forces, full in (
@@ -65,5 +58,5 @@ def test_the_scale_of_arrows_fits_forces_far_from_the_weight():
     ):
         scale = ForceScale(1.0)
         for force in forces:
-            scale.add(pushed(force))
+            scale.add(np.array([[0.0, 0.0, force], [0.0, 0.5 * force, 0.0]]))
         assert scale.full == pytest.approx(full)

@@ -63,7 +63,7 @@ def test_a_run_is_plotted_as_chosen(tmp_path, capsys):
 
 def test_forces_of_contacts_and_of_joints_have_panels_of_their_own(tmp_path, capsys):
     """Columns of contacts were taken for those of joints, which ended a run with `--contact-forces` and `--plot` in a traceback."""
-    run = ["run", "incline", "--time", "0.1", "--quiet"]
+    run = ["run", "rocking", "--time", "0.1", "--quiet"]
     file = str(tmp_path / "run.mcap")
     assert main([*run, "--out", file, "--plot", str(tmp_path / "run.png"), "--show", "contacts,reactions"]) == 0
     table = read_table(open_recording(file))
