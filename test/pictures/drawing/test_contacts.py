@@ -40,7 +40,7 @@ def test_a_plane_is_drawn_once_and_below_everything_that_touches_it():
 def test_a_plane_of_ground_does_not_move_along_with_what_touches_it():
     """Walls of a bin fell with the balls between them."""
     mechanism, poses, page = page_of_blocks()
-    fallen = {name: Pose(pose.position + [0.2, 0.0, 0.0], np.eye(3)) for name, pose in poses.items()}
+    fallen = {name: Pose(pose.position + np.array([0.2, 0.0, 0.0]), np.eye(3)) for name, pose in poses.items()}
     (line,) = [path for path in constraint_paths(page, mechanism, fallen, 1.0, start=poses) if path.width == 1.4]
     assert sorted(line.points @ [1.0, 0.0]) == pytest.approx([-320.0, 340.0])
 
