@@ -261,7 +261,8 @@ def _plot(options: argparse.Namespace) -> int:
     style = chosen_style(options, options.out)
     names = shown_plots(options, options.out)
     require_names(names)  # before anything is run
-    with recorded_run(options.recording, options, reactions="reactions" in names) as path:
+    reactions, contact_forces = "reactions" in names, "contacts" in names
+    with recorded_run(options.recording, options, reactions=reactions, contact_forces=contact_forces) as path:
         table = read_run_table(path, options.quiet, options.recording)
     chosen = panels(table, names, plotted_coordinates(options, options.out), degrees=options.deg)
     plots.draw(options.out, table, chosen, style)

@@ -157,7 +157,7 @@ def print_undrawn_meshes(mechanism: Mechanism) -> None:
         print(f"note: meshes that are not drawn: {listed(missing)}", file=sys.stderr)
 
 
-RUN_PLOTS = "energies", "joints", "residual", "reactions", "sensors", "phase"
+RUN_PLOTS = "energies", "joints", "residual", "reactions", "contacts", "sensors", "phase"
 STYLES, THEMES = ("screen", "slide", "paper"), ("light", "dark")
 
 

@@ -58,6 +58,7 @@ def recorded_run(
     *,
     rate: float | None = None,
     reactions: bool = False,
+    contact_forces: bool = False,
     with_changes: bool = True,
 ) -> Iterator[Path]:
     """The path of a recording, or of the temporary recording of a mechanism's run.
@@ -75,7 +76,7 @@ def recorded_run(
         options.mechanism = run
         simulation = build_simulation(options, with_changes=with_changes)
         rate = min(rate, 1.0 / simulation.step_size) if rate else None
-        with RunRecorder(simulation, path, rate=rate, reactions=reactions):
+        with RunRecorder(simulation, path, rate=rate, reactions=reactions, contact_forces=contact_forces):
             run_for(simulation, options.time or DURATION, options.quiet)
         yield path
 

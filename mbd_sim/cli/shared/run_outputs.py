@@ -224,7 +224,7 @@ class RunOutputs:
             return nullcontext()
         recorded: dict[str, Any] = {
             "rate": options.rate,
-            "contact_forces": options.contact_forces,
+            "contact_forces": options.contact_forces or "contacts" in self._shown,
             "reactions": options.reactions or "reactions" in self._shown,
             "violation": options.violation,
             "poses": split_names(options.poses),

@@ -23,7 +23,7 @@ class Arrows:
     """Arrows and arcs of one color; `full` are the magnitudes drawn at full length."""
 
     def __init__(self, scene: Any, name: str, color: Color, size: float, full: tuple[float, float]) -> None:
-        self._size, self._full = size, full
+        self._size, self.full = size, full
         self._arrows = scene.add_arrows(
             f"/{name}", NOWHERE, color, shaft_radius=0.006 * size, head_radius=0.016 * size, head_length=0.045 * size
         )
@@ -39,7 +39,7 @@ class Arrows:
     def _arrow(self, point: Array, vector: Array, push: bool) -> Array | None:
         """The ends (2, 3) of an arrow; None if it is too short to be seen."""
         magnitude = float(np.linalg.norm(vector))
-        length = min(LONG * magnitude / self._full[0], LONGEST)
+        length = min(LONG * magnitude / self.full[0], LONGEST)
         if not length > SHORT:
             return None
         along = length * self._size * vector / magnitude
@@ -48,9 +48,9 @@ class Arrows:
     def _arc(self, center: Array, couple: Array) -> Array:
         """The segments (n, 2, 3) of an arc about a couple; none if it is too small."""
         magnitude = float(np.linalg.norm(couple))
-        if not magnitude > SLIGHTEST * self._full[1]:
+        if not magnitude > SLIGHTEST * self.full[1]:
             return np.empty((0, 2, 3))
-        sweep = min(SWEEP * magnitude / self._full[1], MAX_SWEEP)
+        sweep = min(SWEEP * magnitude / self.full[1], MAX_SWEEP)
         points = arc_arrow(center, couple / magnitude, float(sweep), RADIUS * self._size)
         return np.stack([points[:-1], points[1:]], axis=1)
 

@@ -67,5 +67,5 @@ def _direction(normal: Array | None) -> Array:
     if normal is not None and abs(normal[0]) > 0.5:
         toward = np.array([1.0, -0.12, 0.16])
     if normal is not None and abs(normal[2]) > 0.5:
-        toward = np.array([0.05, -0.3, 1.0])
+        toward = np.array([0.0, -0.3, 1.0])
     return np.asarray(toward / np.linalg.norm(toward))

@@ -11,19 +11,20 @@ from mbd_sim.lab.scene.vectors import Vectors
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.solids import LINE_WIDTH
-from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
+from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, ForceScale, Touching
 
 ON_LIGHT = (196, 138, 0)
 POINT, NORMAL_WIDTH = 0.013, 0.5 * LINE_WIDTH  # relative to the mechanism's size
 
 
 class ContactNodes:
-    """The nodes of contacts; an arrow of a `full` force in N has full length."""
+    """The nodes of contacts, with the scale of their arrows for a mechanism of a `weight` in N."""
 
-    def __init__(self, scene: Any, extent: Extent, full: float, *, dark: bool) -> None:
+    def __init__(self, scene: Any, extent: Extent, weight: float, *, dark: bool) -> None:
         color = palette.CONTACT if dark else ON_LIGHT
         size = extent.size
-        self._extent, self._arrows = extent, Arrows(scene, "contacts", color, size, (full, 1.0))
+        self._extent, self._scale = extent, ForceScale(weight)
+        self._arrows = Arrows(scene, "contacts", color, size, (weight, 1.0))
         self._points = scene.add_point_cloud(
             "/contact_points",
             NOWHERE[:, 0],
@@ -38,6 +39,8 @@ class ContactNodes:
     def show(self, contacts: Touching) -> None:
         """Show these contacts, and no others."""
         contacts = contacts.in_front(self._extent)
+        self._scale.add(contacts.forces)
+        self._arrows.full = self._scale.full, 1.0
         self._arrows.show(
             Vectors(list(zip(contacts.points, contacts.forces, strict=True))), contacts.pushes.astype(bool).tolist()
         )

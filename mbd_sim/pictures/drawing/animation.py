@@ -25,10 +25,10 @@ from mbd_sim.pictures.drawing.contacts import contact_paths
 from mbd_sim.pictures.drawing.outlines import bounding_points, pointer_paths
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, DrawingError, mechanism_sheet, pixels
 from mbd_sim.pictures.drawing.sheet import FRONT, GRAY, MARKS, ScaledView, Sheet, SheetPath, SheetText, view_of
-from mbd_sim.pictures.shapes.joints import traced_points, weight
+from mbd_sim.pictures.shapes.joints import LONG, traced_points, weight
 from mbd_sim.pictures.shapes.palette import part_colors
 from mbd_sim.pictures.shapes.solids import circle
-from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
+from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, ForceScale, Touching
 from mbd_sim.simulation.model.model import Model
 
 TRACE_POINTS = 8  # of a traced path for each frame
@@ -79,27 +79,32 @@ class Animation:
         self._mechanism_size = max(
             float(np.max(np.ptp(projected[0], axis=0))), 1e-9
         )  # symbols are drawn in proportion to it
+        self._force_scale = ForceScale(weight(self._mechanism, self._mechanism_size))
         scale = float(np.min(self._size / np.maximum((high - low) * margin, 0.2 * self._mechanism_size)))
         self._page = ScaledView(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
-        self._fit([(start, *shown)[number] for number in _extreme(projected)])
+        self._extreme = [(start, *shown)[number] for number in _extreme(projected)]
+        self._arrow_ends = np.zeros((0, 3))
+        self._fit()
 
-    def _fit(self, configurations: Sequence[Mapping[str, Pose]]) -> None:
-        """Make the page smaller, or move it, where symbols of these configurations reach beyond the window."""
+    def _fit(self) -> None:
+        """Make the page smaller, or move it, where symbols of the extreme configurations reach beyond the window."""
         room = self._size - 2.0 * BORDER
         for _ in range(FITTINGS):  # symbols have a size of their own, so that the first attempt may not be enough
-            low, high = self._bounds(configurations)
+            low, high = self._bounds()
             excess = float(np.max((high - low) / room))
             if excess <= 1.0:
                 break
             self._page = ScaledView(self._view, self._page.scale / excess)
             self._shift = 0.5 * self._size + (self._shift - 0.5 * self._size) / excess
-        low, high = self._bounds(configurations)
+        low, high = self._bounds()
         self._shift = np.clip(self._shift, BORDER - low, np.maximum(self._size - BORDER - high, BORDER - low))
 
-    def _bounds(self, configurations: Sequence[Mapping[str, Pose]]) -> tuple[Array, Array]:
+    def _bounds(self) -> tuple[Array, Array]:
         """The corners (2,) of everything that is drawn, before it is moved into the window."""
-        bounds = [self._sheet(poses).bounds() for poses in configurations]
+        bounds = [self._sheet(poses).bounds() for poses in self._extreme]
+        if len(arrows := self._page.project(self._arrow_ends)):
+            bounds.append((arrows.min(axis=0), arrows.max(axis=0)))
         return np.min([one[0] for one in bounds], axis=0), np.max([one[1] for one in bounds], axis=0)
 
     def _sheet(self, poses: Mapping[str, Pose]) -> Sheet:
@@ -115,9 +120,9 @@ class Animation:
 
         :param contacts: that are closed, as from `mbd_sim.pictures.shapes.touching.touching`.
         """
+        self._force_scale.add(contacts.forces)
         sheet = self._sheet(poses)
-        size = self._mechanism_size
-        sheet.add(*contact_paths(self._page, contacts, size, weight(self._mechanism, size)))
+        sheet.add(*contact_paths(self._page, contacts, self._mechanism_size, self._force_scale.full))
         sheet.add(*self._extended_traces(poses))
         sheet = sheet.translated(self._shift)
         if caption:
@@ -143,6 +148,7 @@ class Animation:
         :param contacts: that are closed, at each of the samples.
         """
         begin, drawn = samples[0][0], 0
+        self._make_room(contacts)
         for number, (time, poses) in enumerate(samples):
             if mechanisms and mechanisms[number] is not self._mechanism:
                 self._mechanism = mechanisms[number]
@@ -152,6 +158,16 @@ class Animation:
                 yield self.frame(poses, f"t = {time:.2f} s", contacts[number] if contacts else NONE_TOUCHING)
             else:
                 self.follow(poses)
+
+    def _make_room(self, contacts: Sequence[Touching]) -> None:
+        """For the arrows at the contacts of a whole motion, in a scale that does not change."""
+        for closed in contacts:
+            self._force_scale.add(closed.forces)
+        size, full = self._mechanism_size, self._force_scale.full
+        ends = [end for closed in contacts for arrow in closed.arrows(size, full, longest=LONG) for end in arrow]
+        if ends:
+            self._arrow_ends = np.array(ends)
+            self._fit()
 
     def _traced_points(self, poses: Mapping[str, Pose]) -> list[Array]:
         return [poses[part].position + poses[part].rotation @ point for part, point in self._traced]

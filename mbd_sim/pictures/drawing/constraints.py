@@ -186,8 +186,18 @@ class _DrawnGuide:
         return feet[0] + (middle - places[0]) * along, max(HALF_LENGTH * size, reach + BEYOND * size)
 
 
-def constraint_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
-    """The symbols of the constraints, except rods of constant length, and curves and surfaces; `size` in m."""
+def constraint_paths(
+    page: ScaledView,
+    mechanism: Mechanism,
+    poses: Mapping[str, Pose],
+    size: float,
+    start: Mapping[str, Pose] | None = None,
+) -> list[SheetPath]:
+    """The symbols of the constraints, except rods of constant length, and curves and surfaces; `size` in m.
+
+    :param start: other poses, to which the planes and lines of ground extend as well, so that they do not move along
+        with what they guide.
+    """
     paths: list[SheetPath] = []
     drawn: dict[tuple[float, ...], _DrawnGuide] = {}
     guides: list[_Guide | None] = []
@@ -201,7 +211,10 @@ def constraint_paths(page: ScaledView, mechanism: Mechanism, poses: Mapping[str,
         normals = guide.normals @ _rotation(poses, guide.base).T
         plane = (*normals[0].round(6), round(float(base @ normals[0]) / size, 6))
         key = plane if len(normals) == 1 else (*plane, float(len(drawn)))  # a plane is drawn once, for all its points
-        drawn.setdefault(key, _DrawnGuide(base, [], normals, guide.hatched)).points.append(point_of(poses, guide.point))
+        points = drawn.setdefault(key, _DrawnGuide(base, [], normals, guide.hatched)).points
+        points.append(point_of(poses, guide.point))
+        if start is not None and guide.base.part == GROUND:
+            points.append(point_of(start, guide.point))
     for one in drawn.values():
         paths += _plane_or_line(page, one, size)
     return paths

@@ -47,7 +47,7 @@ from mbd_sim.pictures.shapes.curves import CurveLine
 from mbd_sim.pictures.shapes.joints import weight
 from mbd_sim.pictures.shapes.palette import AXIS_X, AXIS_Y, AXIS_Z, Color, mixed, part_colors
 from mbd_sim.pictures.shapes.solids import is_invisible
-from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, Touching
+from mbd_sim.pictures.shapes.touching import NONE_TOUCHING, ForceScale, Touching
 
 HEIGHT = 62.0  # pt
 ARM = 30.0  # pt
@@ -161,7 +161,9 @@ def compose(
         scale = min(scale, MAX_ENLARGEMENT * float(np.max(MAX_SIZE)) / size)  # the mechanism may be a single dot
     page = ScaledView(view, scale)
     sheet = mechanism_sheet(page, mechanism, poses, size, curves)
-    sheet.add(*contact_paths(page, contacts, size, weight(mechanism, size)))
+    force_scale = ForceScale(weight(mechanism, size))
+    force_scale.add(contacts.forces)
+    sheet.add(*contact_paths(page, contacts, size, force_scale.full))
     sheet.texts += place_labels(sheet, named_joints_and_parts(page, mechanism, poses, size))
     low, high = sheet.bounds()
     width = max(float((high - low)[0]) + 2.0 * MARGIN, MIN_WIDTH)
@@ -186,7 +188,8 @@ def mechanism_sheet(
     """The mechanism alone, without names.
 
     :param size: the length in m of the mechanism, to which the size of symbols is relative.
-    :param start: the poses at which there is room for the supports of ground, which do not move; by default the same.
+    :param start: the poses at which there is room for the supports of ground, which do not move, and to which its
+        planes extend; by default the same.
     """
     sheet, colors = Sheet(), part_colors(mechanism)
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
@@ -198,7 +201,7 @@ def mechanism_sheet(
     sheet.paths = [replace(path, group="PARTS") for path in sheet.paths]
     occupied = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.particle]
     sheet.add(*curve_paths(page, curves))
-    sheet.add(*two_point_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size))
+    sheet.add(*two_point_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size, start))
     for joint in joints:
         sheet.add(*(replace(path, group="JOINTS") for path in joint_paths(page, joint, size)))
     if page.view.planar:

@@ -31,7 +31,7 @@ from mbd_sim.pictures.rerun.loads import ArrowScale
 from mbd_sim.pictures.rerun.scene import Entity, LoggedItems, PartPoses, Rows, SceneDescription, is_closed, weight
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.joints import pulls
-from mbd_sim.pictures.shapes.touching import closed_places, normal_lines, of_shapes
+from mbd_sim.pictures.shapes.touching import ForceScale, closed_places, normal_lines, of_shapes
 
 POINT_RADIUS, NORMAL_RADIUS = 0.014, 0.003  # relative to the mechanism's size
 
@@ -49,8 +49,10 @@ class _Contacts:
         self._extent, self._size, self._of_shapes = scene.extent, scene.extent.size, of_shapes(scene.contacts)
         self._inputs = [index for _, index in scene.contacts]
         self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
+        self._full = weight(scene)
+        self._force_scale = ForceScale(self._full)
         self._style = ArrowStyle(
-            paths.CONTACTS, ArrowScale("contacts", "", False, palette.CONTACT, self._size, weight(scene))
+            paths.CONTACTS, ArrowScale("contacts", "", False, palette.CONTACT, self._size, self._full)
         )
 
     def static(self) -> LoggedItems:
@@ -69,7 +71,15 @@ class _Contacts:
         yield f"{paths.CONTACTS}/points", columns.partition(counts)
         lines = rr.LineStrips3D.columns(strips=list(normal_lines(points[closed], normals[closed], self._size)))
         yield f"{paths.CONTACTS}/normals", lines.partition(counts)
-        yield from self._style.force(points, np.where(closed[:, :, None], forces, 0.0), self._pushes)
+        yield from self._style.force(points, self._scaled(np.where(closed[:, :, None], forces, 0.0)), self._pushes)
+
+    def _scaled(self, forces: Array) -> Array:
+        """Forces (n, k, 3), so that their arrows have the scale of contacts at each sample."""
+        full = np.empty(len(forces))
+        for index, sample in enumerate(forces):
+            self._force_scale.add(sample)
+            full[index] = self._force_scale.full
+        return np.asarray(forces * (self._full / full)[:, None, None])
 
 
 def trace_entities(scene: SceneDescription) -> Iterator[Entity]:

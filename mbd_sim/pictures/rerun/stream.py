@@ -180,7 +180,8 @@ def about(scene: SceneDescription) -> rr.TextDocument:
         "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
         "| blue arrows | forces through joints, if requested |",
         f"An arrow of {LONG * scene.extent.size:.3g} m represents {weight(scene):.3g} N. A force that has an "
-        "expression or an effort limit is scaled by its largest value instead.",
+        "expression or an effort limit is scaled by its largest value instead, and forces at contacts by the usual "
+        "largest one, if it is far from this.",
     ]
     if missing := undrawn_meshes(mechanism, RERUN_READS):
         lines.append(f"Meshes that are not drawn: {listed(missing)}.")

@@ -227,8 +227,9 @@ class _JointPieces:
                 yield self._piece(Cylinder(4.0 * radius, 0.8 * radius))
                 yield self._piece(Cylinder(4.0 * radius, 0.8 * radius), "second", at=second)
             case "planar":
-                corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0)], dtype=float)
-                yield self._piece(Lines((0.3 * size * corners,)))
+                if self._extent.normal is None:  # else all moves in that plane, and the frame would be in front of it
+                    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0)], dtype=float)
+                    yield self._piece(Lines((0.3 * size * corners,)))
             case "spherical":
                 yield self._piece(Sphere(1.4 * radius))
                 dark = palette.mixed(self._color, (0, 0, 0), 0.4)

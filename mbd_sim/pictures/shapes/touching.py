@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 NORMAL = 0.06  # length of the line along a normal, on both sides of its point, relative to the mechanism's size
 SHORT = 1e-3  # relative to the mechanism's size; shorter arrows are not drawn
+SLIGHTEST = 1e-4  # of the forces that count, relative to the weight of all parts
+FITTING = (0.2, 2.0)  # forces, relative to the weight, whose arrows are neither short nor long
+USUAL, REMEMBERED = 0.9, 600  # a share of the largest forces of so many pictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,27 @@ class Touching:
             if length > SHORT:
                 along = length * size * force / magnitude
                 yield (point - along, point) if pushes else (point, point + along)
+
+
+class ForceScale:
+    """The force in N that an arrow of `LONG` stands for at contacts: `full`.
+
+    This is the weight of all parts. Where springs or motors press harder, or all forces are small, as between the teeth
+    of a clock with a heavy pendulum, it is the largest force that most of the last pictures have.
+    """
+
+    def __init__(self, weight: float) -> None:
+        self.full = self._weight = weight
+        self._largest = deque[float](maxlen=REMEMBERED)
+
+    def add(self, forces: Array) -> None:
+        """Take the forces (n, 3) of a picture into account."""
+        largest = float(np.max(np.linalg.norm(forces, axis=1), initial=0.0))
+        if largest > SLIGHTEST * self._weight:
+            self._largest.append(largest)
+            usual = float(np.quantile(self._largest, USUAL))
+            low, high = FITTING
+            self.full = self._weight if low * self._weight <= usual <= high * self._weight else usual
 
 
 _NOWHERE, _NONE = np.zeros((0, 3)), np.zeros(0, dtype=bool)

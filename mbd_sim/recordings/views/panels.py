@@ -18,7 +18,7 @@ from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.palette import Color, mixed, residual_magnitude
-from mbd_sim.recordings.views.table import ENERGY_NAMES, REACTION, RunTable
+from mbd_sim.recordings.views.table import CONTACT, ENERGY_NAMES, REACTION, RunTable
 
 _ENERGY_COLORS = {
     "kinetic": palette.KINETIC,
@@ -188,9 +188,7 @@ def _residual(table: RunTable) -> Iterator[Panel]:
 
 def _reactions(table: RunTable) -> Iterator[Panel]:
     """The magnitudes of the force and of the moment that each joint transmits."""
-    joints = [
-        name.removesuffix(".force_x_N").removeprefix(REACTION) for name in table.requested if name.endswith("force_x_N")
-    ]
+    joints = _with_forces(table, REACTION)
     for title, unit, suffix in (("Reaction force", "N", "force_{}_N"), ("Reaction moment", "N·m", "moment_{}_Nm")):
         lines = []
         for index, joint in enumerate(joints):
@@ -198,6 +196,25 @@ def _reactions(table: RunTable) -> Iterator[Panel]:
             lines.append(Line(joint, table.times, np.linalg.norm(vectors, axis=0), _joint_color(index)))
         if lines:
             yield Panel(title, TIME, _named(title.split()[-1], unit), tuple(lines))
+
+
+def _contact_forces(table: RunTable) -> Iterator[Panel]:
+    """The magnitudes of the forces of the contacts that touched."""
+    forces = {
+        name: np.linalg.norm([table.requested[f"{CONTACT}{name}.force_{axis}_N"] for axis in "xyz"], axis=0)
+        for name in _with_forces(table, CONTACT)
+    }
+    touched = [name for name, force in forces.items() if np.nanmax(force, initial=0.0) > 0.0]
+    if touched:
+        lines = (Line(name, table.times, forces[name], _joint_color(index)) for index, name in enumerate(touched))
+        yield Panel("Contact force", TIME, _named("force", "N"), tuple(lines))
+
+
+def _with_forces(table: RunTable, prefix: str) -> list[str]:
+    """The names of the joints or contacts whose forces were recorded on request."""
+    suffix = ".force_x_N"
+    found = [name for name in table.requested if name.startswith(prefix) and name.endswith(suffix)]
+    return [name.removeprefix(prefix).removesuffix(suffix) for name in found]
 
 
 def _sensors(table: RunTable) -> Iterator[Panel]:
@@ -227,6 +244,7 @@ _BUILDERS = {
     "joints": _joints,
     "residual": _residual,
     "reactions": _reactions,
+    "contacts": _contact_forces,
     "sensors": _sensors,
     "phase": _phase_portraits,
 }

@@ -37,6 +37,14 @@ def test_a_plane_is_drawn_once_and_below_everything_that_touches_it():
     assert ends == pytest.approx([-320.0, 320.0])  # 15 % of the size beyond the outermost corners
 
 
+def test_a_plane_of_ground_does_not_move_along_with_what_touches_it():
+    """Walls of a bin fell with the balls between them."""
+    mechanism, poses, page = page_of_blocks()
+    fallen = {name: Pose(pose.position + np.array([0.2, 0.0, 0.0]), np.eye(3)) for name, pose in poses.items()}
+    (line,) = [path for path in constraint_paths(page, mechanism, fallen, 1.0, start=poses) if path.width == 1.4]
+    assert sorted(line.points @ [1.0, 0.0]) == pytest.approx([-320.0, 340.0])
+
+
 def test_a_contact_has_a_dot_a_line_along_its_normal_and_an_arrow_that_ends_there():
     _, _, page = page_of_blocks()
     points, normals = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1))

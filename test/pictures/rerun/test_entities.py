@@ -13,6 +13,7 @@ from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.pictures.shapes.joints import LONG
 from mbd_sim.pictures.shapes.palette import residual_magnitude
+from mbd_sim.pictures.shapes.touching import ForceScale
 from test.pictures.rerun.test_viewer import Recorded
 from test.simulation.contact.test_contact_forces import SOFT_BALL
 
@@ -241,13 +242,15 @@ def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
     sim, places = Simulation.from_text(SOFT_BALL), []
     read = lambda: places.append(sim.model.contact_readings.places(sim.time, sim.y, sim.inputs)[0])  # noqa: E731
     recorded, _, scene = show(sim, tmp_path, seconds=0.3, each=20, read=read)
-    scale = LONG * scene.extent.size / weight(scene)
+    force_scale = ForceScale(weight(scene))
     points, arrows = (
         [row for _, row in recorded.rows[f"/world/contact_forces/{name}"]] for name in ("points", "force")
     )
     touching = [force.any() for _, force, _ in places]
     assert True in touching and False in touching
     for drawn, arrow, (point, force, _) in zip(points, arrows, places, strict=True):
+        force_scale.add(force[None])
+        scale = LONG * scene.extent.size / force_scale.full
         expected = np.reshape([point] if force.any() else [], (-1, 3))
         expected = scene.extent.in_front(expected, np.ones(len(expected), dtype=bool))
         np.testing.assert_allclose(np.reshape(drawn["Points3D:positions"] or [], (-1, 3)), expected, atol=1e-6)

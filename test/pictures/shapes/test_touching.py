@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, touching_now
+from mbd_sim.pictures.shapes.touching import NORMAL, SHORT, ForceScale, touching_now
 
 TABLE = """
 mechanism: table
@@ -46,3 +46,17 @@ def test_arrows_end_where_bodies_push_and_lines_show_the_normals():
     assert not list(shown.arrows(1.0, 20.0 / SHORT))
     lines = shown.normal_lines(2.0)
     assert lines[:, 1] - lines[:, 0] == pytest.approx(4.0 * NORMAL * shown.normals)
+
+
+def test_the_scale_of_arrows_fits_forces_far_from_the_weight():
+    """By the weight, the teeth of a clock had no arrows, and all those of a detent were as long."""
+    for forces, full in (
+        ([0.3, 1.0, 0.5], 1.0),  # of the order of the weight, which is 1 N
+        ([0.001] * 95 + [0.2] * 5, 0.001),
+        ([10.0] * 95 + [5.0] * 5, 10.0),
+        ([1e-9, 0.0], 1.0),  # round-off
+    ):
+        scale = ForceScale(1.0)
+        for force in forces:
+            scale.add(np.array([[0.0, 0.0, force], [0.0, 0.5 * force, 0.0]]))
+        assert scale.full == pytest.approx(full)

@@ -61,6 +61,18 @@ def test_a_run_is_plotted_as_chosen(tmp_path, capsys):
     assert "--show: nothing is plotted. Give --plot too." in capsys.readouterr().err
 
 
+def test_forces_of_contacts_and_of_joints_have_panels_of_their_own(tmp_path, capsys):
+    """Columns of contacts were taken for those of joints, which ended a run with `--contact-forces` and `--plot` in a traceback."""
+    run = ["run", "rocking", "--time", "0.1", "--quiet"]
+    file = str(tmp_path / "run.mcap")
+    assert main([*run, "--out", file, "--plot", str(tmp_path / "run.png"), "--show", "contacts,reactions"]) == 0
+    table = read_table(open_recording(file))
+    (forces,) = panels(table, ["contacts"])
+    assert len(forces.lines) == 1
+    assert np.nanmax(forces.lines[0].y) > 0.0
+    assert {panel.title for panel in panels(table, ["reactions"])} == {"Reaction force", "Reaction moment"}
+
+
 def test_a_picture_is_not_empty(recording, tmp_path):
     path = tmp_path / "run.png"
     assert main(["plot", str(recording), "--out", str(path), "--show", "energies,phase", "--quiet"]) == 0
