@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from test import without_ros
+
 ROOT = Path(__file__).resolve().parent.parent
 LARGEST_FOLDER = 12  # modules
 LONGEST = 60  # lines of a function
@@ -219,3 +221,10 @@ def test_derive_is_a_table_of_contents():
     (derive,) = (one for one in functions(modules()["dynamics.equations"]) if one.name == "derive")
     code = derive.body[1:]  # after the docstring
     assert code[-1].end_lineno - code[0].lineno + 1 <= LONGEST_DERIVE
+
+
+def test_files_of_tests_that_reach_ros_over_others_are_left_out_without_it():
+    """`make test` on a board collects all others."""
+    recordings = without_ros.HERE / "recordings" / "run"
+    assert without_ros.needs_ros(recordings / "test_verification.py")
+    assert not without_ros.needs_ros(recordings / "test_recorded_accelerations.py")

@@ -150,7 +150,8 @@ def problems_with(path):
 
 def main():
     """Damage a small recording many times, and print what went wrong."""
-    from test.recordings.runs import record_run, rewrite
+    from test.recordings.rewriting import rewrite
+    from test.recordings.runs import record_run
     from test.shared_builds import share_builds
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

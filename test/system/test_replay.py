@@ -25,7 +25,8 @@ from std_srvs.srv import Trigger
 
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.ros.replay.replay_node import main
-from test.recordings.runs import record_run, rewrite
+from test.recordings.rewriting import rewrite
+from test.recordings.runs import record_run
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain
 
 LATCHED = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)

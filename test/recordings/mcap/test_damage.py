@@ -14,7 +14,8 @@ from mbd_sim.recordings.run.recovery import damaged_original, recover
 from mbd_sim.recordings.run.verification import verify
 from test.recordings.mutations import mutate, problems_with, records, refusal_of_other_readers
 from test.recordings.recordings import recorder_in
-from test.recordings.runs import record_run, rewrite
+from test.recordings.rewriting import rewrite
+from test.recordings.runs import record_run
 
 SAMPLE = 12
 

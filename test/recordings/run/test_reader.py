@@ -11,7 +11,8 @@ from mbd_sim.recordings.mcap.rosbag2 import read_bag_metadata
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.messages.cdr import DamagedError, Message, ReadingError
 from mbd_sim.recordings.run.reader import open_recording
-from test.recordings.runs import record_run, rewrite
+from test.recordings.rewriting import rewrite
+from test.recordings.runs import record_run
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from mbd_sim import InputError, Simulation
 from mbd_sim.recordings.messages import cdr
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.verification import verify
-from test.recordings.runs import rewrite, with_bit_flipped
+from test.recordings.rewriting import rewrite, with_bit_flipped
 
 
 def test_accelerations_are_recorded_and_recomputed_bit_for_bit(tmp_path):

@@ -12,7 +12,8 @@ from mbd_sim import Simulation
 from mbd_sim.cli.main import main
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.verification import verify
-from test.recordings.runs import rewrite, stepped_node, with_bit_flipped
+from test.recordings.rewriting import rewrite, with_bit_flipped
+from test.recordings.runs import stepped_node
 
 FILE = """
 mechanism: sensed

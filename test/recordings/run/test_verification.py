@@ -21,7 +21,8 @@ from mbd_sim.recordings.run.metadata import RecomputeError
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.recomputation import Recomputation
 from mbd_sim.recordings.run.verification import environment_differences, verify
-from test.recordings.runs import ACTIONS, drive, record_run, rewrite, stepped_node, with_bit_flipped
+from test.recordings.rewriting import rewrite, with_bit_flipped
+from test.recordings.runs import ACTIONS, drive, record_run, stepped_node
 
 # One of each kind: loops, rolling, drives, quaternions, friction, wrenches on several parts.
 KINDS = {
