@@ -16,7 +16,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.dynamics.contact.one_sided_equations import HELD, RELEASED
 from mbd_sim.simulation.contact.centering import centered
-from mbd_sim.simulation.contact.compiled.steady_slip import STOPPED
+from mbd_sim.simulation.contact.compiled.slip import STOPPED
 from mbd_sim.simulation.contact.complementarity import (
     best_conditioned,
     independent,

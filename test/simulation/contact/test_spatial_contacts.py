@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from mbd_sim import Simulation
 from mbd_sim.base.roots import first_zero
@@ -193,51 +192,3 @@ def test_a_mechanism_that_friction_wedges_does_not_rebound():
     energies = simulation.energies
     assert impact.loss == energies.dissipated > 0.9 and energies.kinetic < 1e-25
     assert abs(energies.residual) < 1e-13
-
-
-DRAGGED = """
-mechanism: dragged
-parts:
-  across: {mass: 1, inertia: [1, 1, 1]}
-  up: {mass: 1, inertia: [1, 1, 1]}
-  weight: {shape: {type: particle, mass: 2}}
-joints:
-  x: {type: prismatic, between: [ground, across], axis: [1, 0, 0]}
-  y: {type: prismatic, between: [across, up], axis: [0, 1, 0]}
-  z: {type: prismatic, between: [up, weight], axis: [0, 0, 1]}
-constraints: {floor: {type: on_plane, point: weight, bound: at_least, friction: 0.3}}
-forces:
-  x: {type: effort, coordinate: x, effort: 0.6*9.81*(0.9 + 2*t)*cos(3*t)}
-  y: {type: effort, coordinate: y, effort: 0.6*9.81*(0.9 + 2*t)*sin(3*t)}
-"""
-
-
-@functools.cache
-def _dragged():
-    """x, y and their speeds at 0.12 s by an implicit method of SciPy.
-
-    Slip begins at 0.05 s along the force, as half of the square of the time after that.
-    """
-    limit, masses, begin, after = 0.6 * 9.81, np.array([4.0, 3.0]), 0.05, 1e-7
-
-    def rates(t, state):
-        force = limit * (0.9 + 2.0 * t) * np.array([math.cos(3.0 * t), math.sin(3.0 * t)])
-        slip = state[2:]
-        return np.concatenate([slip, (force - limit * slip / np.hypot(*slip)) / masses])
-
-    along = np.array([math.cos(3.0 * begin), math.sin(3.0 * begin)])
-    speed = limit * after**2 / np.dot(along, masses * along)
-    start = np.concatenate([np.zeros(2), speed * along])
-    return solve_ivp(rates, (begin + after, 0.12), start, method="Radau", rtol=1e-11, atol=1e-17).y[:, -1]
-
-
-@pytest.mark.parametrize(("step", "error"), [(1e-3, 5e-8), (2.5e-4, 2e-9)])
-def test_slip_that_begins_follows_a_force_that_turns(step, error):
-    """Friction turns such a slip in far less than a step; with directions of first order, errors did not fall."""
-    simulation = Simulation.from_text(DRAGGED, step=step)
-    simulation.run(until=0.12)
-    assert [(event.change, event.time) for event in simulation.contact_events] == [
-        (ContactChange.SLIDES, pytest.approx(0.05, abs=1e-12))
-    ]
-    assert [*simulation.q[:2], *simulation.u[:2]] == pytest.approx(_dragged(), abs=error)
-    assert _residual(simulation) < 1e-15

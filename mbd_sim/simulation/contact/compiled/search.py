@@ -40,7 +40,6 @@ from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 
 ITERATIONS = 80
 BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
-LINEAR = 1e-3  # of the change of a value, by which it may differ from half of that within twice the length
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
 FALLING = 10.0
@@ -194,8 +193,6 @@ def first_zero(
             if found > tolerance:
                 low, f_low = probe, found
                 break
-            if abs(found - 0.5 * (f_low + f_high)) < LINEAR * abs(f_high - f_low):
-                return 0.0  # between two values that are not positive
             high, f_high = probe, found
             count += 1
         if count == BACKTRACKS:
@@ -208,7 +205,7 @@ def first_zero(
         middle = (low * f_high - high * f_low) / (f_high - f_low)
         if count % 4 == 3 or not low < middle < high:
             middle = 0.5 * (low + high)
-        if middle in (low, high) or (what == FORWARD and m.t + low == m.t + high):
+        if middle in (low, high):
             break
         found = value_of(c, m, middle, what, index)
         if not math.isfinite(found):

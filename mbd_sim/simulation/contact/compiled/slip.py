@@ -6,6 +6,7 @@ The directions of sliding among the inputs follow the slip.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
@@ -13,11 +14,13 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     Contacts,
     direction_at,
     guard_at,
+    rate_at,
     read,
     readings_size,
     slides,
     turning_at,
 )
+from mbd_sim.simulation.contact.compiled.instant.linear import solve
 from mbd_sim.simulation.contact.compiled.search import (
     FORWARD,
     NONE,
@@ -29,35 +32,75 @@ from mbd_sim.simulation.contact.compiled.search import (
     first_zero,
     forward,
     has_failed,
+    readings_at,
     try_length,
 )
-from mbd_sim.simulation.contact.compiled.sliding import (
-    Sliding,
-    change_of_slip,
-    is_pair,
-    slip,
-    speed_of,
-    with_directions,
-)
-from mbd_sim.simulation.contact.compiled.steady_slip import (
-    SHORTENING,
-    SHORTER,
-    SHORTEST,
-    STOPPED,
-    along_steady,
-    steady_length,
-)
 
+STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
 STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
-BENT = 1e-4  # part of such a change in the motion with slips that turn, from which on it does not
 NOISE = 1e-15  # of the natural speed, in slip
+SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
+SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
+STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
+BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
 )
+FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
+ANGLE = 1e-5  # rad, for the derivatives by angles
+NEWTON_STEPS = 8
+SHORTEST = 1e-15  # of the natural time, and of the time
 MOST_SHORTENED = 500  # times that a part of a step is shortened
 MOST_FAILED = 20  # times that a part of a step is shortened because its end is not finite
 ENDS, EVENT, FAILED, AGAIN = 0, 1, -1, 2  # of a part of a step
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """The friction elements that slide along two directions: 1 in `all`.
+
+    Those whose slip turns are 1 in `turning`, and those whose friction is `steady` while their slip turns fast. Their
+    `directions` (2 frictions,) can be constant in a motion with other inputs, `given`; `inputs` are those of the motion
+    that is followed.
+    """
+
+    all: Integers
+    turning: Integers
+    steady: Integers
+    directions: Array
+    given: Array
+    inputs: Array
+
+
+def is_pair(c: Contacts, element: int) -> bool:
+    """Whether friction has two directions."""
+    return c.friction_rows[2 * element + 1] >= 0
+
+
+def hypot(x: float, y: float) -> float:
+    """The length of a vector, without overflow."""
+    most = max(abs(x), abs(y))
+    if most == 0.0:
+        return 0.0
+    a, b = x / most, y / most
+    return most * math.sqrt(a * a + b * b)
+
+
+def slip(c: Contacts, readings: Array, element: int, direction: int) -> float:
+    """The slip along one of two directions."""
+    return readings[rate_at(c, c.friction_rows[2 * element + direction])]
+
+
+def speed_of(c: Contacts, readings: Array, element: int) -> float:
+    """The size of a slip along two directions."""
+    return hypot(slip(c, readings, element, 0), slip(c, readings, element, 1))
+
+
+def change_of_slip(c: Contacts, before: Array, after: Array, element: int) -> float:
+    """The size of the change of a slip."""
+    x = slip(c, after, element, 0) - slip(c, before, element, 0)
+    return hypot(x, slip(c, after, element, 1) - slip(c, before, element, 1))
 
 
 def stage(
@@ -191,7 +234,9 @@ def follow(c: Contacts, m: TrialPart, s: Sliding, length: float, first_length: f
     """Take the motion in which slips do not turn much, or have constant directions; whether friction is steady."""
     if not find_turning(c, m, s, length) or keeps_straight(c, m, s):
         return False
-    if along_steady(c, m, s, steady_length(c, m, s, length)):
+    longest = steady_length(c, m, s, length)
+    if any(s.steady[k] for k in range(c.frictions)):
+        along_fixed(c, m, s, longest)
         return True
     resolve_turning(c, m, s, min(length, first_length))
     return False
@@ -212,15 +257,20 @@ def find_turning(c: Contacts, m: TrialPart, s: Sliding, length: float) -> bool:
     return found
 
 
-def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
-    """Take the motion with constant directions of friction, if the slips keep these directions.
-
-    Then they keep them in the motion that was taken as well, but for round-off.
-    """
-    n, noise = readings_size(c), NOISE * c.unit_speed
+def with_directions(c: Contacts, m: TrialPart, s: Sliding, marks: Integers) -> None:
+    """Let some elements keep their directions in the motion with other inputs."""
+    for i in range(c.inputs):
+        s.given[i] = m.inputs[i]
     for k in range(c.frictions):
-        if s.turning[k] and not is_straight(c, s, m, k, BENT, BENT * c.slow):
-            return False
+        if marks[k]:
+            for direction in range(2):
+                at = direction_at(c, c.friction_rows[2 * k + direction])
+                s.given[at] = FIXED * s.directions[2 * k + direction]
+
+
+def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
+    """Take the motion with constant directions of friction, if the slips keep these directions."""
+    n, noise = readings_size(c), NOISE * c.unit_speed
     with_directions(c, m, s, s.turning)
     fixed = TrialPart(
         m.y, s.given, m.t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), m.state, m.out, m.places_before,
@@ -230,21 +280,18 @@ def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
     if has_failed(fixed):
         m.failed[0] = 1
     for k in range(c.frictions):
-        if s.turning[k] and not is_straight(c, s, fixed, k, STRAIGHT, noise):
+        if s.turning[k] and not is_straight(c, s, fixed, k, noise):
             return False
     take_motion(c, m, s, fixed)
     return True
 
 
-def is_straight(c: Contacts, s: Sliding, m: TrialPart, k: int, part: float, noise: float) -> bool:
-    """Whether a slip has its direction before and after it has changed, or has reversed it.
-
-    :param part: of its change, that may be across the direction, besides the noise.
-    """
+def is_straight(c: Contacts, s: Sliding, fixed: TrialPart, k: int, noise: float) -> bool:
+    """Whether a slip has the direction before and after it has changed, or has reversed it."""
     x, y = s.directions[2 * k], s.directions[2 * k + 1]
-    across = abs(x * slip(c, m.before, k, 1) - y * slip(c, m.before, k, 0))
-    across = max(across, abs(x * slip(c, m.after, k, 1) - y * slip(c, m.after, k, 0)))
-    return across <= part * change_of_slip(c, m.before, m.after, k) + noise
+    across = abs(x * slip(c, fixed.before, k, 1) - y * slip(c, fixed.before, k, 0))
+    across = max(across, abs(x * slip(c, fixed.after, k, 1) - y * slip(c, fixed.after, k, 0)))
+    return across <= STRAIGHT * change_of_slip(c, fixed.before, fixed.after, k) + noise
 
 
 def take_motion(c: Contacts, m: TrialPart, s: Sliding, fixed: TrialPart) -> None:
@@ -258,6 +305,29 @@ def take_motion(c: Contacts, m: TrialPart, s: Sliding, fixed: TrialPart) -> None
     for i in range(c.places):
         m.places_after[i] = fixed.places_after[i]
     m.latest[0] = NONE
+
+
+def steady_length(c: Contacts, m: TrialPart, s: Sliding, length: float) -> float:
+    """Find the elements whose friction turns their slip much faster than it changes, and how long it does."""
+    fastest, soon = 0.0, m.out
+    for k in range(c.frictions):
+        s.steady[k] = 0
+        if s.turning[k] and speed_of(c, m.before, k) > c.slow:
+            fastest = max(fastest, turning_at(c, m.before, k) / STIFF)
+    if length * fastest <= STEADY:
+        return length
+    brief = BRIEF / fastest
+    soon = readings_at(c, m, brief)
+    for k in range(c.frictions):
+        if s.turning[k] and speed_of(c, m.before, k) > c.slow:
+            change = change_of_slip(c, m.before, soon, k) / brief
+            if change > 0.0:
+                length = min(length, SHORTER * TURNING * speed_of(c, m.before, k) / change)
+    if length * fastest > STEADY:
+        for k in range(c.frictions):
+            is_moving = s.turning[k] and speed_of(c, m.before, k) > c.slow
+            s.steady[k] = is_moving and length * turning_at(c, m.before, k) / STIFF > 1.0
+    return length
 
 
 def resolve_turning(c: Contacts, m: TrialPart, s: Sliding, length: float) -> None:
@@ -288,6 +358,77 @@ def length_resolved(c: Contacts, m: TrialPart, s: Sliding, length: float) -> flo
             if excess > 1.0:
                 share = min(share, max(SHORTER / excess, SHORTENING))
     return share * length
+
+
+def along_fixed(c: Contacts, m: TrialPart, s: Sliding, length: float) -> None:
+    """Take the motion with constant directions of friction, which are those that the slips have at the end.
+
+    That is stable however fast friction turns the slips; these are then so slow that it is accurate as well.
+    """
+    n = c.pairs
+    found, last, jacobian, step = zeros(n), math.inf, zeros(n * n), zeros(n)
+    start, moved, count = zeros(2 * c.frictions), zeros(n), 0
+    for k in range(c.frictions):
+        count += s.steady[k]
+    slip_across(c, m, s, length, found)
+    for _ in range(NEWTON_STEPS):
+        for i in range(2 * c.frictions):
+            start[i] = s.directions[i]
+        column = 0
+        for k in range(c.frictions):
+            if s.steady[k]:
+                rotate(s.directions, k, ANGLE)
+                slip_across(c, m, s, length, moved)
+                for row in range(count):
+                    jacobian[row * count + column] = (moved[row] - found[row]) / ANGLE
+                for i in range(2 * c.frictions):
+                    s.directions[i] = start[i]
+                column += 1
+        solve(count, jacobian, found, step)
+        row = 0
+        for k in range(c.frictions):
+            if s.steady[k]:
+                rotate(s.directions, k, -step[row])
+                row += 1
+        last = largest(count, found)
+        slip_across(c, m, s, length, found)
+        if not largest(count, found) < 0.5 * last:
+            break
+    for i in range(c.inputs):
+        m.inputs[i] = s.given[i]
+    m.latest[0] = NONE
+    read(c, m.t, m.y, m.inputs, m.before)
+
+
+def largest(n: int, values: Array) -> float:
+    """The largest absolute value."""
+    found = 0.0
+    for i in range(n):
+        found = max(found, abs(values[i]))
+    return found
+
+
+def rotate(directions: Array, k: int, angle: float) -> None:
+    """Turn a direction by an angle, of which the tangent is given."""
+    x, y = directions[2 * k] - angle * directions[2 * k + 1], directions[2 * k + 1] + angle * directions[2 * k]
+    size = hypot(x, y)
+    directions[2 * k], directions[2 * k + 1] = x / size, y / size
+
+
+def slip_across(c: Contacts, m: TrialPart, s: Sliding, length: float, out: Array) -> None:
+    """The slips across the constant directions of steady friction after a length, to which the motion then belongs."""
+    fixed = TrialPart(
+        m.y, s.given, m.t, m.span, m.out, m.end, m.after, m.latest, m.state, m.out, m.places_before, m.places_after,
+        m.places, m.offset, m.shrinking, m.failed,
+    )  # fmt: skip
+    with_directions(c, m, s, s.steady)
+    finish(c, fixed, length)
+    row = 0
+    for k in range(c.frictions):
+        if s.steady[k]:
+            x, y = s.directions[2 * k], s.directions[2 * k + 1]
+            out[row] = slip(c, m.after, k, 1) * x - slip(c, m.after, k, 0) * y
+            row += 1
 
 
 def stop_of(c: Contacts, m: TrialPart, s: Sliding) -> float:
