@@ -29,6 +29,7 @@ from mbd_sim.simulation.contact.compiled.instant.impact import impact
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
+from mbd_sim.simulation.contact.compiled.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
@@ -123,10 +124,10 @@ def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
 
 def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
     """Whether two bodies meet or features change in a step from a state to another, or this is not known."""
-    n = readings_size(c)
+    n, s = readings_size(c), Sliding(integers(0), integers(0), integers(1), zeros(0), zeros(0), zeros(0))
     m = TrialPart(
         before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
-        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1),
+        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
     m.span[0], m.latest[0] = h, NONE
     read(c, t, before, inputs, m.before)
