@@ -11,9 +11,16 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, zeros
-from mbd_sim.simulation.contact.compiled.instant.contacts import PART_STEP, Contacts, rate_at, read, readings_size
+from mbd_sim.simulation.contact.compiled.instant.contacts import (
+    PART_STEP,
+    Contacts,
+    rate_at,
+    read,
+    readings_size,
+    turning_at,
+)
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
-from mbd_sim.simulation.contact.compiled.sliding import Sliding, hypot, slip, with_directions
+from mbd_sim.simulation.contact.compiled.sliding import Sliding, hypot, slip, speed_of, with_directions
 
 MOST_SEQUENCES = 7
 DIVERGING = 3  # sequences, from which on each must be better than the one before
@@ -51,7 +58,7 @@ def extrapolated(
         s.sequences[0] = count
         if enough > 0.0:
             read(c, t + length, state, inputs, readings)
-            last, error = error, change_of_speeds(c, before, readings) if count > 1 else math.inf
+            last, error = error, change_of_speeds(c, s, length, before, readings) if count > 1 else math.inf
             if error <= enough or (count > DIVERGING and not error < last):
                 break
             for i in range(readings_size(c)):
@@ -70,21 +77,45 @@ def refined(table: Array, first: int, count: int, value: float) -> float:
     return value
 
 
-def change_of_speeds(c: Contacts, before: Array, after: Array) -> float:
-    """The largest difference of rates, relative to the natural ones."""
-    found = 0.0
+def change_of_speeds(c: Contacts, s: Sliding, length: float, before: Array, after: Array) -> float:
+    """The largest difference of rates, relative to the natural ones.
+
+    Slip across its direction counts for less where friction will soon have taken it away.
+    """
+    found, change = 0.0, zeros(c.rows)
     for row in range(c.rows):
-        found = max(found, abs(after[rate_at(c, row)] - before[rate_at(c, row)]) / c.row_speeds[row])
+        change[row] = (after[rate_at(c, row)] - before[rate_at(c, row)]) / c.row_speeds[row]
+    for k in range(c.frictions):
+        speed = speed_of(c, after, k) if s.turning[k] else 0.0
+        if speed > c.slow:
+            x, y = slip(c, after, k, 0) / speed, slip(c, after, k, 1) / speed
+            first, second = c.friction_rows[2 * k], c.friction_rows[2 * k + 1]
+            along, across = change[first] * x + change[second] * y, change[second] * x - change[first] * y
+            change[first], change[second] = along, across / (1.0 + length * turning_at(c, after, k))
+    for row in range(c.rows):
+        found = max(found, abs(change[row]))
     return found
 
 
 def in_parts(c: Contacts, s: Sliding, inputs: Array, t: float, length: float, count: int, state: Array) -> bool:
     """Move on in equal parts with constant directions of friction; whether they were found."""
-    jacobian = zeros(c.pairs * c.pairs)
+    jacobian, last = zeros(c.pairs * c.pairs), zeros(2 * c.frictions)
+    for i in range(2 * c.frictions):
+        last[i] = s.directions[i]
     for i in range(count):
+        turn_on(c, s.directions, last)
         if not to_slip(c, s, inputs, t + i * (length / count), length / count, state, jacobian, i == 0):
             return False
     return True
+
+
+def turn_on(c: Contacts, directions: Array, last: Array) -> None:
+    """Turn directions by as much as they have turned since the last ones, which become the present ones."""
+    for k in range(c.frictions):
+        x, y, u, v = directions[2 * k], directions[2 * k + 1], last[2 * k], last[2 * k + 1]
+        along, side = x * u + y * v, y * u - x * v
+        last[2 * k], last[2 * k + 1] = x, y
+        directions[2 * k], directions[2 * k + 1] = x * along - y * side, y * along + x * side
 
 
 def to_slip(

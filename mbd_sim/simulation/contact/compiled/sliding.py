@@ -65,6 +65,12 @@ def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
     return found
 
 
+def across(c: Contacts, before: Array, readings: Array, element: int) -> float:
+    """The slip velocity across that at the start, times the speed there."""
+    x, y = slip(c, before, element, 0), slip(c, before, element, 1)
+    return slip(c, readings, element, 1) * x - slip(c, readings, element, 0) * y
+
+
 def with_directions(c: Contacts, s: Sliding, inputs: Array, directions: Array) -> None:
     """Let elements that turn keep their directions in the motion with other inputs."""
     for i in range(c.inputs):

@@ -35,6 +35,7 @@ from mbd_sim.simulation.contact.compiled.search import (
 )
 from mbd_sim.simulation.contact.compiled.sliding import (
     Sliding,
+    across,
     change_of_slip,
     forward,
     is_pair,
@@ -53,9 +54,14 @@ FAST = 24.0  # stable steps, beyond which motion in which friction turns slip is
 SLOW_FAST = 2.0  # the same for slips that are all below `SMALL`: few sequences are enough
 SMALL = 5e-4  # of the natural speed
 SLOWED = 0.1  # of its speed, down to which a slip may become slower in such a motion
+TURNED = 1e-9  # of the natural speed, slip times the square of an angle by which friction still turns it
+AMONG_FASTEST = 0.1  # of the rate at which friction turns some slip, from which on that matters
 BEYOND = 1.5  # of the length up to a stop: how far it may go beyond that where the slip counts as zero
+FEW = 3  # sequences, beyond which an event is approached: its search takes many such motions
+APPROACHED = 0.9  # of the length up to an event, in which others may be sought
+MOST_APPROACHES = 4
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
-ACCURATE = 1e-10  # of the natural speeds, error of such a motion
+ACCURATE = 1e-9  # of the natural speeds, error of such a motion
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
@@ -108,7 +114,7 @@ def stage_within(
     )  # fmt: skip
     begin(c, m, length)
     if is_sliding:
-        follow(c, m, length, first_length)
+        follow(c, m, length, first_length, left_out)
         first = stop_of(c, m)
     if not_finite(c, m):
         return FAILED
@@ -174,12 +180,33 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, length: float, first_length: float) -> None:
+def follow(c: Contacts, m: TrialPart, length: float, first_length: float, left_out: Integers) -> None:
     """Take the motion in which slips do not turn much, keep their directions, or are turned fast by friction."""
     if not find_turning(c, m, length) or keeps_straight(c, m):
         return
-    if not along_turning(c, m, fast_length(c, m, length)):
-        resolve_turning(c, m, min(length, first_length))
+    longest = fast_length(c, m, length)
+    for _ in range(MOST_APPROACHES):
+        if not along_turning(c, m, longest):
+            resolve_turning(c, m, min(length, first_length))
+            return
+        if m.sliding.sequences[0] <= FEW or not is_crossed(c, m, left_out):
+            return
+        longest = APPROACHED * first_crossing(c, m, left_out)
+
+
+def is_crossed(c: Contacts, m: TrialPart, left_out: Integers) -> bool:
+    """Whether a guard is negative at the end."""
+    return any(m.after[guard_at(c, k)] < -c.tolerance and not left_out[k] for k in range(c.guards))
+
+
+def first_crossing(c: Contacts, m: TrialPart, left_out: Integers) -> float:
+    """About when a guard becomes negative, from its values at both ends."""
+    share = 1.0
+    for k in range(c.guards):
+        start, end = m.before[guard_at(c, k)], m.after[guard_at(c, k)]
+        if end < -c.tolerance and not left_out[k] and start > 0.0:
+            share = min(share, start / (start - end))
+    return share * m.span[0]
 
 
 def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
@@ -218,9 +245,9 @@ def keeps_straight(c: Contacts, m: TrialPart) -> bool:
 def is_straight(c: Contacts, s: Sliding, fixed: TrialPart, k: int, noise: float) -> bool:
     """Whether a slip has the direction before and after it has changed, or has reversed it."""
     x, y = s.directions[2 * k], s.directions[2 * k + 1]
-    across = abs(x * slip(c, fixed.before, k, 1) - y * slip(c, fixed.before, k, 0))
-    across = max(across, abs(x * slip(c, fixed.after, k, 1) - y * slip(c, fixed.after, k, 0)))
-    return across <= STRAIGHT * change_of_slip(c, fixed.before, fixed.after, k) + noise
+    most = abs(x * slip(c, fixed.before, k, 1) - y * slip(c, fixed.before, k, 0))
+    most = max(most, abs(x * slip(c, fixed.after, k, 1) - y * slip(c, fixed.after, k, 0)))
+    return most <= STRAIGHT * change_of_slip(c, fixed.before, fixed.after, k) + noise
 
 
 def take_motion(c: Contacts, m: TrialPart, fixed: TrialPart) -> None:
@@ -237,7 +264,10 @@ def take_motion(c: Contacts, m: TrialPart, fixed: TrialPart) -> None:
 
 
 def fast_length(c: Contacts, m: TrialPart, length: float) -> float:
-    """The length of a motion in which friction turns slip many times and does not stop it; 0 where it turns slowly."""
+    """The length of a motion in which friction turns slip many times and does not stop it.
+
+    It is 0 where friction turns slip slowly, or has not yet turned it to the direction that changes slowly.
+    """
     s, fastest, begins, soon, largest = m.sliding, 0.0, False, m.out, 0.0
     for k in range(c.frictions):
         speed = speed_of(c, m.before, k)
@@ -252,7 +282,11 @@ def fast_length(c: Contacts, m: TrialPart, length: float) -> float:
         for k in range(c.frictions):
             speed = speed_of(c, m.before, k)
             if s.turning[k] and speed > c.slow:
-                slowing = (speed * speed - forward(c, m.before, soon, k)) / speed * fastest / BRIEF
+                slowing = (speed - forward(c, m.before, soon, k) / speed) * fastest / BRIEF
+                turning = turning_at(c, m.before, k)
+                angle = across(c, m.before, soon, k) / (speed * speed) * fastest / BRIEF / turning
+                if turning > AMONG_FASTEST * STIFF * fastest and speed * angle * angle > TURNED * c.unit_speed:
+                    return 0.0
                 if slowing > 0.0:
                     stops = speed <= STOPPED * c.unit_speed
                     length = min(length, (BEYOND if stops else 1.0 - SLOWED) * speed / slowing)
@@ -273,17 +307,6 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> bool:
         s.sequences[0] = 0
         length *= share_with(error)
     return False
-
-
-def turns_little(c: Contacts, m: TrialPart) -> bool:
-    """Whether no slip has turned so far that its direction would count as reversed."""
-    for k in range(c.frictions):
-        if m.sliding.turning[k]:
-            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
-            along = slip(c, m.after, k, 0) * x + slip(c, m.after, k, 1) * y
-            if abs(along) < NEAR * speed_of(c, m.after, k):
-                return False
-    return True
 
 
 def share_with(error: float) -> float:
