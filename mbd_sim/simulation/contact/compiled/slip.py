@@ -63,6 +63,8 @@ MOST_APPROACHES = 4
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
 ACCURATE = 1e-9  # of the natural speeds, error of such a motion
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
+LONGER = 4.0  # than the last part of a step that a next one may be
+AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
 )
@@ -78,7 +80,7 @@ def stage(
 
     :param first_length: what to try first.
     :param ignored: 1 for guards that make no event.
-    :param found: becomes its length, and 1 if a slip is so slow at the end that it counts as zero.
+    :param found: becomes its length, 1 if a slip is so slow at the end that it counts as zero, and what to try next.
     """
     status = FAILED
     for _ in range(MOST_SHORTENED):
@@ -112,9 +114,11 @@ def stage_within(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
-    begin(c, m, length)
+    begin(c, m, min(length, first_length))
+    found[2] = LONGER * m.span[0]
     if is_sliding:
-        follow(c, m, length, first_length, left_out)
+        if follow(c, m, length, left_out):
+            found[2] = AS_LONG * m.span[0]
         first = stop_of(c, m)
     if not_finite(c, m):
         return FAILED
@@ -180,18 +184,22 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, length: float, first_length: float, left_out: Integers) -> None:
-    """Take the motion in which slips do not turn much, keep their directions, or are turned fast by friction."""
-    if not find_turning(c, m, length) or keeps_straight(c, m):
-        return
+def follow(c: Contacts, m: TrialPart, length: float, left_out: Integers) -> bool:
+    """Take the motion in which slips do not turn much, keep their directions, or are turned fast by friction.
+
+    The result is whether turning limits its length.
+    """
+    if not find_turning(c, m, m.span[0]) or keeps_straight(c, m):
+        return False
     longest = fast_length(c, m, length)
     for _ in range(MOST_APPROACHES):
         if not along_turning(c, m, longest):
-            resolve_turning(c, m, min(length, first_length))
-            return
+            resolve_turning(c, m)
+            return True
         if m.sliding.sequences[0] <= FEW or not is_crossed(c, m, left_out):
-            return
+            break
         longest = APPROACHED * first_crossing(c, m, left_out)
+    return False
 
 
 def is_crossed(c: Contacts, m: TrialPart, left_out: Integers) -> bool:
@@ -306,6 +314,8 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> bool:
                 return True
         s.sequences[0] = 0
         length *= share_with(error)
+        if length <= shortest:
+            finish(c, m, m.span[0])
     return False
 
 
@@ -330,11 +340,9 @@ def turns_little(c: Contacts, m: TrialPart) -> bool:
     return True
 
 
-def resolve_turning(c: Contacts, m: TrialPart, length: float) -> None:
+def resolve_turning(c: Contacts, m: TrialPart) -> None:
     """Let the motion end before a slip turns much."""
-    shortest = SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
-    if length != m.span[0]:
-        finish(c, m, length)
+    length, shortest = m.span[0], SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
     while length > shortest:
         shorter = length_resolved(c, m, length)
         if shorter >= length:
