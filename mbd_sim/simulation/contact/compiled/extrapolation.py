@@ -35,13 +35,13 @@ def extrapolated(
 ) -> float:
     """Find the state after a length in s from up to `most` sequences, whose number is then in `s.sequences`.
 
-    The result is the change by the last one, of speeds relative to the natural ones; infinite without a solution.
+    The result is the change by the last one, relative to natural units; infinite without a solution.
 
     :param enough: change by a sequence after which no other is needed; 0 takes all.
     """
     table, error, last, is_found = zeros(most * c.size), math.inf, math.inf, True
     start, work = zeros(2 * c.frictions), zeros(c.size)
-    readings, before = zeros(readings_size(c)), zeros(readings_size(c))
+    readings, before, places = zeros(readings_size(c)), zeros(readings_size(c)), zeros(c.first_speed)
     for i in range(2 * c.frictions):
         start[i] = s.directions[i]
     s.sequences[0] = 0
@@ -58,11 +58,15 @@ def extrapolated(
         s.sequences[0] = count
         if enough > 0.0:
             read(c, t + length, state, inputs, readings)
-            last, error = error, change_of_speeds(c, s, length, before, readings) if count > 1 else math.inf
+            last = error
+            if count > 1:
+                error = max(change_of_speeds(c, s, length, before, readings), change_of_places(c, places, state))
             if error <= enough or (count > DIVERGING and not error < last):
                 break
             for i in range(readings_size(c)):
                 before[i] = readings[i]
+            for i in range(c.first_speed):
+                places[i] = state[i]
     return error if enough > 0.0 else 0.0
 
 
@@ -94,6 +98,14 @@ def change_of_speeds(c: Contacts, s: Sliding, length: float, before: Array, afte
             change[first], change[second] = along, across / (1.0 + length * turning_at(c, after, k))
     for row in range(c.rows):
         found = max(found, abs(change[row]))
+    return found
+
+
+def change_of_places(c: Contacts, before: Array, state: Array) -> float:
+    """The largest difference of coordinates, which may be lengths or angles, relative to the smaller natural unit."""
+    found, unit = 0.0, min(1.0, c.unit_speed / c.unit_rate)
+    for i in range(c.first_speed):
+        found = max(found, abs(state[i] - before[i]) / unit)
     return found
 
 

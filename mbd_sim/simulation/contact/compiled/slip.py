@@ -115,7 +115,7 @@ def stage_within(
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
     begin(c, m, min(length, first_length))
-    found[2] = LONGER * m.span[0]
+    found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if is_sliding:
         if follow(c, m, length, left_out):
             found[2] = AS_LONG * m.span[0]
