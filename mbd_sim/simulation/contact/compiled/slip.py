@@ -61,7 +61,7 @@ FEW = 3  # sequences, beyond which an event is approached: its search takes many
 APPROACHED = 0.9  # of the length up to an event, in which others may be sought
 MOST_APPROACHES = 4
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
-ACCURATE = 1e-9  # of the natural speeds, error of such a motion
+ACCURATE = 1e-9  # of natural units, error of such a motion
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
 LONGER = 4.0  # than the last part of a step that a next one may be
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
@@ -87,7 +87,7 @@ def stage(
         status = stage_within(c, y, inputs, t, length, first_length, ignored, found)
         if status != FAILED:
             break
-        length *= SHORTENING  # beyond an event, features may have no meaning
+        length = SHORTENING * min(length, first_length)  # beyond an event, features may have no meaning
     return status
 
 
