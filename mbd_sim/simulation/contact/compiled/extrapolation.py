@@ -27,6 +27,7 @@ DIVERGING = 3  # sequences, from which on each must be better than the one befor
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 NEWTON_STEPS = 8
 EXACT = 1e-14  # of the natural speed, slip across the direction of friction at the end of a part
+MOST_REDUCED = 10.0  # error of slip across its direction, that friction will soon have taken away
 CONVERGED = 1e-12  # of the natural speed: what round-off may leave of that
 
 
@@ -95,7 +96,7 @@ def change_of_speeds(c: Contacts, s: Sliding, length: float, before: Array, afte
             x, y = slip(c, after, k, 0) / speed, slip(c, after, k, 1) / speed
             first, second = c.friction_rows[2 * k], c.friction_rows[2 * k + 1]
             along, across = change[first] * x + change[second] * y, change[second] * x - change[first] * y
-            change[first], change[second] = along, across / (1.0 + length * turning_at(c, after, k))
+            change[first], change[second] = along, across / min(MOST_REDUCED, 1.0 + length * turning_at(c, after, k))
     for row in range(c.rows):
         found = max(found, abs(change[row]))
     return found
