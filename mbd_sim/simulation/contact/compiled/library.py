@@ -15,7 +15,7 @@ from mbd_sim.compiler.code.host_module import new_module
 from mbd_sim.compiler.code.machine_code import compile_once
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
-from mbd_sim.simulation.contact.compiled import members, pairs, search, slip, step
+from mbd_sim.simulation.contact.compiled import extrapolation, members, pairs, search, sliding, slip, step
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
     crossings,
@@ -37,6 +37,7 @@ MODULES: tuple[ModuleType, ...] = (
     candidate_forces,
     contacts,
     crossings,
+    extrapolation,
     flat_rims,
     forces,
     impact,
@@ -52,6 +53,7 @@ MODULES: tuple[ModuleType, ...] = (
     polytopes,
     round_bodies,
     search,
+    sliding,
     slip,
     smooth,
     step,

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
+from mbd_sim.simulation.contact.compiled.extrapolation import extrapolated
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     PART_STEP,
     Contacts,
@@ -37,6 +38,7 @@ from mbd_sim.simulation.contact.compiled.pairs import (
     path_between,
 )
 from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
+from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
 
 ITERATIONS = 80
 BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
@@ -63,7 +65,7 @@ class TrialPart:
     and `out` those after the `latest` other length that was tried. The poses of the parts in mechanisms with slots are
     `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Slots
     can come near each other if `shrinking[0]` is 1, and their area can shrink to a line if `shrinking[1]` is. `failed`
-    is 1 if a state was not finite.
+    is 1 if a state was not finite. What slides along two directions is `sliding`.
     """
 
     y: Array
@@ -82,6 +84,7 @@ class TrialPart:
     offset: Array
     shrinking: Integers
     failed: Integers
+    sliding: Sliding
 
 
 def begin(c: Contacts, m: TrialPart, length: float) -> None:
@@ -100,9 +103,13 @@ def finish(c: Contacts, m: TrialPart, length: float) -> None:
 
 def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array, places: Array) -> None:
     """The state, the readings and the poses after a length in s."""
+    sequences = m.sliding.sequences[0]
     for i in range(c.size):
         state[i] = m.y[i]
-    if length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
+    if length != 0.0 and sequences > 0:
+        if extrapolated(c, m.sliding, m.y, m.inputs, m.t, length, sequences, 0.0, state) > 0.0:
+            m.failed[0] = 1
+    elif length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
         m.failed[0] = 1
     read(c, m.t + length, state, m.inputs, out)
     read_poses(c, m.t + length, state, m.inputs, places)
@@ -166,15 +173,6 @@ def features_at(c: Contacts, m: TrialPart, pair: FeaturePair, places: Array) -> 
     return found
 
 
-def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
-    """The slip velocity of friction along two directions, times that at the start."""
-    found = 0.0
-    for direction in range(2):
-        row = c.friction_rows[2 * element + direction]
-        found += before[rate_at(c, row)] * readings[rate_at(c, row)]
-    return found
-
-
 def first_zero(
     c: Contacts, m: TrialPart, what: int, index: int, length: float, start: float, end: float, tolerance: float
 ) -> float:
@@ -200,6 +198,8 @@ def first_zero(
     best, least, enough = high, abs(f_high), ENOUGH * c.accuracy if what in (BESIDE, FEATURES) else 0.0
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
+    if what == FORWARD:  # up to a slip that has no direction
+        enough = c.slow * math.sqrt(start)
     side = 0
     for count in range(ITERATIONS):
         middle = (low * f_high - high * f_low) / (f_high - f_low)

@@ -6,21 +6,20 @@ The directions of sliding among the inputs follow the slip.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
+from mbd_sim.simulation.contact.compiled.extrapolation import MOST_SEQUENCES, extrapolated
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     Contacts,
     direction_at,
     guard_at,
-    rate_at,
     read,
+    read_poses,
     readings_size,
     slides,
     turning_at,
 )
-from mbd_sim.simulation.contact.compiled.instant.linear import solve
 from mbd_sim.simulation.contact.compiled.search import (
     FORWARD,
     NONE,
@@ -30,10 +29,19 @@ from mbd_sim.simulation.contact.compiled.search import (
     first_change,
     first_event,
     first_zero,
-    forward,
     has_failed,
     readings_at,
     try_length,
+)
+from mbd_sim.simulation.contact.compiled.sliding import (
+    Sliding,
+    across,
+    change_of_slip,
+    forward,
+    is_pair,
+    slip,
+    speed_of,
+    with_directions,
 )
 
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
@@ -42,65 +50,27 @@ STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its
 NOISE = 1e-15  # of the natural speed, in slip
 SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
-STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
+FAST = 24.0  # stable steps, beyond which motion in which friction turns slip is extrapolated
+SLOW_FAST = 2.0  # the same for slips that are all below `SMALL`: few sequences are enough
+SMALL = 5e-4  # of the natural speed
+SLOWED = 0.1  # of its speed, down to which a slip may become slower in such a motion
+TURNED = 1e-9  # of the natural speed, slip times the square of an angle by which friction still turns it
+AMONG_FASTEST = 0.1  # of the rate at which friction turns some slip, from which on that matters
+BEYOND = 1.5  # of the length up to a stop: how far it may go beyond that where the slip counts as zero
+FEW = 3  # sequences, beyond which an event is approached: its search takes many such motions
+APPROACHED = 0.9  # of the length up to an event, in which others may be sought
+MOST_APPROACHES = 4
+NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
+ACCURATE = 1e-9  # of natural units, error of such a motion
 BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
+LONGER = 4.0  # than the last part of a step that a next one may be
+AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
 )
-FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
-ANGLE = 1e-5  # rad, for the derivatives by angles
-NEWTON_STEPS = 8
 SHORTEST = 1e-15  # of the natural time, and of the time
-MOST_SHORTENED = 500  # times that a part of a step is shortened
-MOST_FAILED = 20  # times that a part of a step is shortened because its end is not finite
-ENDS, EVENT, FAILED, AGAIN = 0, 1, -1, 2  # of a part of a step
-
-
-@dataclass(frozen=True)
-class Sliding:
-    """The friction elements that slide along two directions: 1 in `all`.
-
-    Those whose slip turns are 1 in `turning`, and those whose friction is `steady` while their slip turns fast. Their
-    `directions` (2 frictions,) can be constant in a motion with other inputs, `given`; `inputs` are those of the motion
-    that is followed.
-    """
-
-    all: Integers
-    turning: Integers
-    steady: Integers
-    directions: Array
-    given: Array
-    inputs: Array
-
-
-def is_pair(c: Contacts, element: int) -> bool:
-    """Whether friction has two directions."""
-    return c.friction_rows[2 * element + 1] >= 0
-
-
-def hypot(x: float, y: float) -> float:
-    """The length of a vector, without overflow."""
-    most = max(abs(x), abs(y))
-    if most == 0.0:
-        return 0.0
-    a, b = x / most, y / most
-    return most * math.sqrt(a * a + b * b)
-
-
-def slip(c: Contacts, readings: Array, element: int, direction: int) -> float:
-    """The slip along one of two directions."""
-    return readings[rate_at(c, c.friction_rows[2 * element + direction])]
-
-
-def speed_of(c: Contacts, readings: Array, element: int) -> float:
-    """The size of a slip along two directions."""
-    return hypot(slip(c, readings, element, 0), slip(c, readings, element, 1))
-
-
-def change_of_slip(c: Contacts, before: Array, after: Array, element: int) -> float:
-    """The size of the change of a slip."""
-    x = slip(c, after, element, 0) - slip(c, before, element, 0)
-    return hypot(x, slip(c, after, element, 1) - slip(c, before, element, 1))
+MOST_SHORTENED = 20  # times that a part of a step is shortened because its end is not finite
+ENDS, EVENT, FAILED = 0, 1, -1  # of a part of a step
 
 
 def stage(
@@ -108,67 +78,62 @@ def stage(
 ) -> int:
     """Take the next part of a step: `EVENT` where it ends with an event, or `ENDS`; `FAILED` if it is not finite.
 
-    :param first_length: what to try first, unless slips turn much faster than they change.
+    :param first_length: what to try first.
     :param ignored: 1 for guards that make no event.
-    :param found: becomes its length, and 1 if a slip is so slow at the end that it counts as zero.
+    :param found: becomes its length, 1 if a slip is so slow at the end that it counts as zero, and what to try next.
     """
-    failed = 0
+    status = FAILED
     for _ in range(MOST_SHORTENED):
         status = stage_within(c, y, inputs, t, length, first_length, ignored, found)
-        if status != AGAIN and (status != FAILED or failed == MOST_FAILED):
-            return status
-        if status == FAILED:  # beyond an event, features may have no meaning
-            failed += 1
-        length *= SHORTENING
-    return FAILED
+        if status != FAILED:
+            break
+        length = SHORTENING * min(length, first_length)  # beyond an event, features may have no meaning
+    return status
 
 
 def stage_within(
     c: Contacts, y: Array, inputs: Array, t: float, length: float, first_length: float, ignored: Integers, found: Array
 ) -> int:
-    """As `stage`; `AGAIN` if only a shorter part can have constant directions of friction."""
+    """As `stage`, without another attempt where the state is not finite."""
     count = c.inputs if c.pairs else 0
     s = Sliding(
-        integers(c.frictions), integers(c.frictions), integers(c.frictions), zeros(2 * c.frictions), zeros(count),
-        zeros(count),
+        integers(c.frictions), integers(c.frictions), integers(1), zeros(2 * c.frictions), zeros(count), zeros(count),
     )  # fmt: skip
-    start, left_out, cause, first = zeros(readings_size(c)), integers(c.guards), integers(1), NONE
+    left_out, cause, first = integers(c.guards), integers(1), NONE
     for guard in range(c.guards):
         left_out[guard] = ignored[guard]
-    own, is_sliding, is_steady = inputs, find_sliding(c, inputs, s, left_out), False
+    own, is_sliding, n = inputs, find_sliding(c, inputs, s, left_out), readings_size(c)
+    before = zeros(n)
     if is_sliding:
-        read(c, t, y, inputs, start)
-        turn(c, start, inputs, s)
+        read(c, t, y, inputs, before)
+        turn(c, before, inputs, s)
         for i in range(count):
             s.inputs[i] = inputs[i]
         own = s.inputs
-    n = readings_size(c)
     m = TrialPart(
-        y, own, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
-        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1),
+        y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
+        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
-    begin(c, m, length)
-    for i in range(n):
-        start[i] = m.before[i]
+    begin(c, m, min(length, first_length))
+    found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if is_sliding:
-        is_steady = follow(c, m, s, length, first_length)
-        first = stop_of(c, m, s)
+        if follow(c, m, length, left_out):
+            found[2] = AS_LONG * m.span[0]
+        first = stop_of(c, m)
     if not_finite(c, m):
         return FAILED
     first = first_event(c, m, first, left_out, cause)
-    if first == 0.0 and is_steady and was_positive(c, m, start, left_out, cause[0]):
-        return AGAIN
     if first >= NONE:
         first = first_change(c, m, first, True)
     if first < NONE or has_failed(m):
         return FAILED
-    return take(c, m, s, y, first, found)
+    return take(c, m, y, first, found)
 
 
-def take(c: Contacts, m: TrialPart, s: Sliding, y: Array, first: float, found: Array) -> int:
+def take(c: Contacts, m: TrialPart, y: Array, first: float, found: Array) -> int:
     """Change y to the end of a part of a step, up to the `first` event if there is one."""
     found[0] = m.span[0] if first < 0.0 else first
-    found[1] = 1.0 if first < 0.0 and creeps(c, m, s) else 0.0
+    found[1] = 1.0 if first < 0.0 and creeps(c, m) else 0.0
     is_end = found[0] == m.span[0]
     if not is_end and found[0] != m.latest[0]:
         try_length(c, m, found[0], m.state, m.out, m.places)
@@ -202,20 +167,9 @@ def is_closed_gap(c: Contacts, m: TrialPart, gap: int) -> bool:
     return m.inputs[c.first_mode + gap] != 0.0 and not c.clutches[gap]
 
 
-def was_positive(c: Contacts, m: TrialPart, start: Array, left_out: Integers, cause: int) -> bool:
-    """Whether a guard is negative only with directions of friction as they are at the end."""
-    return any(
-        m.after[guard_at(c, k)] < -c.tolerance
-        and not left_out[k]
-        and k >= cause
-        and start[guard_at(c, k)] > c.tolerance
-        for k in range(c.guards)
-    )
-
-
-def creeps(c: Contacts, m: TrialPart, s: Sliding) -> bool:
+def creeps(c: Contacts, m: TrialPart) -> bool:
     """Whether a slip is so slow at the end that it counts as zero."""
-    stopped = STOPPED * c.unit_speed
+    s, stopped = m.sliding, STOPPED * c.unit_speed
     return any(s.all[k] and c.slow < speed_of(c, m.after, k) <= stopped for k in range(c.frictions))
 
 
@@ -230,21 +184,42 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, s: Sliding, length: float, first_length: float) -> bool:
-    """Take the motion in which slips do not turn much, or have constant directions; whether friction is steady."""
-    if not find_turning(c, m, s, length) or keeps_straight(c, m, s):
+def follow(c: Contacts, m: TrialPart, length: float, left_out: Integers) -> bool:
+    """Take the motion in which slips do not turn much, keep their directions, or are turned fast by friction.
+
+    The result is whether turning limits its length.
+    """
+    if not find_turning(c, m, m.span[0]) or keeps_straight(c, m):
         return False
-    longest = steady_length(c, m, s, length)
-    if any(s.steady[k] for k in range(c.frictions)):
-        along_fixed(c, m, s, longest)
-        return True
-    resolve_turning(c, m, s, min(length, first_length))
+    longest = fast_length(c, m, length)
+    for _ in range(MOST_APPROACHES):
+        if not along_turning(c, m, longest):
+            resolve_turning(c, m)
+            return True
+        if m.sliding.sequences[0] <= FEW or not is_crossed(c, m, left_out):
+            break
+        longest = APPROACHED * first_crossing(c, m, left_out)
     return False
 
 
-def find_turning(c: Contacts, m: TrialPart, s: Sliding, length: float) -> bool:
+def is_crossed(c: Contacts, m: TrialPart, left_out: Integers) -> bool:
+    """Whether a guard is negative at the end."""
+    return any(m.after[guard_at(c, k)] < -c.tolerance and not left_out[k] for k in range(c.guards))
+
+
+def first_crossing(c: Contacts, m: TrialPart, left_out: Integers) -> float:
+    """About when a guard becomes negative, from its values at both ends."""
+    share = 1.0
+    for k in range(c.guards):
+        start, end = m.before[guard_at(c, k)], m.after[guard_at(c, k)]
+        if end < -c.tolerance and not left_out[k] and start > 0.0:
+            share = min(share, start / (start - end))
+    return share * m.span[0]
+
+
+def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
     """Find the elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
-    found = False
+    s, found = m.sliding, False
     for k in range(c.frictions):
         s.turning[k] = 0
         if s.all[k]:
@@ -257,24 +232,13 @@ def find_turning(c: Contacts, m: TrialPart, s: Sliding, length: float) -> bool:
     return found
 
 
-def with_directions(c: Contacts, m: TrialPart, s: Sliding, marks: Integers) -> None:
-    """Let some elements keep their directions in the motion with other inputs."""
-    for i in range(c.inputs):
-        s.given[i] = m.inputs[i]
-    for k in range(c.frictions):
-        if marks[k]:
-            for direction in range(2):
-                at = direction_at(c, c.friction_rows[2 * k + direction])
-                s.given[at] = FIXED * s.directions[2 * k + direction]
-
-
-def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
+def keeps_straight(c: Contacts, m: TrialPart) -> bool:
     """Take the motion with constant directions of friction, if the slips keep these directions."""
-    n, noise = readings_size(c), NOISE * c.unit_speed
-    with_directions(c, m, s, s.turning)
+    s, n, noise = m.sliding, readings_size(c), NOISE * c.unit_speed
+    with_directions(c, s, m.inputs, s.directions)
     fixed = TrialPart(
         m.y, s.given, m.t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), m.state, m.out, m.places_before,
-        zeros(c.places), m.places, m.offset, m.shrinking, integers(1),
+        zeros(c.places), m.places, m.offset, m.shrinking, integers(1), s,
     )  # fmt: skip
     begin(c, fixed, m.span[0])
     if has_failed(fixed):
@@ -282,22 +246,22 @@ def keeps_straight(c: Contacts, m: TrialPart, s: Sliding) -> bool:
     for k in range(c.frictions):
         if s.turning[k] and not is_straight(c, s, fixed, k, noise):
             return False
-    take_motion(c, m, s, fixed)
+    take_motion(c, m, fixed)
     return True
 
 
 def is_straight(c: Contacts, s: Sliding, fixed: TrialPart, k: int, noise: float) -> bool:
     """Whether a slip has the direction before and after it has changed, or has reversed it."""
     x, y = s.directions[2 * k], s.directions[2 * k + 1]
-    across = abs(x * slip(c, fixed.before, k, 1) - y * slip(c, fixed.before, k, 0))
-    across = max(across, abs(x * slip(c, fixed.after, k, 1) - y * slip(c, fixed.after, k, 0)))
-    return across <= STRAIGHT * change_of_slip(c, fixed.before, fixed.after, k) + noise
+    most = abs(x * slip(c, fixed.before, k, 1) - y * slip(c, fixed.before, k, 0))
+    most = max(most, abs(x * slip(c, fixed.after, k, 1) - y * slip(c, fixed.after, k, 0)))
+    return most <= STRAIGHT * change_of_slip(c, fixed.before, fixed.after, k) + noise
 
 
-def take_motion(c: Contacts, m: TrialPart, s: Sliding, fixed: TrialPart) -> None:
+def take_motion(c: Contacts, m: TrialPart, fixed: TrialPart) -> None:
     """Let the motion be that with constant directions."""
     for i in range(c.inputs):
-        m.inputs[i] = s.given[i]
+        m.inputs[i] = m.sliding.given[i]
     for i in range(readings_size(c)):
         m.before[i], m.after[i] = fixed.before[i], fixed.after[i]
     for i in range(c.size):
@@ -307,47 +271,91 @@ def take_motion(c: Contacts, m: TrialPart, s: Sliding, fixed: TrialPart) -> None
     m.latest[0] = NONE
 
 
-def steady_length(c: Contacts, m: TrialPart, s: Sliding, length: float) -> float:
-    """Find the elements whose friction turns their slip much faster than it changes, and how long it does."""
-    fastest, soon = 0.0, m.out
+def fast_length(c: Contacts, m: TrialPart, length: float) -> float:
+    """The length of a motion in which friction turns slip many times and does not stop it.
+
+    It is 0 where friction turns slip slowly, or has not yet turned it to the direction that changes slowly.
+    """
+    s, fastest, begins, soon, largest = m.sliding, 0.0, False, m.out, 0.0
     for k in range(c.frictions):
-        s.steady[k] = 0
-        if s.turning[k] and speed_of(c, m.before, k) > c.slow:
+        speed = speed_of(c, m.before, k)
+        if s.turning[k] and speed <= c.slow:
+            begins = True
+        elif s.turning[k]:
+            largest = max(largest, speed)
             fastest = max(fastest, turning_at(c, m.before, k) / STIFF)
-    if length * fastest <= STEADY:
-        return length
-    brief = BRIEF / fastest
-    soon = readings_at(c, m, brief)
-    for k in range(c.frictions):
-        if s.turning[k] and speed_of(c, m.before, k) > c.slow:
-            change = change_of_slip(c, m.before, soon, k) / brief
-            if change > 0.0:
-                length = min(length, SHORTER * TURNING * speed_of(c, m.before, k) / change)
-    if length * fastest > STEADY:
+    many = SLOW_FAST if largest <= SMALL * c.unit_speed else FAST
+    if fastest * length > many:
+        soon = readings_at(c, m, BRIEF / fastest)
         for k in range(c.frictions):
-            is_moving = s.turning[k] and speed_of(c, m.before, k) > c.slow
-            s.steady[k] = is_moving and length * turning_at(c, m.before, k) / STIFF > 1.0
-    return length
+            speed = speed_of(c, m.before, k)
+            if s.turning[k] and speed > c.slow:
+                slowing = (speed - forward(c, m.before, soon, k) / speed) * fastest / BRIEF
+                turning = turning_at(c, m.before, k)
+                angle = across(c, m.before, soon, k) / (speed * speed) * fastest / BRIEF / turning
+                if turning > AMONG_FASTEST * STIFF * fastest and speed * angle * angle > TURNED * c.unit_speed:
+                    return 0.0
+                if slowing > 0.0:
+                    stops = speed <= STOPPED * c.unit_speed
+                    length = min(length, (BEYOND if stops else 1.0 - SLOWED) * speed / slowing)
+    return length if begins or fastest * length > many else 0.0
 
 
-def resolve_turning(c: Contacts, m: TrialPart, s: Sliding, length: float) -> None:
-    """Let the motion end before a slip turns much."""
-    shortest = SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
-    if length != m.span[0]:
-        finish(c, m, length)
+def along_turning(c: Contacts, m: TrialPart, length: float) -> bool:
+    """Take a motion in which friction turns slips fast, for a length in which it is accurate; whether there is one."""
+    s, error, shortest = m.sliding, 0.0, SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
     while length > shortest:
-        shorter = length_resolved(c, m, s, length)
+        error = extrapolated(c, s, m.y, m.inputs, m.t, length, MOST_SEQUENCES, ACCURATE, m.end)
+        if error <= ACCURATE:
+            read(c, m.t + length, m.end, m.inputs, m.after)
+            if turns_little(c, m):
+                read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
+                m.span[0], m.latest[0], m.failed[0] = length, NONE, 0
+                return True
+        s.sequences[0] = 0
+        length *= share_with(error)
+        if length <= shortest:
+            finish(c, m, m.span[0])
+    return False
+
+
+def share_with(error: float) -> float:
+    """The share of a length in which a motion should be accurate, from its error."""
+    share, left = SHORTER, error / ACCURATE
+    while share > SHORTENING and not left < 1.0:
+        share *= SHORTER
+        for _ in range(MOST_SEQUENCES):
+            left *= SHORTER
+    return share
+
+
+def turns_little(c: Contacts, m: TrialPart) -> bool:
+    """Whether no slip has turned so far that its direction would count as reversed."""
+    for k in range(c.frictions):
+        if m.sliding.turning[k]:
+            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
+            along = slip(c, m.after, k, 0) * x + slip(c, m.after, k, 1) * y
+            if abs(along) < NEAR * speed_of(c, m.after, k):
+                return False
+    return True
+
+
+def resolve_turning(c: Contacts, m: TrialPart) -> None:
+    """Let the motion end before a slip turns much."""
+    length, shortest = m.span[0], SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
+    while length > shortest:
+        shorter = length_resolved(c, m, length)
         if shorter >= length:
             break
         length = max(shorter, shortest)
         finish(c, m, length)
 
 
-def length_resolved(c: Contacts, m: TrialPart, s: Sliding, length: float) -> float:
+def length_resolved(c: Contacts, m: TrialPart, length: float) -> float:
     """A length within which no slip turns much."""
     share, stopped = 1.0, STOPPED * c.unit_speed
     for k in range(c.frictions):
-        if s.all[k]:
+        if m.sliding.all[k]:
             speed, change = speed_of(c, m.before, k), change_of_slip(c, m.before, m.after, k)
             if speed <= c.slow:  # sliding begins; no method is accurate in that, but for a short while
                 if change > stopped:
@@ -360,82 +368,11 @@ def length_resolved(c: Contacts, m: TrialPart, s: Sliding, length: float) -> flo
     return share * length
 
 
-def along_fixed(c: Contacts, m: TrialPart, s: Sliding, length: float) -> None:
-    """Take the motion with constant directions of friction, which are those that the slips have at the end.
-
-    That is stable however fast friction turns the slips; these are then so slow that it is accurate as well.
-    """
-    n = c.pairs
-    found, last, jacobian, step = zeros(n), math.inf, zeros(n * n), zeros(n)
-    start, moved, count = zeros(2 * c.frictions), zeros(n), 0
-    for k in range(c.frictions):
-        count += s.steady[k]
-    slip_across(c, m, s, length, found)
-    for _ in range(NEWTON_STEPS):
-        for i in range(2 * c.frictions):
-            start[i] = s.directions[i]
-        column = 0
-        for k in range(c.frictions):
-            if s.steady[k]:
-                rotate(s.directions, k, ANGLE)
-                slip_across(c, m, s, length, moved)
-                for row in range(count):
-                    jacobian[row * count + column] = (moved[row] - found[row]) / ANGLE
-                for i in range(2 * c.frictions):
-                    s.directions[i] = start[i]
-                column += 1
-        solve(count, jacobian, found, step)
-        row = 0
-        for k in range(c.frictions):
-            if s.steady[k]:
-                rotate(s.directions, k, -step[row])
-                row += 1
-        last = largest(count, found)
-        slip_across(c, m, s, length, found)
-        if not largest(count, found) < 0.5 * last:
-            break
-    for i in range(c.inputs):
-        m.inputs[i] = s.given[i]
-    m.latest[0] = NONE
-    read(c, m.t, m.y, m.inputs, m.before)
-
-
-def largest(n: int, values: Array) -> float:
-    """The largest absolute value."""
-    found = 0.0
-    for i in range(n):
-        found = max(found, abs(values[i]))
-    return found
-
-
-def rotate(directions: Array, k: int, angle: float) -> None:
-    """Turn a direction by an angle, of which the tangent is given."""
-    x, y = directions[2 * k] - angle * directions[2 * k + 1], directions[2 * k + 1] + angle * directions[2 * k]
-    size = hypot(x, y)
-    directions[2 * k], directions[2 * k + 1] = x / size, y / size
-
-
-def slip_across(c: Contacts, m: TrialPart, s: Sliding, length: float, out: Array) -> None:
-    """The slips across the constant directions of steady friction after a length, to which the motion then belongs."""
-    fixed = TrialPart(
-        m.y, s.given, m.t, m.span, m.out, m.end, m.after, m.latest, m.state, m.out, m.places_before, m.places_after,
-        m.places, m.offset, m.shrinking, m.failed,
-    )  # fmt: skip
-    with_directions(c, m, s, s.steady)
-    finish(c, fixed, length)
-    row = 0
-    for k in range(c.frictions):
-        if s.steady[k]:
-            x, y = s.directions[2 * k], s.directions[2 * k + 1]
-            out[row] = slip(c, m.after, k, 1) * x - slip(c, m.after, k, 0) * y
-            row += 1
-
-
-def stop_of(c: Contacts, m: TrialPart, s: Sliding) -> float:
+def stop_of(c: Contacts, m: TrialPart) -> float:
     """Where a slip along two directions stops, at which the motion then ends: that beyond a stop means nothing."""
     first = NONE
     for k in range(c.frictions):
-        if s.all[k] and m.span[0] > 0.0 and speed_of(c, m.before, k) > c.slow:
+        if m.sliding.all[k] and m.span[0] > 0.0 and speed_of(c, m.before, k) > c.slow:
             start, last = forward(c, m.before, m.before, k), forward(c, m.before, m.after, k)
             if last < 0.0:
                 first = first_zero(c, m, FORWARD, k, m.span[0], start, last, 0.0)

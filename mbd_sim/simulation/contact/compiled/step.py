@@ -29,12 +29,12 @@ from mbd_sim.simulation.contact.compiled.instant.impact import impact
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
-from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
+from mbd_sim.simulation.contact.compiled.sliding import Sliding
+from mbd_sim.simulation.contact.compiled.slip import EVENT, LONGER, stage
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
-LONGER = 4.0  # than the last part of a step that a next one may be
 BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
 CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
 CLOSED, OPENED, STICKS, SLIDES, IMPACT, ENERGIES, BOUND = 0, 1, 2, 3, 4, 5, 6  # changes
@@ -123,10 +123,10 @@ def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
 
 def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
     """Whether two bodies meet or features change in a step from a state to another, or this is not known."""
-    n = readings_size(c)
+    n, s = readings_size(c), Sliding(integers(0), integers(0), integers(1), zeros(0), zeros(0), zeros(0))
     m = TrialPart(
         before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
-        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1),
+        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
     m.span[0], m.latest[0] = h, NONE
     read(c, t, before, inputs, m.before)
@@ -140,14 +140,14 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
     """Take a step with events; y and modes are not restored where it cannot be taken."""
     t, instants, creeping, longest, is_ignored = start, 0, 0, math.inf, False
     brief, count, status, length, result = BRIEF * (end - start), 0, 0, 0.0, 0
-    ignored, opening, yielding, found = integers(c.guards), integers(c.gaps), integers(c.frictions), zeros(2)
+    ignored, opening, yielding, found = integers(c.guards), integers(c.gaps), integers(c.frictions), zeros(3)
     for _ in range(MOST_STAGES):
         length = min(end - t, brief) if is_ignored else end - t
         status = stage(c, y, inputs, t, length, longest, ignored, found)
         if status < 0:
             return NOT_FINITE
         length = found[0]
-        longest = math.inf if status == EVENT else LONGER * length
+        longest = math.inf if status == EVENT else found[2]
         is_last = length >= end - t
         t = end if is_last else t + length
         creeping += 1 if found[1] > 0.0 else 0

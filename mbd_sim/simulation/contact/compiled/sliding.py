@@ -1,0 +1,82 @@
+"""What slides along two directions, in the subset of Python that is compiled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, direction_at, rate_at
+
+FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """The friction elements that slide along two directions: 1 in `all`, and in `turning` if friction turns their slip.
+
+    Their `directions` (2 frictions,) at the start can be constant in a motion with other inputs, `given`; `inputs` are
+    those of the motion that is followed. If `sequences[0]` is positive, that is extrapolated from so many.
+    """
+
+    all: Integers
+    turning: Integers
+    sequences: Integers
+    directions: Array
+    given: Array
+    inputs: Array
+
+
+def is_pair(c: Contacts, element: int) -> bool:
+    """Whether friction has two directions."""
+    return c.friction_rows[2 * element + 1] >= 0
+
+
+def hypot(x: float, y: float) -> float:
+    """The length of a vector, without overflow."""
+    most = max(abs(x), abs(y))
+    if most == 0.0:
+        return 0.0
+    a, b = x / most, y / most
+    return most * math.sqrt(a * a + b * b)
+
+
+def slip(c: Contacts, readings: Array, element: int, direction: int) -> float:
+    """The slip along one of two directions."""
+    return readings[rate_at(c, c.friction_rows[2 * element + direction])]
+
+
+def speed_of(c: Contacts, readings: Array, element: int) -> float:
+    """The size of a slip along two directions."""
+    return hypot(slip(c, readings, element, 0), slip(c, readings, element, 1))
+
+
+def change_of_slip(c: Contacts, before: Array, after: Array, element: int) -> float:
+    """The size of the change of a slip."""
+    x = slip(c, after, element, 0) - slip(c, before, element, 0)
+    return hypot(x, slip(c, after, element, 1) - slip(c, before, element, 1))
+
+
+def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
+    """The slip velocity of friction along two directions, times that at the start."""
+    found = 0.0
+    for direction in range(2):
+        found += slip(c, before, element, direction) * slip(c, readings, element, direction)
+    return found
+
+
+def across(c: Contacts, before: Array, readings: Array, element: int) -> float:
+    """The slip velocity across that at the start, times the speed there."""
+    x, y = slip(c, before, element, 0), slip(c, before, element, 1)
+    return slip(c, readings, element, 1) * x - slip(c, readings, element, 0) * y
+
+
+def with_directions(c: Contacts, s: Sliding, inputs: Array, directions: Array) -> None:
+    """Let elements that turn keep their directions in the motion with other inputs."""
+    for i in range(c.inputs):
+        s.given[i] = inputs[i]
+    for k in range(c.frictions):
+        if s.turning[k]:
+            for direction in range(2):
+                at = direction_at(c, c.friction_rows[2 * k + direction])
+                s.given[at] = FIXED * directions[2 * k + direction]
