@@ -129,7 +129,7 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish():
     gc.freeze()  # nothing of the collection is searched for garbage again
-    gc.set_threshold(2000, 10, 100)  # the shared builds are many objects, which stay as well
+    gc.set_threshold(100_000, 20, 100)  # the shared builds are many objects, which stay as well
     gc.enable()
 
 

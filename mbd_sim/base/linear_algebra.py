@@ -145,8 +145,12 @@ class Triangles:
 
 def triangles(matrices: Array, exchange: bool = True) -> Triangles:
     """The decomposition of stacked matrices (k, m, n), with or without exchanges of columns."""
+    count, m, n = matrices.shape
+    if count == 1 and m and n and _is_small(matrices):
+        found = small.triangle(matrices[0].T.tolist(), exchange)
+        mirrors = [np.array([normal]) for normal in found.normals]
+        return Triangles(np.array([found.columns]).transpose(0, 2, 1), mirrors, np.array([found.order]))
     upper = np.array(matrices, dtype=float)
-    count, m, n = upper.shape
     everyone, order, normals = np.arange(count), np.tile(np.arange(n), (count, 1)), list[Array]()
     for step in range(min(m, n)):
         rest = upper[:, step:, step:]

@@ -31,6 +31,9 @@ def test_bits_are_those_of_stacks(both):
         for limit in (None, 1e-9):
             small, stacked = both(lambda a=matrix, b=right, most=limit: la.least_solution(a, b, most))
             assert small.shape == stacked.shape and small.tobytes() == stacked.tobytes()
+        for function in (la.null_space, lambda a, limit: la.ranks(a[None], limit)):
+            small, stacked = both(lambda a=matrix, of=function: of(a, 1e-9))
+            assert small.shape == stacked.shape and small.tobytes() == stacked.tobytes()
         symmetric = matrix @ matrix.T - (number % 2) * np.diag(random.normal(size=len(matrix)))
         for small, stacked in zip(*both(lambda a=symmetric: la.eigh(a)), strict=True):
             assert small.shape == stacked.shape and small.tobytes() == stacked.tobytes()

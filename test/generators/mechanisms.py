@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mbd_sim.dynamics.constraints.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.text.library import shipped
 from mbd_sim.mechanism.elements.joint_types import JOINT_KINDS
@@ -128,8 +129,8 @@ def accelerations(equations, q, u, efforts=None, t=0.0):
     """u' (nv,) of derived equations, evaluated by CasADi."""
     places = equations.layout
     y = np.concatenate([q, u, np.zeros(3)])
-    rates = equations.rates.call([t, y, np.zeros(places.nv) if efforts is None else efforts])[0]
-    return np.array(rates).ravel()[places.nq : places.nq + places.nv]
+    rates = evaluated(equations.rates, t, y, np.zeros(places.nv) if efforts is None else efforts)
+    return rates.ravel()[places.nq : places.nq + places.nv]
 
 
 def derived(text):
@@ -168,7 +169,7 @@ def consistent_state(equations, rng, t=0.0, reach=1.0):
 
 def violation(sim, equations):
     """The largest violation of the constraints at a simulation's state: of positions, m or 1, and of velocities."""
-    return float(np.max(np.abs(np.array(equations.violation(sim.time, sim.state))), initial=0.0))
+    return float(np.max(np.abs(evaluated(equations.violation, sim.time, sim.state)), initial=0.0))
 
 
 def _random_inertia(rng, size):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.math.expressions import evaluated
 
 
 def import_mujoco():
@@ -86,5 +87,4 @@ class OwnAccelerations:
         inputs[self.equations.inputs.efforts] = efforts
         for name, value in (commands or {}).items():
             inputs[self._places[name]] = value
-        rates = self.equations.rates.call([0.0, y, inputs])[0]
-        return np.array(rates).ravel()[layout.nq : layout.nq + layout.nv]
+        return evaluated(self.equations.rates, 0.0, y, inputs).ravel()[layout.nq : layout.nq + layout.nv]

@@ -238,7 +238,7 @@ def test_energy_audit_and_constraints(name):
     sim, derived_ = Simulation.from_file(name), equations(name)
     largest = worst = 0.0
     while sim.time < 10.0:
-        sim.step(20)
+        sim.step(100)
         largest = max(largest, *(abs(energy) for energy in sim.energies[:5]))
         worst = max(worst, violation(sim, derived_))
         assert abs(sim.energies.residual) < 1e-9 * largest

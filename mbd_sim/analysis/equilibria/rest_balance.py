@@ -172,7 +172,7 @@ class RestBalance:
 
     def _rates(self, rest: Rest) -> Array:
         y, inputs = self._point(rest)
-        rates: Array = np.array(self._equations.rates.call([0.0, y, inputs])[0]).ravel()[self._equations.core]
+        rates = evaluated(self._equations.rates, 0.0, y, inputs).ravel()[self._equations.core]
         rates[self._nv :] += rest.load_factor * rest.holding[self._nv :]
         return rates
 

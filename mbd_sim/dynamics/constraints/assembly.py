@@ -95,7 +95,8 @@ def _least_step(
     constraints: ConstraintFunctions, t: float, q: Array, gaps: Array, free: Array | NDArray[np.bool_]
 ) -> Array | None:
     """The displacement (nv,) in natural units, of least norm, that closes linearized gaps; None if it is undefined."""
-    slope, sizes = constraints.scaled_gradient(t, q), constraints.row_sizes(t, q)
+    sizes = constraints.row_sizes(t, q)
+    slope = scaled(constraints.gradient(t, q), sizes, constraints.scales)
     rows = np.logical_and(constraints.holonomic, sizes > 0.0)
     slope = slope[rows][:, free]
     if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(slope))):

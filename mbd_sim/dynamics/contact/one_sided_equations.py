@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,8 @@ from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import GROUND, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
+
+Result = TypeVar("Result")
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
@@ -230,12 +233,12 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     plain = [row for row in range(len(rows)) if row not in in_slots]
     equations = equations_of_rows(traced, bodies, time, [rows[row] for row in plain])
     unable = {plain[place] for place in _unable_to_act(traced, equations, len(gaps) - len(slots), len(sticking))}
-    unable |= {own[index][place] for index, slot in slots.items() for place in _idle(motions, slot)}
+    unable |= {own[index][place] for index, idle in _of_each(slots, partial(_idle, motions)) for place in idle}
     unable |= {row for index in own if index in unable for row in own[index]}
     if still is None:
         gradients = dict(zip(plain, ca.vertsplit(equations.gradient), strict=True))
-        for index, slot in slots.items():
-            gradients |= dict(zip(own[index], _gradients_somewhere(motions, slot), strict=True))
+        for index, of_rows in _of_each(slots, partial(_gradients_somewhere, motions)):
+            gradients |= dict(zip(own[index], of_rows, strict=True))
         slip_rows = [row for index in own for row in own[index][1:] if row not in unable]
         unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows})
     kept = [row for row in range(len(rows)) if row not in unable]
@@ -293,12 +296,27 @@ def _written_slots(
     axes = {gap.contact.still for gap in gaps if gap.numbers is not None and gap.contact is not None}
     moving = tuple(sorted({link for own in links.values() for link in own}))
     motions = PartMotions(traced, moving, axes.pop() if len(axes) == 1 else None)
-    found = {}
+    found, first = dict[int, Slot](), dict[int, Slot]()
     for index, own in links.items():
-        numbers, parts = gaps[index].numbers, [motions.links.index(link) for link in own]
+        numbers, parts, contact = (
+            gaps[index].numbers,
+            [motions.links.index(link) for link in own],
+            id(gaps[index].contact),
+        )
         assert numbers is not None
-        found[index] = written_slot(rows[index], numbers, parts, motions, bodies, time)
+        if contact not in first:
+            first[contact] = written_slot(index, rows[index], numbers, parts, motions, bodies, time)
+        found[index] = replace(first[contact], numbers=numbers)
     return motions, found
+
+
+def _of_each(slots: Mapping[int, Slot], function: Callable[[Slot], Result]) -> Iterator[tuple[int, Result]]:
+    """The indices of slots, each with the result of a function that is the same for all of a kind."""
+    found: dict[tuple[int, ...], Result] = {}
+    for index, slot in slots.items():
+        if slot.kind not in found:
+            found[slot.kind] = function(slot)
+        yield index, found[slot.kind]
 
 
 def _idle(motions: PartMotions, slot: Slot) -> list[int]:
@@ -365,8 +383,8 @@ def _unchanged(traced: TracedMechanism, equations: ConstraintEquations) -> tuple
 
 def _gradients_somewhere(motions: PartMotions, slot: Slot) -> list[ca.SX]:
     """The gradients (1, nv) of the rows of a slot in the state, with numbers drawn for its features."""
-    numbers = np.random.default_rng(5).normal(size=slot.numbers.shape[0])
-    symbols, values = [slot.numbers, *motions.symbols], [ca.SX(ca.DM(numbers)), *motions.values]
+    numbers = np.random.default_rng(5).normal(size=slot.features.shape[0])
+    symbols, values = [slot.features, *motions.symbols], [ca.SX(ca.DM(numbers)), *motions.values]
     return ca.vertsplit(ca.substitute([slot.gradient(motions)], symbols, values)[0])
 
 

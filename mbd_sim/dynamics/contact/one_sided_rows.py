@@ -104,6 +104,11 @@ class ContactPlace:
     normal: ca.SX
     sides: tuple[ca.SX, ...] = ()
 
+    def with_numbers(self, old: ca.SX, new: ca.SX) -> ContactPlace:
+        """The place with other symbols for the numbers of a slot."""
+        point, normal, *sides = ca.substitute([self.point, self.normal, *self.sides], [old], [new])
+        return ContactPlace(point, normal, tuple(sides))
+
 
 def placed_forces(
     places: Sequence[tuple[ContactPlace, Sequence[ConstraintRow]]],
@@ -133,8 +138,8 @@ class Gap:
     """A one-sided row: its position, or for a `clutch` its rate, is not negative.
 
     `slip` are up to two rows whose rates are the slip velocities at the contact. Stops, plays and clutches have
-    no `place`. `bodies` are the names of the two shapes of a contact, for people. The geometry of a slot of a `contact`
-    depends on its `numbers`, see `feature_rows`.
+    no `place`. `bodies` are the names of the two shapes of a contact, for people. The geometry of a slot of a
+    `contact` depends on its `numbers`, see `feature_rows`. Rows of all its slots are written with those of the first.
     """
 
     row: ConstraintRow
@@ -215,30 +220,48 @@ def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
 
 
 def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap]:
-    """The gaps of a contact whose features change."""
-    frames = _frames(contact, bodies)
+    """The gaps of a contact whose features change: all have the rows of the first one, with its numbers."""
+    numbers, touching = _touch_of_slots(contact, bodies, length)
+    gap = _gap_of(contact, touching, bodies)
+    assert gap.place is not None
     for slot in range(1, contact.slots + 1):
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity
-        match contact.first, contact.second:
-            case Cluster(), Face() as face:
-                numbers = ca.SX.sym("features", SLOT_SIZE)
-                touching = cluster_touch(numbers, *frames, face, length)
-            case Ball() as ball, Barrel() as barrel:
-                numbers = ca.SX.sym("features", BARREL_SIZE)
-                touching = barrel_touch(contact, numbers, (ball, barrel), frames, length)
-            case PlanarBody() as one, PlanarBody() as other:
-                numbers = ca.SX.sym("features", SLOT_SIZE)
-                touching = outline_touch(numbers, (one, other), *frames, length)
-            case Solid() as one, Solid() as other:
-                numbers = ca.SX.sym("features", SLOT_SIZE)
-                crossing = contact.still is None and min(len(one.vertices), len(other.vertices)) > 1
-                apart = one.radius + other.radius > 0.0
-                touching = slot_touch(numbers, *frames, length, contact.still, crossing=crossing, apart=apart)
-            case one, other:
-                numbers = ca.SX.sym("features", SMOOTH_SIZE)
-                touching = smooth_touch((one, other), numbers, frames, length)
-        gap = _gap_of(dataclasses.replace(contact, quantity=quantity), touching, bodies)
-        yield dataclasses.replace(gap, contact=contact, numbers=numbers)
+        own = numbers if slot == 1 else ca.SX.sym("features", numbers.shape[0])
+        slips = (
+            dataclasses.replace(row, quantity=f"{quantity} slip {number}")
+            for number, row in enumerate(gap.slip, start=1)
+        )
+        yield dataclasses.replace(
+            gap,
+            row=dataclasses.replace(gap.row, quantity=quantity),
+            slip=tuple(slips),
+            place=gap.place if slot == 1 else gap.place.with_numbers(numbers, own),
+            contact=contact,
+            numbers=own,
+        )
+
+
+def _touch_of_slots(contact: Contact, bodies: BodySymbols, length: float) -> tuple[ca.SX, Touch]:
+    """The numbers of a slot of a contact, and its geometry."""
+    frames = _frames(contact, bodies)
+    match contact.first, contact.second:
+        case Cluster(), Face() as face:
+            numbers = ca.SX.sym("features", SLOT_SIZE)
+            return numbers, cluster_touch(numbers, *frames, face, length)
+        case Ball() as ball, Barrel() as barrel:
+            numbers = ca.SX.sym("features", BARREL_SIZE)
+            return numbers, barrel_touch(contact, numbers, (ball, barrel), frames, length)
+        case PlanarBody() as one, PlanarBody() as other:
+            numbers = ca.SX.sym("features", SLOT_SIZE)
+            return numbers, outline_touch(numbers, (one, other), *frames, length)
+        case Solid() as one, Solid() as other:
+            numbers = ca.SX.sym("features", SLOT_SIZE)
+            crossing = contact.still is None and min(len(one.vertices), len(other.vertices)) > 1
+            apart = one.radius + other.radius > 0.0
+            return numbers, slot_touch(numbers, *frames, length, contact.still, crossing=crossing, apart=apart)
+        case one, other:
+            numbers = ca.SX.sym("features", SMOOTH_SIZE)
+            return numbers, smooth_touch((one, other), numbers, frames, length)
 
 
 def _frames(contact: Contact, bodies: BodySymbols) -> tuple[BodyFrame, BodyFrame]:

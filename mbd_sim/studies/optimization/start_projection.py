@@ -16,6 +16,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.assembly import ClosingStep, close_loops, energy_rows, nearest_speeds
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions, scaled
+from mbd_sim.dynamics.math.expressions import all_evaluated, evaluated
 from mbd_sim.dynamics.math.rank import fast_least_solution, row_is_zero
 from mbd_sim.studies.optimization.casadi_functions import CasadiFunctions
 
@@ -63,12 +64,12 @@ class StartProjection:
         return x if stays else after, by_x, by_p
 
     def _with_numbers(self, p: Array) -> ConstraintFunctions:
-        return self._equations.constraints.with_values(np.array(self._functions.numbers(p)).ravel())
+        return self._equations.constraints.with_values(evaluated(self._functions.numbers, p).ravel())
 
     def _moved(self, q: Array, displacement: Array, *columns: Array) -> tuple[Array, ...]:
         """The derivatives of the coordinates after a displacement (nv,) that is constant, from those before it."""
-        by_q = self._displaced(q, displacement)[0]
-        return tuple(np.array(by_q) @ column for column in columns)
+        by_q = evaluated(self._displaced, q, displacement)
+        return tuple(by_q @ column for column in columns)
 
     def _stepped(self, t: float, p: Array, step: ClosingStep, by_x: Array, by_p: Array) -> tuple[Array, Array]:
         """The derivatives after a step, from those before it.
@@ -86,10 +87,10 @@ class StartProjection:
         inverse = fast_least_solution(g, np.eye(len(g)))
         s = -inverse @ gaps
         rest, back = gaps + g @ s, inverse.T @ s
-        found = self._derivatives(t, q, p, scales * s, rest / sizes, back / sizes)
+        found = all_evaluated(self._derivatives, t, q, p, scales * s, rest / sizes, back / sizes)
         by_rows, by_speeds = 1.0 / sizes[:, None], scales[:, None]
         units = (by_rows, by_rows, by_speeds, by_speeds)
-        changes = [unit * np.array(each) for unit, each in zip(units, found, strict=True)]
+        changes = [unit * each for unit, each in zip(units, found, strict=True)]
         moved = []
         for columns, direct in ((by_x, np.zeros((len(p), by_x.shape[1]))), (by_p, np.eye(len(p)))):
             seeds = np.vstack([columns, direct])
@@ -100,7 +101,7 @@ class StartProjection:
             factor = step.factor
             if s.size and abs(s[longest]) > step.longest:  # shortened to a length
                 d_s = d_s - np.outer(s / s[longest], d_s[longest])
-            by_q, by_move = (np.array(each) for each in self._displaced(q, factor * scales * s))
+            by_q, by_move = all_evaluated(self._displaced, q, factor * scales * s)
             moved.append(by_q @ columns + by_move @ (factor * by_speeds * d_s))
         return moved[0], moved[1]
 
@@ -108,13 +109,13 @@ class StartProjection:
         """The derivatives of the speeds v with G v + b = 0 and M (v − u) + Gᵀ μ = 0; u are the speeds before."""
         span = slice(self._nq, self._nq + self._nv)
         q, v = after[: self._nq], after[span]
-        mass, gradient = (np.array(each) for each in self._inertia(t, q, p))
+        mass, gradient = all_evaluated(self._inertia, t, q, p)
         constraints = self._with_numbers(p)
         zero = row_is_zero(scaled(gradient, constraints.row_sizes(t, q), constraints.scales))
         to_unit, rows, sizes = energy_rows(mass, gradient, zero, constraints.scales)
         inverse = fast_least_solution(rows, np.eye(len(rows)))
         mu = -(inverse.T @ (to_unit.T @ (mass @ (v - u)))) / sizes
-        force, rate = (np.array(each) for each in self._speed_terms(t, q, p, v - u, mu, v))
+        force, rate = all_evaluated(self._speed_terms, t, q, p, v - u, mu, v)
         found = []
         for columns, direct in ((by_x, np.zeros((len(p), by_x.shape[1]))), (by_p, np.eye(len(p)))):
             seeds = np.vstack([columns[: self._nq], direct])
@@ -146,8 +147,8 @@ class StartProjection:
 
     def _constraints(self, t: float, q: Array, p: Array) -> tuple[Array, Array]:
         """Φ and G of the holonomic rows as numbers."""
-        gaps, g = self._gaps(t, q, p)
-        return np.array(gaps).ravel(), np.array(g)
+        gaps, g = all_evaluated(self._gaps, t, q, p)
+        return gaps.ravel(), g
 
     @cached_property
     def _gaps(self) -> ca.Function:

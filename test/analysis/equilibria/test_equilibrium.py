@@ -14,6 +14,7 @@ from mbd_sim.analysis.equilibria.rest_balance import displacement_between
 from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.math.rank import null_space
+from mbd_sim.files.load import load_mechanism
 from mbd_sim.studies.linear_analysis import equilibria_of, set_to_equilibrium, to_equilibrium
 from test.generators.loops import random_mechanisms
 from test.oracles import kane
@@ -31,15 +32,15 @@ joints:
 
 
 def cart(x=0.3, angle="180 deg", mass=0.7, rail="[1, 0, 0]", pin="[0, 1, 0]"):
-    return Simulation.from_text(CART.format(x=x, angle=angle, mass=mass, rail=rail, pin=pin))
+    return parse_mechanism(CART.format(x=x, angle=angle, mass=mass, rail=rail, pin=pin))
 
 
 @pytest.mark.parametrize(("angle", "stable"), [("0", False), ("180 deg", True), ("-180 deg", True), ("540 deg", True)])
 def test_a_start_that_is_an_equilibrium_is_the_equilibrium(angle, stable):
     """The pendulum stands upright at 0; a search that prefers stable equilibria would leave it."""
-    sim = cart(angle=angle)
-    found = nearest_equilibrium(sim.model.equations)
-    assert found.q == pytest.approx(sim.q, abs=1e-15) and found.stable is stable
+    equations = derive(cart(angle=angle))
+    found = nearest_equilibrium(equations)
+    assert found.q == pytest.approx(equations.start.q, abs=1e-15) and found.stable is stable
     assert found.distance < 1e-15
 
 
@@ -50,8 +51,8 @@ def test_a_start_that_is_an_equilibrium_is_the_equilibrium(angle, stable):
 def test_the_nearest_is_found_and_what_nothing_restores_stays(degrees, azimuth):
     """A cart on a level rail in any direction keeps its place, to the last digits."""
     cos, sin = math.cos(azimuth), math.sin(azimuth)
-    sim = cart(0.31, f"{degrees} deg", rail=f"[{cos}, {sin}, 0]", pin=f"[{-sin}, {cos}, 0]")
-    found = nearest_equilibrium(sim.model.equations)
+    mechanism = cart(0.31, f"{degrees} deg", rail=f"[{cos}, {sin}, 0]", pin=f"[{-sin}, {cos}, 0]")
+    found = nearest_equilibrium(derive(mechanism))
     turn = round(degrees / 180.0) * math.pi
     assert found.q == pytest.approx([0.31, turn], abs=1e-12)
     assert found.stable is (round(degrees / 180.0) % 2 == 1)
@@ -59,7 +60,7 @@ def test_the_nearest_is_found_and_what_nothing_restores_stays(degrees, azimuth):
 
 
 def test_of_two_at_the_same_distance_the_stable_one_is_taken():
-    found = nearest_equilibrium(Simulation.from_file("rod_pendulum").model.equations)
+    found = nearest_equilibrium(derive(load_mechanism("rod_pendulum")))
     assert found.q == pytest.approx([0.0], abs=1e-12) and found.stable
 
 
@@ -80,14 +81,14 @@ joints:
 """
             for size in (1.0, unit)
         )
-        one, other = (nearest_equilibrium(Simulation.from_text(text).model.equations) for text in texts)
+        one, other = (nearest_equilibrium(derive(parse_mechanism(text))) for text in texts)
         right = [round(angle / math.pi) * math.pi for angle in (first, second)]
         assert one.q == pytest.approx(right, abs=1e-12) and other.q == pytest.approx(one.q, abs=1e-12)
         assert other.distance == pytest.approx(one.distance * unit, rel=1e-9)
 
 
 def test_several_are_found_in_the_order_of_their_distance():
-    found = equilibria(Simulation.from_file("double_rod").model.equations)
+    found = equilibria(derive(load_mechanism("double_rod")))
     places = {tuple(np.round(np.remainder(one.q, 2.0 * math.pi) / math.pi).astype(int) % 2) for one in found}
     assert places == {(0, 0), (1, 0), (0, 1), (1, 1)} and len(found) == 4
     assert [one.distance for one in found] == sorted(one.distance for one in found)
@@ -224,7 +225,7 @@ def test_the_integral_of_a_servo_carries_the_weight():
 
 
 def test_the_search_begins_at_the_present_coordinates_and_changes_nothing_if_it_fails(monkeypatch):
-    sim = cart(angle="180 deg")
+    sim = Simulation(cart(angle="180 deg"))
     sim.reset(q=[0.0, 0.1])
     assert to_equilibrium(sim) == pytest.approx([0.0, 0.0], abs=1e-12)
     monkeypatch.setattr(equilibrium, "ATTEMPTS", 3)

@@ -36,19 +36,35 @@ ACTUATORS = {
 }  # fmt: skip
 
 
-def arm(actuator, sensors=False, loop=False):
+GROUPS = [  # of which each mechanism has all, on an arm each; those that act between steps have a method of their own
+    ("effort", "dc_motor", "inductance"), ("current", "position servo", "integral"), ("rate limit", "sampled", "delayed"),
+    ("velocity servo", "hydraulic", "pneumatic"),
+]  # fmt: skip
+
+
+def arm(*actuators, sensors=False, loop=False):
+    """An arm for each actuator; of the first one, the loop and the encoder."""
     text = json.loads(json.dumps(ARM)) | {
         "mechanism": "arm",
         "integrator": {"step": 1e-3},
         "ground": {"points": {"hook": [0.5, 0, 0]}},
     }
-    if actuator == "drive":
+    if actuators == ("drive",):
         text["parts"]["lower"] = {"mass": 0.5, "center": [0, 0, -0.2], "inertia": [0.02, 0.02, 0.01]}
         text["joints"]["elbow"] = {"type": "revolute", "between": ["arm.tip", "lower"], "axis": [0, 1, 0]}
         text["joints"]["pin"] = text["joints"]["pin"] | {"drive": {"command": "position", "bandwidth": 20}}
         text["joints"]["pin"].pop("position")
-    elif actuator is not None:
-        text["actuators"] = {"motor": ACTUATORS[actuator]}
+    elif actuators:
+        own = [
+            json.dumps({"parts": ARM["parts"], "joints": ARM["joints"], "actuators": {"motor": ACTUATORS[actuator]}})
+            for actuator in actuators
+        ]
+        for number, one in enumerate(own):
+            name = str(number or "")  # the arms are beside each other
+            for old in ("arm", "pin", "motor"):
+                one = one.replace(f'"{old}"', f'"{old}{name}"').replace(f'"{old}.', f'"{old}{name}.')
+            for section, entries in json.loads(one).items():
+                text.setdefault(section, {}).update(entries)
     if sensors:
         text["sensors"] = {"angle": {"type": "encoder", "joint": "pin", "counts": 1024, "rate": "100 Hz"}}
     if loop:
@@ -66,12 +82,13 @@ def arm(actuator, sensors=False, loop=False):
 
 
 @pytest.mark.parametrize(
-    ("actuator", "loop"),
-    [(None, True), ("drive", False), *((name, number % 2 == 0) for number, name in enumerate(ACTUATORS))],
+    ("actuators", "loop"),
+    [((), True), (("drive",), False), *((names, number % 2 == 0) for number, names in enumerate(GROUPS))],
 )
-def test_a_member_that_starts_again_is_a_fresh_one(actuator, loop):
+def test_a_member_that_starts_again_is_a_fresh_one(actuators, loop):
     """Bit for bit, with each kind of actuator, with sensors and loops, after other commands and efforts."""
-    mechanism = arm(actuator, sensors=True, loop=loop)
+    assert {name for group in GROUPS for name in group} == ACTUATORS.keys()
+    mechanism = arm(*actuators, sensors=True, loop=loop)
     members = Ensemble(mechanism, 5)
     if members.command_names:
         members.set_commands(np.linspace(-0.4, 0.9, 5)[:, None] + np.zeros((5, len(members.command_names))))

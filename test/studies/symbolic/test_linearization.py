@@ -2,6 +2,8 @@
 
 # ruff: noqa: E741  # the letters are those of the textbooks
 
+import functools
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -16,6 +18,7 @@ NAMES = ("cart_pendulum_spring", "rotating_frame_mass", "spun_tube_particle", "t
          "triple_rod_torsion", "spherical_top")  # fmt: skip
 
 
+@functools.cache
 def linearization_of(name):
     mechanism = load_mechanism(name)
     equations = symbolic_equations(mechanism, None)

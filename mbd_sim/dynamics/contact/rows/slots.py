@@ -117,11 +117,14 @@ class PartMotions:
 class Slot:
     """The rows of a slot as expressions of the motions of its `parts`, by their indices among the `PartMotions`.
 
+    All slots of a `kind` have the same expressions, of symbols for their `numbers`: the `features`.
     `position` is that of the first row; `velocity` and `bias` (k,) are of all, and `wrenches` (k, columns) for each
     part the factors of its unit wrenches.
     """
 
+    kind: tuple[int, ...]
     numbers: ca.SX
+    features: ca.SX
     parts: tuple[int, ...]
     position: ca.SX
     velocity: ca.SX
@@ -132,7 +135,8 @@ class Slot:
         """The slot with some of its rows, of which the first one is always there."""
         kept = list(rows)
         own = [each[kept, :] for each in self.wrenches]
-        return replace(self, velocity=self.velocity[kept], bias=self.bias[kept], wrenches=own)
+        kind = (*self.kind, *kept)
+        return replace(self, kind=kind, velocity=self.velocity[kept], bias=self.bias[kept], wrenches=own)
 
     def gradient(self, motions: PartMotions) -> ca.SX:
         """The gradients (k, nv) of the rows."""
@@ -160,6 +164,7 @@ class Slot:
 
 
 def written_slot(
+    kind: int,
     rows: Sequence[ConstraintRow],
     numbers: ca.SX,
     parts: Sequence[int],
@@ -205,7 +210,7 @@ def written_slot(
     wrenches = [
         ca.sparsify(gradient[:, [TWIST * number + k for k in motions.components]]) for number in range(len(parts))
     ]
-    return Slot(numbers, tuple(parts), position, velocity, ca.sparsify(bias), wrenches)
+    return Slot((kind,), numbers, numbers, tuple(parts), position, velocity, ca.sparsify(bias), wrenches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,19 +233,21 @@ class Slots:
         """:param unused: the position in m of slots that are not in use, all of whose numbers are zero."""
         self.motions, self.unused = motions, unused
         kinds: dict[str, ca.Function] = {}
+        known: dict[tuple[int, ...], ca.Function] = {}
         calls, symbolic, symbols, first, number = list[SlotCall](), list[Slot](), list[ca.SX](), 0, 0
         inputs = motions.traced.inputs
         for slot in slots:
-            values = slot.values
-            given = [time, inputs, slot.numbers, *(motions.symbols[part] for part in slot.parts)]
-            kind = ca.Function("slot", given, [values], {"cse": True})
-            key = kind.serialize()
-            if key not in kinds:
-                kinds[key] = ca.Function(f"slot_{len(kinds)}", given, [values], {"cse": True})
-            symbols.append(ca.SX.sym(f"slot_{len(calls)}", values.shape[0]))
-            calls.append(SlotCall(kinds[key], number, slot.parts, first))
+            if slot.kind not in known:
+                given = [time, inputs, slot.features, *(motions.symbols[part] for part in slot.parts)]
+                key = ca.Function("slot", given, [slot.values], {"cse": True}).serialize()
+                if key not in kinds:
+                    kinds[key] = ca.Function(f"slot_{len(kinds)}", given, [slot.values], {"cse": True})
+                known[slot.kind] = kinds[key]
+            function = known[slot.kind]
+            symbols.append(ca.SX.sym(f"slot_{len(calls)}", function.nnz_out(0)))
+            calls.append(SlotCall(function, number, slot.parts, first))
             symbolic.append(slot.with_values(symbols[-1]))
-            first, number = first + values.shape[0], number + slot.numbers.shape[0]
+            first, number = first + function.nnz_out(0), number + slot.numbers.shape[0]
         self.calls, self.slots, self.symbols = tuple(calls), tuple(symbolic), ca.vertcat(ca.SX(0, 1), *symbols)
         self._numbers, self._time = [slot.numbers for slot in slots], motions.traced.state.t
 

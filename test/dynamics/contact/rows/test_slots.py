@@ -106,3 +106,15 @@ def test_slots_that_are_not_in_use_keep_their_natural_length():
     position, *others = (np.array(each).ravel() for each in function(0.0, y, *zeros))
     assert position == pytest.approx(slots.unused)
     assert all(np.all(each == 0.0) for each in others)
+
+
+def test_rows_and_places_of_a_slot_depend_on_its_own_numbers():
+    """The rows of a contact's slots are written once, with the numbers of the first one."""
+    _, one_sided = rows_of(PLANE)
+    written, places = one_sided.combined.written, one_sided.places
+    assert len(one_sided.gaps) > 1
+    for index in range(len(one_sided.gaps)):
+        for other, gap in enumerate(one_sided.gaps):
+            own = other == index
+            assert ca.depends_on(written.position[index], gap.numbers) == own
+            assert ca.depends_on(places[:3, index], gap.numbers) == own
