@@ -349,9 +349,9 @@ class _Vicinity:
         self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def step(self, damping: float) -> tuple[Array, Mask, float]:
-        """A step (nv,) in natural units, the coordinates that limits hold, and by how much the error's square would fall.
+        """A step (nv,) in natural units, the coordinates that limits hold, and the fall of the error's square.
 
-        Held coordinates would go beyond their limits.
+        Held coordinates would go beyond their limits; the fall is what the second order promises.
         """
         held = np.zeros(len(self._gradient), dtype=bool)
         while True:
