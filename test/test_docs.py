@@ -195,3 +195,22 @@ def test_the_page_of_kinematics_runs_every_function_that_it_names():
     public = {name for kind in (MovingPoint, MovingFrame) for name in vars(kind) if name[0] != "_"}
     terms = {name for name, member in vars(PresentState).items() if "_dynamics" in names_in(member)} - {"_begin"}
     assert len(terms) > 8 and not (public | terms) - called
+
+
+CITED = re.compile(
+    r"\b([A-ZÅÉÖÄ][\w'’-]*[a-zåäöéüł])(?:,? (?:and|&) ([A-Z]\w+[a-z]))?(?: et al\.)? \(?((?:18|19|20)\d\d)\b(?!-)"
+)
+DATES = {"January", "February", "March", "April", "May", "June", "July", "August", "September", "October", "November", "December"}  # fmt: skip
+
+
+def test_works_that_are_cited_by_author_and_year_are_in_the_bibliography():
+    """Of shipped mechanisms, sources and tests; a work that is cited without its year is not found."""
+    entries = re.split(r"\n- ", (ROOT / "docs" / "bibliography.md").read_text(encoding="utf-8"))
+    missing = set()
+    for path in SOURCES:
+        if path.suffix in (".py", ".yaml"):
+            for first, second, year in CITED.findall(path.read_text(encoding="utf-8")):
+                listed = any(first in entry and second in entry and year in entry for entry in entries)
+                if first not in DATES and not listed:
+                    missing.add(f"{name_of(path)}: {first} {second} {year}")
+    assert not missing, "\n".join(sorted(missing))

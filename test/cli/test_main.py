@@ -75,6 +75,8 @@ def test_check_closes_the_loops_at_another_start(capsys):
     crank, _, rocker = json.loads(out)["start"]["q"]
     pin, end = 0.5 * np.exp(1j * crank), 1.5 + 1.2 * np.exp(1j * rocker)
     assert crank == pytest.approx(np.pi / 6) and abs(end - pin) == pytest.approx(1.4)
+    _, text, _ = answer(capsys, "check", "four_bar", "--start", "crank_pivot=30 deg")
+    assert "crank_pivot as given; crank_pin, rocker_pivot found so that" in text.splitlines()[-1]
     code, _, problem = answer(capsys, "check", "double_rod", "--start", "elbo=1")
     assert code != 0 and "Did you mean 'elbow'" in problem
 

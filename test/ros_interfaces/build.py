@@ -1,7 +1,7 @@
 """Message packages that the ROS wheels lack, built with the wheels' own interface generators and the system's compiler.
 
-`python -m test.ros_interfaces.build FOLDER` builds `simulation_interfaces`, `tf2_msgs` and a part of `control_msgs` from
-the `.msg`, `.srv` and `.action` files beside this module. Each package becomes one folder of Python modules with one extension module, which contains
+`python -m test.ros_interfaces.build FOLDER` builds `simulation_interfaces`, `tf2_msgs` and parts of `control_msgs` and
+`moveit_msgs`, with what the last one depends on, from the `.msg`, `.srv` and `.action` files beside this module. Each package becomes one folder of Python modules with one extension module, which contains
 everything that an installed package spreads over several libraries: the C structures, their type support for Fast DDS,
 and the conversion to and from Python. With FOLDER on PYTHONPATH a node imports the package like an installed one.
 """
@@ -32,7 +32,10 @@ DEPENDENCIES = {
     "simulation_interfaces": (*MESSAGES, *ACTIONS),
     "tf2_msgs": MESSAGES,
     "control_msgs": (*MESSAGES, *ACTIONS, "trajectory_msgs"),
+    "object_recognition_msgs": (),
+    "moveit_msgs": (*MESSAGES, "service_msgs", "sensor_msgs", "shape_msgs", "trajectory_msgs"),
 }
+BUILT = {"moveit_msgs": ("object_recognition_msgs",)}  # what a package needs of those that are built before it
 SUFFIXES = (".msg", ".srv", ".action")
 COMPILERS = {".c": ("gcc", "-std=c11"), ".cpp": ("g++", "-std=c++17")}
 FAST_DDS, INTROSPECTION = "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"
@@ -101,6 +104,7 @@ def _generate(package: str, idl_files: Sequence[Path], work: Path) -> None:
     idl = {"idl_tuples": [f"{work / 'idl'}:{path}" for path in idl_files]}
     hashes = "rosidl_generator_type_description"
     share = [f"{path.name}:{path}" for path in (PREFIX / "share").iterdir()]
+    share += [f"{name}:{work.parent / name / hashes / name}" for name in BUILT.get(package, ())]
     _run_generator(hashes, ("generate_type_hash",), package, work, idl | {"include_paths": share})
     described = [f"{path}:{(work / hashes / package / path).with_suffix('.json')}" for path in idl_files]
     for generator, call in GENERATORS.items():
@@ -130,11 +134,15 @@ def _run_generator(
 def _compile(package: str, dependencies: Sequence[str], work: Path, target: Path) -> None:
     """Compile two libraries, which the dispatching type support finds by name, and the extension module."""
     numpy = importlib.import_module("numpy")
-    generated = [work / name for name in GENERATORS]
+    built = BUILT.get(package, ())
+    generated = [folder / name for folder in (work, *(work.parent / name for name in built)) for name in GENERATORS]
     installed = [PREFIX / "include", *(path for path in (PREFIX / "include").iterdir() if path.is_dir())]
     headers = [*generated, *installed, Path(sysconfig.get_paths()["include"]), Path(numpy.get_include())]
     used = [f"-l{name}" for name in LIBRARIES]
     used += [f"-l{dependency}__{part}" for dependency in dependencies for part in DEPENDENCY_LIBRARIES]
+    for name in built:  # whose extension module has what others call, too
+        used += [f"-L{target.parent / name}", f"-Wl,-rpath,$ORIGIN/../{name}"]
+        used += [f"-l:{library.name}" for library in (target.parent / name).glob("*.so")]
 
     def link(library: str, generators: Sequence[str], *libraries: str) -> None:
         sources = [
@@ -184,7 +192,7 @@ def main(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         return
-    print("Building simulation_interfaces, tf2_msgs and control_msgs for the tests …")
+    print(f"Building {', '.join(DEPENDENCIES)} for the tests …")
     with contextlib.redirect_stdout(io.StringIO()):  # the generators report each file
         build(folder)
 

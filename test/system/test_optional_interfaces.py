@@ -298,6 +298,81 @@ def test_steps_by_an_action_with_feedback_that_is_canceled_or_refused(
         assert process.end() == 0
 
 
+def test_inverse_kinematics_by_the_service_of_moveit(tmp_path: Path, variables: dict[str, str]) -> None:
+    """Over DDS: answers before others although the search takes long, wrong codes, a run that a search moves or stops."""
+    from geometry_msgs.msg import PoseStamped
+    from moveit_msgs.msg import MoveItErrorCodes, PositionIKRequest
+    from moveit_msgs.srv import GetPositionIK
+    from std_srvs.srv import SetBool
+
+    arm = as_in_the_node("double_rod")
+
+    def pose(frame: str = "", **position: float) -> PoseStamped:
+        message = PoseStamped()
+        message.header.frame_id = frame
+        for axis, value in position.items():
+            setattr(message.pose.position, axis, value)
+        return message
+
+    def request(target: PoseStamped, link: str = "lower.tip", **seed: float) -> dict[str, PositionIKRequest]:
+        asked = PositionIKRequest(ik_link_name=link, pose_stamped=target)
+        asked.robot_state.joint_state.name = list(seed)
+        asked.robot_state.joint_state.position = list(seed.values())
+        return {"ik_request": asked}
+
+    with running(tmp_path, variables=variables, frame_prefix="left/", start_paused=True) as (process, listener):
+        before = list(listener.states[-1].position)
+        slow = listener.ask(GetPositionIK, "compute_ik", **request(pose(x=9.0)))  # starts the process of searches
+        assert listener.call(SetBool, "pause", data=True).success and not slow.done()
+        bent = {"shoulder": 0.4, "elbow": 0.9}
+        arm.reset(q=bent)
+        tip = arm.frame("lower.tip")
+        (x, _, z), turned = tip.position.tolist(), 0.5 * sum(bent.values())
+
+        def ask(**fields: Any) -> Any:
+            return listener.call(GetPositionIK, "compute_ik", **fields)
+
+        def code(**fields: Any) -> int:
+            answer = ask(**fields)
+            assert answer.error_code.val == 1 or answer.error_code.message
+            return int(answer.error_code.val)
+
+        whole = pose(x=x, z=z)
+        whole.pose.orientation.y, whole.pose.orientation.w = -math.sin(turned), math.cos(turned)
+        answer = ask(**request(whole, "left/lower.tip", shoulder=0.5, elbow=0.7))
+        assert answer.error_code.val == MoveItErrorCodes.SUCCESS and answer.error_code.source == "mbd_sim"
+        state = answer.solution.joint_state
+        assert dict(zip(state.name, state.position, strict=True)) == pytest.approx(bent, abs=1e-8)
+
+        assert slow.done() and slow.result().error_code.val == MoveItErrorCodes.NO_IK_SOLUTION
+        assert "out of reach" in slow.result().error_code.message
+        assert code(**request(pose(x=x, z=z))) == MoveItErrorCodes.NO_IK_SOLUTION  # not with this orientation
+        assert listener.set_parameter("position_only_ik", True).successful
+        for elbow in (0.5, -0.5):
+            found = ask(**request(pose(x=x, z=z), shoulder=0.0, elbow=elbow)).solution.joint_state.position
+            assert found[1] == pytest.approx(math.copysign(bent["elbow"], elbow), abs=1e-7)
+        on_upper = ask(**request(pose("left/upper", z=-1.5), shoulder=0.4, elbow=0.9))  # which stays where the seed is
+        arm.reset(q=dict(zip(on_upper.solution.joint_state.name, on_upper.solution.joint_state.position, strict=True)))
+        assert arm.frame("lower.tip").position == pytest.approx(
+            [1.5 * math.sin(0.4), 0.0, -1.5 * math.cos(0.4)], abs=1e-8
+        )
+
+        hasty = request(pose(x=9.0), shoulder=1.0)
+        hasty["ik_request"].timeout.nanosec = 1
+        assert code(**hasty) == MoveItErrorCodes.TIMED_OUT
+        for refused, expected in (
+            (request(pose(x=x), "lowr"), MoveItErrorCodes.INVALID_LINK_NAME),
+            (request(pose("rihgt/ground", x=x)), MoveItErrorCodes.FRAME_TRANSFORM_FAILURE),
+            (request(pose(x=math.nan)), MoveItErrorCodes.INVALID_GOAL_CONSTRAINTS),
+            (request(pose(x=x), elbw=0.5), MoveItErrorCodes.INVALID_ROBOT_STATE),
+        ):
+            answer = ask(**refused)
+            assert answer.error_code.val == expected and not answer.solution.joint_state.name
+        listener.until_paused()
+        assert list(listener.states[-1].position) == before
+        assert process.end() == 0
+
+
 def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> None:
     from tf2_msgs.msg import TFMessage
 

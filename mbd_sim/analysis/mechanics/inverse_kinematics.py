@@ -1,13 +1,15 @@
 """Inverse kinematics: the coordinates that bring a point or a pose of a part to a target, with all loops closed.
 
 Each step is damped least squares (Levenberg and Marquardt) along the free directions of the loops, with the Jacobian of
-the point; then the loops are closed again. Coordinates at a limit towards which a step points stay there. Drives that
-follow commands move as coordinates do, within their ranges, because they can be commanded to any position there.
+the point; then the loops are closed again. Where the error falls slowly or not at all, as near the nearest position to
+a target that is out of reach, the step is Newton's: with the curvature of the error along the free directions, from
+differences of its gradient. Coordinates at a limit towards which a step points stay there. Drives that follow commands
+move as coordinates do, within their ranges, because they can be commanded to any position there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -22,7 +24,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import rotation_vector, to_quaternion
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import short_repr
-from mbd_sim.dynamics.constraints.assembly import close_loops
+from mbd_sim.dynamics.constraints.assembly import close_loops, close_nearby
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.kinematics.frames import frame_function
 from mbd_sim.dynamics.math.rank import null_space, rank_of
@@ -33,6 +35,10 @@ CONVERGED = 1e-13  # error, in natural units, below which no further step is tak
 LEAST_STEP = 1e-12  # in natural units
 LONGEST_STEP = 0.5  # in natural units
 STALLED, MOST_STALLED = 1e-9, 3  # share by which a step reduces the error too little, and how often it may
+SLOW = 0.999  # of the error: where a step leaves more than that, or promises no more, the next one is Newton's
+NEGLIGIBLE = 1e-15  # of the square of the error, which a step may still promise where it is the last
+DIFFERENCE = 1e-6  # in natural units, for the curvature
+FLAT = 1e-6  # of the largest curvature: smaller ones are not distinguished from zero
 ALIKE, MOST_ALIKE = 1e-6, 3  # share by which errors differ that count as the same, and how often the same is found
 TRIES, TOLERANCE = 30, 1e-9  # by default
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-13, 1e8
@@ -103,6 +109,10 @@ def inverse_kinematics(
     return best
 
 
+def _never() -> bool:
+    return False
+
+
 def improving(
     kinematics: Kinematics,
     frame: str,
@@ -114,18 +124,24 @@ def improving(
     limits: bool = True,
     tries: int = TRIES,
     tolerance: float = TOLERANCE,
+    stop: Callable[[], bool] = _never,
 ) -> Iterator[InverseKinematics]:
-    """The best that was found after each start, of which the last is that of `inverse_kinematics`: first from `q`."""
+    """The best that was found after each start, of which the last is that of `inverse_kinematics`: first from `q`.
+
+    :param stop: is asked before each step of the search; where it says so, the position found so far is the last.
+    """
     free = kinematics.with_free_drives
     drives = FreeDrives(kinematics.layout, free.layout)
     problem = _Reaching(free, frame, at, _target(position, rotation), time, limits)
     random, best, alike = np.random.default_rng(0), None, 0
     start = free.closed(drives.released(kinematics.checked(q)), time)
     for attempt in range(max(1, tries)):
+        if best is not None and stop():
+            break
         begin = start if attempt == 0 else problem.scattered(random, start)
         if begin is None:
             continue
-        found = problem.descended(begin)
+        found = problem.descended(begin, stop)
         if best is not None and abs(found.error - best.error) <= ALIKE * best.error:
             alike += 1
         if best is None or found.error < best.error:
@@ -211,54 +227,49 @@ class _Reaching:
         rows = [both[:3] / self.size] if self.target.position is not None else []
         return np.vstack([*rows, *([both[3:]] if self.target.rotation is not None else [])])
 
+    def holonomic_rows(self, q: Array) -> Array:
+        """The gradients (m, nv) of the loops in natural units."""
+        return np.asarray(self.constraints.scaled_gradient(self.time, q)[self.constraints.holonomic])
+
     def _evaluated(self, function: ca.Function, q: Array) -> Array:
         self._y[: len(q)] = q
         return np.array(function(self.time, self._y, self._inputs, self.local.position))
 
-    def descended(self, q: Array) -> _Found:
-        """The nearest position downhill from one with closed loops."""
+    def descended(self, q: Array, stop: Callable[[], bool]) -> _Found:
+        """The nearest position downhill from one with closed loops, or as far as the search comes until the stop."""
         q = self._within(q)
         found, damping = _Found(q, self.residual(q), np.zeros(len(self.scales), dtype=bool)), DAMPING
-        stalled = 0
+        stalled, curved = 0, False
         for _ in range(ITERATIONS):
-            if found.error <= CONVERGED or stalled > MOST_STALLED:
+            if found.error <= CONVERGED or stalled > MOST_STALLED or stop():
                 break
-            jacobian = self.jacobian(found.q)
+            here = _Vicinity(self, found, curved=curved)
             while damping <= MOST_DAMPING:
-                step, held = self._step(found, jacobian, damping)
+                step, held, promise = here.step(damping)
+                if not curved and promise <= (1.0 - SLOW) * found.error**2:
+                    here, curved = _Vicinity(self, found, curved=True), True
+                    continue
                 found = _Found(found.q, found.residual, held)
                 if float(np.max(np.abs(step), initial=0.0)) < LEAST_STEP:
                     return found
-                following = self._moved(found.q, step, held)
-                if following is not None and np.linalg.norm(residual := self.residual(following)) < found.error:
-                    before, found = found.error, _Found(following, residual, held)
-                    damping = max(LEAST_DAMPING, 0.1 * damping)
-                    stalled = stalled + 1 if found.error > (1.0 - STALLED) * before else 0
-                    break
-                damping *= 10.0
+                if (following := self._moved(found.q, step, held)) is not None:
+                    taken = _Found(following, self.residual(following), held)
+                    if curved and promise <= NEGLIGIBLE * found.error**2:
+                        return taken if taken.error <= (1.0 + NEGLIGIBLE) * found.error else found
+                    if taken.error < found.error:
+                        curved = taken.error > SLOW * found.error
+                        stalled = stalled + 1 if taken.error > (1.0 - STALLED) * found.error else 0
+                        found, damping = taken, max(LEAST_DAMPING, 0.1 * damping)
+                        break
+                if curved:
+                    damping *= 10.0
+                else:
+                    here, curved = _Vicinity(self, found, curved=True), True
             else:
                 break
         return found
 
-    def _step(self, found: _Found, jacobian: Array, damping: float) -> tuple[Array, Mask]:
-        """A step (nv,) in natural units, and the coordinates that limits hold, which would go beyond them."""
-        gradient, sizes = self.constraints.scaled_gradient(self.time, found.q), self.constraints.holonomic
-        held = np.zeros(len(self.scales), dtype=bool)
-        while True:
-            rows = gradient[sizes][:, ~held]
-            free = null_space(rows, rank_of(rows)) if rows.size else np.eye(int(np.sum(~held)))
-            slope = jacobian[:, ~held] @ free
-            damped = slope.T @ slope + damping * np.eye(slope.shape[1])
-            step = np.zeros(len(self.scales))
-            step[~held] = -free @ np.linalg.solve(damped, slope.T @ found.residual)
-            longest = float(np.max(np.abs(step), initial=0.0))
-            step *= min(1.0, LONGEST_STEP / max(longest, 1e-300))
-            beyond = self._beyond(found.q, step) & ~held
-            if not beyond.any():
-                return step, held
-            held |= beyond
-
-    def _beyond(self, q: Array, step: Array) -> Mask:
+    def beyond(self, q: Array, step: Array) -> Mask:
         """The coordinates at a limit that a step moves beyond it."""
         found = np.zeros(len(step), dtype=bool)
         at, along = q[self.places[1]], step[self.places[0]]
@@ -275,7 +286,7 @@ class _Reaching:
             return moved
         fixed = held.copy()
         for _ in range(len(self.places[0]) + 1):
-            closing = close_loops(self.constraints, self.time, moved, ~fixed)
+            closing = close_nearby(self.constraints, self.time, moved, ~fixed)
             if not closing.closed:
                 return None
             inside = self._within(closing.q)
@@ -325,6 +336,68 @@ class _Reaching:
             return ""
         what = "is a function" if len(names) == 1 else "are functions"
         return f" {listed(names)} {what} of time, here at {self.time:g} s: only the other joints were moved."
+
+
+class _Vicinity:
+    """The error near a position, up to second order: of Gauss and Newton, or with its curvature (`curved`)."""
+
+    def __init__(self, problem: _Reaching, found: _Found, *, curved: bool) -> None:
+        self._problem, self._found, self._curved = problem, found, curved
+        self._jacobian = problem.jacobian(found.q)
+        self._gradient = self._jacobian.T @ found.residual
+        self._rows = problem.holonomic_rows(found.q)
+        self._known: dict[bytes, tuple[Array, Array]] = {}
+
+    def step(self, damping: float) -> tuple[Array, Mask, float]:
+        """A step (nv,) in natural units, the coordinates that limits hold, and the fall of the error's square.
+
+        Held coordinates would go beyond their limits; the fall is what the second order promises.
+        """
+        held = np.zeros(len(self._gradient), dtype=bool)
+        while True:
+            free, curvature = self._along(held)
+            downhill = -free.T @ self._gradient[~held]
+            weights, axes = np.linalg.eigh(curvature)
+            least = FLAT * float(np.max(np.abs(weights), initial=0.0)) if self._curved else 0.0
+            along = axes @ ((axes.T @ downhill) / (np.maximum(np.abs(weights), least) + damping))
+            promise = float(2.0 * downhill @ along - along @ curvature @ along)
+            step = np.zeros(len(held))
+            step[~held] = free @ along
+            longest = float(np.max(np.abs(step), initial=0.0))
+            step *= min(1.0, LONGEST_STEP / max(longest, 1e-300))
+            beyond = self._problem.beyond(self._found.q, step) & ~held
+            if not beyond.any():
+                return step, held, promise
+            held |= beyond
+
+    def _along(self, held: Mask) -> tuple[Array, Array]:
+        """The free directions (nv - held, n), and half the second derivative (n, n) of the error's square there."""
+        if (known := self._known.get(held.tobytes())) is not None:
+            return known
+        rows = self._rows[:, ~held]
+        free = null_space(rows, rank_of(rows)) if rows.size else np.eye(int(np.sum(~held)))
+        slope = self._jacobian[:, ~held] @ free
+        curvature = self._curvature(held, free) if self._curved else slope.T @ slope
+        self._known[held.tobytes()] = free, curvature
+        return free, curvature
+
+    def _curvature(self, held: Mask, free: Array) -> Array:
+        """Of the Lagrangian, whose multipliers are the forces that keep the loops closed against the gradient."""
+        problem, q = self._problem, self._found.q
+        multipliers = np.linalg.lstsq(self._rows[:, ~held].T, self._gradient[~held], rcond=None)[0]
+
+        def slope(at: Array, residual: Array) -> Array:
+            pull = problem.jacobian(at).T @ residual - problem.holonomic_rows(at).T @ multipliers
+            return np.asarray(free.T @ pull[~held])
+
+        here, columns = slope(q, self._found.residual), []
+        for direction in free.T:
+            step = np.zeros(len(held))
+            step[~held] = DIFFERENCE * direction
+            there = problem.constraints.displaced(q, problem.scales * step)
+            columns.append((slope(there, problem.residual(there)) - here) / DIFFERENCE)
+        matrix = np.reshape(columns, (len(columns), len(columns)))
+        return np.asarray(0.5 * (matrix + matrix.T))
 
 
 def _frame(kinematics: Kinematics, name: str, at: Sequence[float] | Array | None) -> tuple[str, Pose]:

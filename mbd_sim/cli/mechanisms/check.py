@@ -66,7 +66,7 @@ def _execute(options: argparse.Namespace) -> int:
     mechanism = changed_mechanism(options, starts=True)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):
-            return _print_report(cached_report(mechanism), options)
+            return _print_report(cached_report(mechanism), mechanism, options)
         return _report_with_more(mechanism, options)
     except NoInertiaError as error:
         return _without_dynamics(mechanism, error, options)
@@ -89,14 +89,16 @@ def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
         content["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())
     if options.cost:
         content["cost"] = cost(simulation.model.equations, simulation.model.method)
-    return _print_report(content, options)
+    return _print_report(content, simulation.mechanism, options)
 
 
-def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
+def _print_report(content: dict[str, Any], mechanism: Mechanism, options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(content, indent=2))
         return 0
     print(report_text(content))
+    if options.start and content["constraints"]:
+        print(_start_text(mechanism))
     if options.inertia:
         from mbd_sim.studies.report.elements import inertia_text
 
@@ -108,6 +110,18 @@ def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
     if options.draw:
         print(f"wrote {options.draw}")
     return 0
+
+
+def _start_text(mechanism: Mechanism) -> str:
+    """Which positions of another start are those that were given, and which follow from them."""
+    given, found = list[str](), list[str]()
+    for joint in mechanism.joints.values():
+        if not joint.drive:
+            for name, fixed in zip(joint.motion_names, joint.fixed_in_assembly, strict=True):
+                (given if fixed else found).append(name)
+    told = [f"{listed(given)} as given"] if given else []
+    told += [f"{listed(found)} found so that loops and constraints are closed"] if found else []
+    return f"Start               {'; '.join(told)}"
 
 
 def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:

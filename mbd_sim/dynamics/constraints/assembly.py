@@ -80,9 +80,11 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
     return far if far.closed and _converged(constraints, t, far, free) else best
 
 
-def close_nearby(constraints: ConstraintFunctions, t: float, q: Array) -> LoopClosure:
-    """Close loops by Newton's method from q alone, with all coordinates free: to follow a path without jumps."""
-    return _newton(constraints, t, q, np.ones(constraints.gradient(t, q).shape[1], dtype=bool))
+def close_nearby(
+    constraints: ConstraintFunctions, t: float, q: Array, free: NDArray[np.bool_] | None = None
+) -> LoopClosure:
+    """Close loops by Newton's method from q alone, to follow a path without jumps; by default all (nv,) are `free`."""
+    return _newton(constraints, t, q, np.ones(len(constraints.scales), dtype=bool) if free is None else free)
 
 
 def _converged(constraints: ConstraintFunctions, t: float, found: LoopClosure, free: Array | NDArray[np.bool_]) -> bool:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.geometry.rotation import rotation_vector
+from mbd_sim.base.geometry.rotation import of_vector, rotation_vector
 from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.mechanism.mechanism import Mechanism
 
@@ -42,3 +46,21 @@ def named_positions(mechanism: Mechanism, layout: CoordinateLayout, q: Array) ->
             values = own if quaternion is None else [*own[:quaternion], *rotation_vector(own[quaternion:])]
             found |= zip(joint.motion_names, map(float, values), strict=True)
     return found
+
+
+def with_positions(mechanism: Mechanism, layout: CoordinateLayout, q: Array, positions: Mapping[str, float]) -> Array:
+    """The coordinates (nq,) with other positions, by the names of `named_positions`; drives that get one are at rest.
+
+    Joints of which none is given keep their coordinates bit for bit. Loops stay as open as that makes them.
+    """
+    before, changed = named_positions(mechanism, layout, q), q.copy()
+    for joint in mechanism.joints.values():
+        if joint.name in layout.drives and joint.name in positions:
+            changed[layout.drives[joint.name]] = positions[joint.name], 0.0, 0.0
+        elif not joint.drive and any(name in positions for name in joint.motion_names):
+            values = [positions.get(name, before[name]) for name in joint.motion_names]
+            quaternion = joint.kind.quaternion
+            if quaternion is not None:
+                values = [*values[:quaternion], *of_vector(np.array(values[quaternion:]))]
+            changed[layout.q[joint.name]] = values
+    return changed

@@ -33,6 +33,7 @@ class AssemblyScene:
         corners = np.concatenate([part.triangles().reshape(-1, 3) for part in found.assembly.parts]) @ turned.T
         low, high = corners.min(axis=0), corners.max(axis=0)
         self.extent = Extent(low, high, float(np.linalg.norm(high - low)), None)
+        scene.set_up_direction(self.extent.up)  # not that of the mechanism that was shown before
         scene.add_frame(ROOT, show_axes=False, wxyz=to_quaternion(turned))
         most = max(MOST_TRIANGLES // len(found.assembly.parts), 200)
         self._parts: dict[str, Any] = {}

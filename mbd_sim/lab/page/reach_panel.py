@@ -19,6 +19,7 @@ from mbd_sim.mechanism.mechanism import Mechanism
 NONE = "none"
 HELD = "the point that was held last"
 DIGITS = 4  # of a position in m
+_NOTHING: tuple[InverseKinematics | None, bool, str] = (None, False, "")
 TAKE_HOLD = "Take hold of a part in the scene: it is the point under the pointer."
 
 
@@ -31,7 +32,7 @@ class ReachPanel:
         self._model = session.bench.simulation.model
         self._mechanism: Mechanism = session.bench.simulation.mechanism
         self._held: tuple[str, Array] | None = None
-        self._shown: tuple[InverseKinematics | None, bool] = (None, False)
+        self._shown = _NOTHING
         self._target = Target(scene, size, self._dragged)
         self._pose: Pose | None = None  # of the target, with all digits
         parts = self._mechanism.parts.values()
@@ -64,11 +65,17 @@ class ReachPanel:
 
     def show(self, frame: Frame) -> None:
         """Say what was found."""
-        found, searching = self._reacher.found, self._reacher.searching
-        if (found, searching) != self._shown and self._point.value != NONE:
-            self._shown = found, searching
-            turns = self._turns.value
-            self._text.content = "" if found is None else found_text(frame.mechanism, found, searching, turns=turns)
+        reacher, text = self._reacher, ""
+        told = reacher.found, reacher.searching, reacher.refused
+        if told == self._shown or self._point.value == NONE:
+            return
+        self._shown = told
+        if reacher.found is not None:
+            refused, turns = reacher.refused, self._turns.value
+            text = found_text(
+                frame.mechanism, reacher.found, reacher.searching, refused, commanded=reacher.commanded, turns=turns
+            )
+        self._text.content = text
 
     def _choose(self) -> None:
         """Begin with the target where the chosen point is now."""
@@ -78,7 +85,7 @@ class ReachPanel:
         self._angles.visible = chosen is not None and self._turns.value
         commands = position_commands(self._mechanism, dict.fromkeys(self._mechanism.joints, 0.0))
         self._command.visible = chosen is not None and bool(commands)
-        self._reacher.found, self._shown = None, (None, False)
+        self._reacher.found, self._shown = None, _NOTHING
         self._text.content = TAKE_HOLD if self._point.value == HELD and chosen is None else ""
         if chosen is None:
             self._target.hide()
@@ -122,10 +129,24 @@ class ReachPanel:
             self._reacher.ask(Goal(*chosen, pose.position, rotation), near=near, command=command)
 
 
-def found_text(mechanism: Mechanism, found: InverseKinematics, searching: bool, *, turns: bool) -> str:
-    """Markdown: whether the target is reached, how far it is if not, and the positions of the joints."""
-    if found.reached:
-        head = "**Reached**, with these joints:"
+def found_text(
+    mechanism: Mechanism,
+    found: InverseKinematics,
+    searching: bool,
+    refused: str = "",
+    *,
+    commanded: bool = False,
+    turns: bool,
+) -> str:
+    """Markdown: whether the target is reached, how far it is if not, and the positions of the joints.
+
+    :param refused: why the mechanism could not be put there.
+    :param commanded: whether servos and drives go there, instead.
+    """
+    if refused:
+        head = f"**Not put there:** {refused} The joints would be:"
+    elif found.reached:
+        head = "**Commanded**, these joints reach it:" if commanded else "**Reached**, with these joints:"
     else:
         left = f"{found.distance:.4g} m" + (f" and {math.degrees(found.angle):.3g} deg" if turns else "")
         ends = f" {', '.join(found.at_limits)} at the limit." if found.at_limits else ""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.geometry.rotation import aligning_z
 from mbd_sim.pictures.shapes.extent import Extent
 
 FOV = math.radians(30.0)  # of the height of the window
@@ -24,8 +25,11 @@ def aim(camera: Any, extent: Extent, aspect: float = ASPECT, width: float = math
 
     :param aspect: the width of the window relative to its height; `width` in pixels.
     """
-    toward = _direction(extent.normal)
-    right = np.cross([0.0, 0.0, 1.0], toward)
+    turned = aligning_z(extent.up)
+    toward = turned @ _direction(None if extent.normal is None else turned.T @ extent.normal)
+    if extent.toward is not None and toward @ extent.toward < 0.0:  # from the back: half a turn about the vertical
+        toward = 2.0 * (toward @ extent.up) * extent.up - toward
+    right = np.cross(extent.up, toward)
     right /= np.linalg.norm(right)
     up = np.cross(toward, right)
     half = 0.5 * np.maximum(extent.upper - extent.lower, 0.2 * extent.size)
@@ -62,7 +66,7 @@ def keep_aimed(camera: Any, initial: Any, extent: Callable[[], Extent | None]) -
 
 
 def _direction(normal: Array | None) -> Array:
-    """The unit vector (3,) from the mechanism to the camera."""
+    """The unit vector (3,) from the mechanism to the camera, in axes of which z points upward."""
     toward = np.array([0.55, -1.0, 0.5] if normal is None else [0.12, -1.0, 0.16])
     if normal is not None and abs(normal[0]) > 0.5:
         toward = np.array([1.0, -0.12, 0.16])

@@ -62,15 +62,16 @@ def _all_planes(mechanism: Mechanism) -> Iterator[tuple[Array, Array]]:
 
 def _add_grid(scene: Any, extent: Extent, dark: bool) -> None:
     """The plane behind a mechanism that moves in a plane, otherwise the floor below it."""
-    normal = extent.normal
+    toward = extent.toward
     side = 2.5 * float(np.max(extent.upper - extent.lower))
-    position, plane = extent.center.copy(), "xy"
-    if normal is not None and abs(normal[2]) < 0.5:
-        plane = "xz" if abs(normal[1]) > abs(normal[0]) else "yz"
-        axis = 1 if plane == "xz" else 0
-        position[axis] += (1.0 if plane == "xz" else -1.0) * 0.15 * extent.size
+    position, front = extent.center.copy(), extent.up if toward is None else toward
+    axis = int(np.argmax(np.abs(front)))
+    plane, sign = ("yz", "xz", "xy")[axis], float(np.sign(front[axis]))
+    if toward is None or axis == 2:
+        behind = extent.lower if sign > 0.0 else extent.upper
+        position[axis] = behind[axis] - 0.02 * sign * extent.size
     else:
-        position[2] = extent.lower[2] - 0.02 * extent.size
+        position[axis] -= 0.15 * sign * extent.size
     cell = 10.0 ** np.floor(np.log10(side / 4.0))
     scene.add_grid(
         "/grid",

@@ -66,6 +66,7 @@ class Scene:
         self._looks: tuple[Any, ...] = ()
         self._last_poses = np.empty((0, 12))
         self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
+        scene.set_up_direction(extent.up)
         add_ground(scene, model.mechanism, extent, dark=dark)
         self._bodies = Bodies(scene, model, extent, dragged, in_file=in_file)
         self._start = {GROUND: identity_pose(), **model.poses(0.0, model.start)}

@@ -1,4 +1,4 @@
-"""What a node and the process of its page exchange over a pair of sockets.
+"""What a node and a process beside it exchange over a pair of sockets, such as that of its page.
 
 The page sends requests as JSON; the node answers with pickles, of its state after the requests. Before, the page's
 process gets a `PageOrder`, and says under which address the page is.
@@ -6,8 +6,11 @@ process gets a `PageOrder`, and says under which address the page is.
 
 from __future__ import annotations
 
+import os
 import socket
 import struct
+import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -87,3 +90,22 @@ class SocketEnd:
                 del self._out[: self._socket.send(self._out)]
         except BlockingIOError:
             pass
+
+
+def start_linked(module: str) -> tuple[subprocess.Popen[bytes], SocketEnd]:
+    """Start a process with the `main` of a module, which gets the number of its socket; and our end, never blocking.
+
+    It is in a session of its own: Ctrl-C in the terminal reaches the node, whose end ends it.
+    """
+    ours, theirs = socket.socketpair()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    program = f"import sys; from {module} import main; sys.exit(main())"
+    process = subprocess.Popen(  # noqa: S603  (own arguments)
+        [sys.executable, "-P", "-c", program, str(theirs.fileno())],
+        env=environment,
+        pass_fds=[theirs.fileno()],
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    theirs.close()
+    return process, SocketEnd(ours, blocking=False)

@@ -23,6 +23,7 @@ from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.hold import at_rest, pulled, spring_for
 from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.session import Session
+from mbd_sim.simulation.run.changes import require_outside
 
 STILL = 1e-9  # rad or m, by which a drive has not moved
 LIVE_PERIOD = 0.1  # s between changes of live values, each of which the node validates for milliseconds
@@ -175,8 +176,10 @@ class NodeSession(Session):
         places = [place.start for place in drives.values()]
         if not np.allclose(found.q[places], simulation.q[places], rtol=0.0, atol=STILL):
             raise CommandError(f"the drives of {listed(list(drives))} follow commands", "Press *Command the joints*.")
+        y = at_rest(simulation, found.q)
+        require_outside(simulation.model, simulation.time, y, np.asarray(simulation.inputs))  # as the node does
         self.pause()
-        self._send_state(at_rest(simulation, found.q))
+        self._send_state(y)
 
     def _send_state(self, y: Array) -> None:
         """Ask for the positions and speeds of a state of the paused mechanism."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from operator import methodcaller
 
 import numpy as np
@@ -44,7 +45,8 @@ class Reacher:
     def __init__(self, session: Session) -> None:
         self._session, self._wanted = session, list[tuple[Goal, int, bool]]()
         self.found: InverseKinematics | None = None
-        self.searching = False
+        self.searching = self.commanded = False
+        self.refused = ""  # why the mechanism cannot be put where it was found
         self._known: tuple[Mechanism, Kinematics] | None = None
         self._lock, self._wake, self._stopped = threading.Lock(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="lab_reaching", daemon=True)
@@ -93,12 +95,24 @@ class Reacher:
             if self._wake.is_set():
                 return
             if last is None or goal.left(found, size) < BETTER * best:
-                best, self.found, last = goal.left(found, size), found, found
+                best, last, self.refused, self.commanded = goal.left(found, size), found, "", command
+                self.found = found
                 if not command:
-                    self._session.ask("reach", methodcaller("put", found))
+                    self._session.ask("reach", partial(self._put, found))
         if command and last is not None:
             for name, value in position_commands(frame.mechanism, last.positions).items():
                 self._session.ask(f"command {name}", methodcaller("set_command", name, value))
+
+    def _put(self, found: InverseKinematics, session: Session) -> None:
+        """Put the mechanism there; for the session, which shows why that is refused.
+
+        :raises CommandError: parts would be inside each other, or beyond a stop.
+        """
+        try:
+            session.put(found)
+        except (MbdSimError, ValueError) as error:
+            self.refused = str(error) if self.found is found else self.refused
+            raise
 
 
 def pose_of(mechanism: Mechanism, frame: str, at: Array, poses: Mapping[str, Pose]) -> Pose:

@@ -33,7 +33,7 @@ class Extent:
 
     `size` is the length in m of the mechanism at the start; markers are sized relative to it. `normal` (3,) is the unit
     normal of the plane of motion, None for spatial mechanisms. `travel` holds the smallest and the largest displacement
-    in m of each prismatic and cylindrical joint.
+    in m of each prismatic and cylindrical joint. `up` (3,) is the axis of ground that a page shows upward.
     """
 
     lower: Array
@@ -41,6 +41,7 @@ class Extent:
     size: float
     normal: Array | None
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     @property
     def center(self) -> Array:
@@ -91,7 +92,18 @@ def extent_of(model: Model) -> Extent:
         size,
         plane_normal(model.mechanism, model.poses(0.0, model.start)),
         _travel(model, frames, size),
+        upward(model.mechanism.gravity),
     )
+
+
+def upward(gravity: Array) -> Array:
+    """The axis (3,) of ground that is upward: z, unless gravity acts along another axis, as in imported assemblies."""
+    along = np.flatnonzero(np.abs(gravity) > PLANE_TOLERANCE * np.linalg.norm(gravity))
+    found = np.array([0.0, 0.0, 1.0])
+    if len(along) == 1:
+        found = np.zeros(3)
+        found[along] = -np.sign(gravity[along])
+    return found
 
 
 def _preview(model: Model) -> tuple[list[float], list[Array]]:

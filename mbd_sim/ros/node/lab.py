@@ -7,11 +7,8 @@ a service with the same content would do, in the same thread; then it answers wi
 from __future__ import annotations
 
 import json
-import os
 import pickle
-import socket
 import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, cast
@@ -23,7 +20,7 @@ from rclpy.parameter import Parameter
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.packages import require_packages
 from mbd_sim.lab.session.hold import Hold
-from mbd_sim.lab.session.link import NodeState, PageOrder, SocketEnd
+from mbd_sim.lab.session.link import NodeState, PageOrder, start_linked
 from mbd_sim.mechanism.elements.joint_types import Channel
 from mbd_sim.ros.commands.command_buffer import CommandBuffer
 from mbd_sim.ros.commands.wrenches import WrenchBuffer
@@ -38,7 +35,7 @@ from mbd_sim.simulation.run.simulation import BaseSimulation
 
 PERIOD = 0.01  # s between two looks for requests
 CLOSE_TIMEOUT = 2.0  # s
-PROGRAM = "import sys; from mbd_sim.lab.node_page import main; sys.exit(main())"
+PROGRAM = "mbd_sim.lab.node_page"  # a module
 ZERO = (0.0, 0.0, 0.0)
 FARTHEST, STIFFEST = 1e6, 1e9  # m, and N/m for each m: beyond, forces would not be finite
 
@@ -98,15 +95,7 @@ class LabPage:
             "live": tuple(simulation.live),
         }
         order = PageOrder(model.mechanism, arguments, parameters["lab_host"], parameters["lab_port"])
-        ours, theirs = socket.socketpair()
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        command = [sys.executable, "-P", "-c", PROGRAM, str(theirs.fileno())]
-        # In a session of its own: Ctrl-C in the terminal reaches the node, whose end ends the page.
-        self._process = subprocess.Popen(  # noqa: S603  (own arguments)
-            command, env=environment, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, start_new_session=True
-        )
-        theirs.close()
-        self._link = SocketEnd(ours, blocking=False)
+        self._process, self._link = start_linked(PROGRAM)
         self._link.send(pickle.dumps(order))
         self._timer = node.create_timer(PERIOD, self._serve, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

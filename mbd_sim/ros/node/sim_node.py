@@ -41,6 +41,7 @@ from mbd_sim.ros.node.sim_parameters import PARAMETERS, bare_angles_of, named_st
 from mbd_sim.ros.node.subscriptions import SUBSCRIBED, Subscriptions
 from mbd_sim.ros.node.trajectory_action import serve_trajectory_action
 from mbd_sim.ros.publishing.thread import PublishingThread
+from mbd_sim.ros.standard.position_ik import serve_position_ik
 from mbd_sim.ros.standard.simulation import serve_simulation_interfaces
 from mbd_sim.ros.stepping import realtime
 from mbd_sim.ros.stepping.thread import SteppingThread
@@ -187,7 +188,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.publishing_thread.ring = self.ring
         # The threads of a recording are new, and need their priority.
         self.run_services = RunServices(self, thread, parameters, self.recordings, self.ring, self._prioritize)
-        self.simulation_services = serve_simulation_interfaces(self, thread, end, parameters["frame_prefix"])
+        prefix = parameters["frame_prefix"]
+        self.simulation_services = serve_simulation_interfaces(self, thread, end, prefix)
+        self.position_ik = serve_position_ik(self, thread, prefix, lambda: bool(parameters["position_only_ik"]))
         self.trajectory_action = None
         if parameters["follow_joint_trajectory"]:
             self.trajectory_action = serve_trajectory_action(self, thread, self.subscribed.reject)
@@ -238,8 +241,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         if self.ring is not None:
             writes = self.parameters["record"] and not self.parameters["record_when"]
             self.ring.close("end of the run" if writes else "")
-        if self.lab is not None:
-            self.lab.close()
+        for beside in (self.lab, self.position_ik):
+            if beside is not None:
+                beside.close()
         self.diagnostics.collection.close()
         energies = self.publishing_thread.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""

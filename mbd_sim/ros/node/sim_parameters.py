@@ -70,6 +70,10 @@ PARAMETERS = (
         "serve the action ~/follow_joint_trajectory of control_msgs, if that package is installed",
     ),
     ParameterSpec(
+        "position_only_ik", False,
+        "whether ~/compute_ik of moveit_msgs, if that package is installed, leaves the orientation free", live=True,
+    ),
+    ParameterSpec(
         "stamped_cmd_vel", False,
         "whether the velocities of bases on wheels, on cmd_vel, are TwistStamped instead of Twist",
     ),

@@ -1,1 +1,1 @@
-"""The services and the action of `simulation_interfaces`, a standard that simulators share."""
+"""Services and actions of packages that simulators and planners share: `simulation_interfaces`, `moveit_msgs`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -9,6 +10,7 @@ from typing import Protocol
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
 
+ROUND_OFF = 1e-12  # of the largest impulse of an impact
 REMEDY = "Take smaller steps, or choose time stepping with method moreau."
 
 
@@ -60,6 +62,23 @@ class ContactEvent:
             elif self.factor < 1.0:
                 text += f"; restitution reduced to {self.factor:.3g} of its value, so that energy does not grow"
         return text
+
+
+def without_round_off(events: Sequence[ContactEvent]) -> list[ContactEvent]:
+    """The events, without impacts whose impulse is the round-off of others at the same instant.
+
+    A body that rests on a stop takes part in an impact elsewhere, with an impulse that would be zero if numbers were
+    exact: nothing has happened there.
+    """
+    largest = dict[float, float]()
+    for event in events:
+        if event.change is ContactChange.IMPACT:
+            largest[event.time] = max(largest.get(event.time, 0.0), abs(event.impulse))
+    return [
+        event
+        for event in events
+        if event.change is not ContactChange.IMPACT or abs(event.impulse) > ROUND_OFF * largest[event.time]
+    ]
 
 
 class ContactObserver(Protocol):

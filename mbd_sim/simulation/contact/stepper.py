@@ -21,7 +21,7 @@ from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts, Marks
 from mbd_sim.simulation.contact.impact import Impact, impact, is_jammed, tangential_impact
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, NoSolutionError, contact_forces
-from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver
+from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver, without_round_off
 
 EVENTS_KEPT = 10_000
 NO_FORCES = (
@@ -257,8 +257,9 @@ class OneSidedStepper:
             self.observer.event(event)
 
     def _keep_new(self) -> None:
-        self.events.extend(self._new)
-        self.count += len(self._new)
+        happened = without_round_off(self._new)
+        self.events.extend(happened)
+        self.count += len(happened)
 
     def _record_changes(self, time: float, old: Array, new: Array) -> None:
         layout, model = self._model.layout, self._model

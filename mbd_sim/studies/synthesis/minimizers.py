@@ -22,6 +22,7 @@ SMALLEST, GAIN = 1e-11, 1e-11  # of the box, and of the predicted gain relative 
 ACCEPTED, GOOD = 0.05, 0.7  # ratio of actual and predicted gain, from which a step is taken and the box grows
 WEIGHTS = (10.0, 1e3, 1e5)  # of violations, in deviations at the start for a violation as large as the value itself
 TOLERANCE = 1e-13  # relative change of unknowns and of the sum of squares, at which least squares end
+ROUGH, NEARLY = 1e-6, 1e-4  # that of rounds of the augmented Lagrangian, until no condition is violated by more
 ROUNDS = 30  # of the augmented Lagrangian, at most
 STIFFER, SLOW = 10.0, 0.25  # its weight grows by that where the violation does not fall to that part
 STUCK, PATIENCE = 0.95, 3  # rounds in which it does not even fall to that part, after which there is no hope
@@ -153,17 +154,20 @@ def least_squares(
     conditions = _Conditions(excess, equal)
     weight = WEIGHTS[0] * float(np.sum(deviations(start) ** 2)) or 1.0
     forces, x, steps, before, converged, stuck = np.zeros(len(equal)), start, 0, np.inf, False, 0
+    exact = False
     for _ in range(ROUNDS):
         augmented = _Augmented(deviations, jacobian, conditions, forces, weight)
-        x, more, converged = _plain_squares(augmented.values, augmented.slopes, x, bounds, most_steps)
+        tolerance = TOLERANCE if exact else ROUGH
+        x, more, converged = _plain_squares(augmented.values, augmented.slopes, x, bounds, most_steps, tolerance)
         steps += more
         jacobian(x)
         beyond = excess(x)[0]
         violation = float(np.max(conditions.violations(beyond)))
         moved = forces + weight * beyond
         forces = np.where(equal, moved, np.maximum(moved, 0.0))
-        if violation <= SETTLED:
+        if violation <= SETTLED and exact:
             return x, steps, converged
+        exact = exact or violation <= NEARLY
         if violation > SLOW * before:
             weight *= STIFFER
         stuck = stuck + 1 if violation > STUCK * before else 0
@@ -205,6 +209,7 @@ def _plain_squares(
     start: Array,
     bounds: Bounds,
     most_steps: int,
+    tolerance: float = TOLERANCE,
 ) -> tuple[Array, int, bool]:
     from scipy.optimize import least_squares as minimized
 
@@ -215,6 +220,6 @@ def _plain_squares(
         bounds=bounds,
         x_scale="jac",
         max_nfev=most_steps,
-        **dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE),
+        **dict.fromkeys(("xtol", "ftol", "gtol"), tolerance),
     )
     return np.asarray(found.x), int(found.nfev), bool(found.status > 0)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Kinematics, inverse_kinematics, load_mechanism
+from mbd_sim.analysis.mechanics import inverse_kinematics as module
 from mbd_sim.base.errors import InputError
-from mbd_sim.base.geometry.rotation import from_rpy
+from mbd_sim.base.geometry.rotation import from_rpy, rotation_vector, to_quaternion
 from mbd_sim.files.load import parse_mechanism
 
 ONE, TWO = 0.7, 0.5
@@ -130,6 +131,60 @@ def test_random_robots_reach_where_forward_kinematics_has_been(seed):
     for name, joint in robot.mechanism.joints.items():
         if joint.limits:
             assert -1.2 <= found.q[robot.layout.q[name]][0] <= 1.4
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "frame", "target", "turned", "most"),
+    [
+        ("four_bar", "coupler.P", [9.0, 0.0, 0.0], False, 22),
+        ("four_bar", "rocker.tip", [-0.5, 1.6, 5.8], True, 22),
+        ("slider_crank", "coupler", [0.3, 2.0, 0.1], False, 22),
+        ("six_axis_arm", "tool", [4.8, -3.6, 1.1], True, 50),
+    ],
+)
+def test_the_nearest_position_to_a_target_out_of_reach_is_found_in_few_steps(
+    mechanism, frame, target, turned, most, monkeypatch
+):
+    """Steps without the curvature, which are 2 to 10 times as many; and a wrong curvature."""
+    kinematics, steps, moves, starts = Kinematics(load_mechanism(mechanism)), [], [], []
+    for owner, name, calls in (
+        (module._Vicinity, "__init__", steps), (module._Reaching, "_moved", moves), (module._Reaching, "descended", starts),
+    ):  # fmt: skip
+        monkeypatch.setattr(owner, name, counted(getattr(owner, name), calls))
+    rotation = from_rpy(0.3, -0.4, 0.5) if turned else None
+    found = inverse_kinematics(kinematics, frame, target, rotation)
+    assert not found.reached
+    assert len(steps) + len(moves) <= most * len(starts)
+    size = kinematics.constraints.size
+
+    def error(q):
+        pose = kinematics.poses(q)[frame.split(".")[0]]
+        distance = np.linalg.norm(kinematics.point(frame, q) - target) / size
+        angle = np.linalg.norm(rotation_vector(to_quaternion(pose.rotation @ rotation.T))) if turned else 0.0
+        return np.hypot(distance, angle)
+
+    least, rng = error(found.q), np.random.default_rng(1)
+    for _ in range(20):  # on all sides, farther
+        near = kinematics.closed(found.q + 1e-3 * rng.normal(size=len(found.q)))
+        assert error(near) > least - 1e-12
+    grown = [error(kinematics.closed(found.q + 1e-3 * rng.normal(size=len(found.q)))) - least for _ in range(5)]
+    assert max(grown) > 1e-9
+
+
+def counted(function, calls):
+    def counting(*arguments, **keywords):
+        calls.append(None)
+        return function(*arguments, **keywords)
+
+    return counting
+
+
+def test_a_search_stops_when_it_is_told_to_with_the_best_position_so_far():
+    linkage, asked = Kinematics(load_mechanism("four_bar")), iter([False] * 4 + [True] * 9)
+    found = list(module.improving(linkage, "coupler.P", [9.0, 0.0, 0.0], None, stop=lambda: next(asked)))
+    whole = inverse_kinematics(linkage, "coupler.P", [9.0, 0.0, 0.0])
+    assert len(found) == 1 and whole.distance < found[0].distance
+    assert np.max(np.abs(linkage.constraints.position(0.0, found[0].q))) < 1e-10
 
 
 def test_limits_hold_back_and_are_named(planar):

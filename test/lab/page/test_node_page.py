@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from types import SimpleNamespace
 
@@ -180,6 +181,24 @@ def test_dragging_a_paused_mechanism_sets_its_state(node, opened):
     opened.drag(lambda: node.listener.states[-1].position[0] > 0.05, "another position")
     opened.page.mouse.up()
     assert list(node.listener.states[-1].velocity) == [0.0, 0.0]
+
+
+def test_inverse_kinematics_puts_the_mechanism_of_the_node(node, opened):
+    """A search in the process of the page that the node never hears of, or that leaves it running."""
+    node.back_to_the_start()
+    opened.tab("Kinematics")
+    put = opened.page.get_by_role("button", name="Put it there", exact=True)
+    opened.select("Point", "arm.tip", put.count, "the target")
+    opened.enter("x, y, z (m)", "2.5", lambda: opened.field("x, y, z (m)").input_value() == "2.5", "its height")
+    opened.press(
+        "Put it there",
+        lambda: abs(node.listener.states[-1].position[0] - math.atan2(2.5, 0.5)) < 1e-6,
+        "the nearest position to (0.5, 0, 2.5)",
+        first=60.0,
+    )
+    assert list(node.listener.states[-1].velocity) == [0.0, 0.0]
+    opened.page.get_by_text("Not reached:").first.wait_for()
+    opened.tab("Change")
 
 
 def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, opened):

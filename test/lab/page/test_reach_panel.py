@@ -22,6 +22,20 @@ def test_what_is_left_is_told_in_the_units_of_people():
     assert rows[-2:] == ["| rail | 0.12346 m |", "| pin | 30.00 deg |"]
 
 
+def test_what_is_refused_or_commanded_is_not_told_as_reached():
+    mechanism = load_mechanism("cart_pendulum")
+    found = InverseKinematics(np.zeros(2), {"rail": 0.1, "pin": 0.2}, True, 0.0, 0.0)
+    heads = [
+        found_text(mechanism, found, False, refused, commanded=commanded, turns=False).splitlines()[0]
+        for refused, commanded in (("", False), ("It would be inside.", False), ("", True))
+    ]
+    assert heads == [
+        "**Reached**, with these joints:",
+        "**Not put there:** It would be inside. The joints would be:",
+        "**Commanded**, these joints reach it:",
+    ]
+
+
 @pytest.fixture
 def reaching(opened):
     opened.tab("Kinematics")

@@ -4,10 +4,13 @@ from types import SimpleNamespace
 
 
 class RecordingScene:
-    """`nodes` are what was added last under each name; `added` counts the additions."""
+    """`nodes` are what was added last under each name; `added` counts the additions; `up` points upward."""
 
     def __init__(self):
-        self.nodes, self.added = {}, 0
+        self.nodes, self.added, self.up = {}, 0, None
+
+    def set_up_direction(self, direction):
+        self.up = direction
 
     def __getattr__(self, method):
         if not method.startswith("add_"):

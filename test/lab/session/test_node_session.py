@@ -3,15 +3,18 @@
 import json
 import pickle
 import socket
+from functools import partial
 
 import numpy as np
 import pytest
 
 from mbd_sim import Kinematics, inverse_kinematics
+from mbd_sim.base.errors import CommandError
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.node_session import NodeSession
+from mbd_sim.lab.session.reaching import Reacher
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 
@@ -154,6 +157,22 @@ def test_what_inverse_kinematics_finds_pauses_the_node_and_is_its_state(node):
     assert (pause, name) == (["pause", True], "place")
     assert positions == pytest.approx(found.positions, abs=1e-12)
     assert set(speeds.values()) == {0.0}
+
+
+def test_what_would_be_inside_something_is_refused_before_the_node_is_asked(node, monkeypatch):
+    """Reached, says the panel, whose mechanism the node has not put there."""
+
+    def refuse(*_):
+        raise CommandError("the ball would be 0.1 m beyond its bound")
+
+    monkeypatch.setattr("mbd_sim.lab.session.node_session.require_outside", refuse)
+    found = inverse_kinematics(Kinematics(node.simulation.mechanism), "pendulum", position=[0.1, 0, 0])
+    reacher = Reacher(node.session)
+    reacher.found = found
+    node.session.ask("reach", partial(reacher._put, found))
+    assert node.turn() == []
+    assert "beyond its bound" in reacher.refused == node.session.message
+    reacher.stop()
 
 
 def test_the_session_ends_with_the_node(node):

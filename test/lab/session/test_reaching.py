@@ -90,7 +90,9 @@ def test_drives_and_servos_are_put_and_commanded(reaching):
     assert set(commands) == {"rail.position", "motor.position"}
     assert {name: session.bench.values()[name] for name in commands} == commands
     assert session.frame.running and np.allclose(before, simulation.state, atol=0.1)  # nothing was put anywhere
+    assert reacher.commanded
     reach(session, reacher, goal)
+    assert not reacher.commanded
     assert place(session, "arm.tip").position == pytest.approx(goal.position, abs=1e-8)
     session.step(500)  # the commands hold it there
     assert place(session, "arm.tip").position == pytest.approx(goal.position, abs=1e-6)
@@ -101,8 +103,10 @@ def test_a_mechanism_is_not_put_into_its_floor(reaching):
     before = session.bench.simulation.state
     (part,) = session.bench.simulation.model.part_names
     reach(session, reacher, Goal(part, np.zeros(3), np.array([0.0, 0.0, -2.0])))
-    assert "beyond the bound" in session.frame.message
+    assert "beyond the bound" in session.frame.message and reacher.refused == session.frame.message
     assert np.array_equal(session.bench.simulation.state, before)
+    reach(session, reacher, Goal(part, np.zeros(3), np.array([0.0, 0.0, 2.0])))
+    assert not reacher.refused and place(session, part).position[2] == pytest.approx(2.0)
 
 
 def test_a_newer_goal_ends_the_search_for_the_last(reaching):

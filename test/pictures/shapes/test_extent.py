@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation, load_mechanism
-from mbd_sim.pictures.shapes.extent import extent_of
+from mbd_sim.pictures.shapes.extent import extent_of, upward
 from test.generators import mesh_files
 
 
@@ -15,6 +15,17 @@ def test_the_extent_contains_the_swing_of_the_rods():
     assert -2.1 < extent.lower[2] < -1.5
     assert extent.upper[0] == pytest.approx(2.0, abs=0.1)
     assert extent.upper[2] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("gravity", "up"),
+    [
+        ([0, 0, -9.81], [0, 0, 1]), ([0, -9.81, 0], [0, 1, 0]), ([3.0, 0, 0], [-1, 0, 0]), ([0, 0, 9.81], [0, 0, -1]),
+        ([0, 0, 0], [0, 0, 1]), ([9.81, 0, -9.81], [0, 0, 1]),
+    ],
+)  # fmt: skip
+def test_upward_is_against_gravity_along_an_axis_and_else_z(gravity, up):
+    assert upward(np.array(gravity)).tolist() == up
 
 
 def test_what_rests_on_a_floor_does_not_fall_through_it_in_the_preview():

@@ -8,6 +8,7 @@ from mbd_sim import InputError, parse_mechanism
 from mbd_sim.studies.synthesis import Condition, EffortGoal, FunctionGoal, synthesize
 from mbd_sim.studies.synthesis.candidates import PENALTY, candidates_of
 from mbd_sim.studies.synthesis.conditions import conditions_of, measured
+from mbd_sim.studies.synthesis.minimizers import least_squares
 from mbd_sim.studies.synthesis.synthesis import design_problem, design_text
 
 ANGLES = np.linspace(0.1, 3.0, 9)  # the slider is at its ends at the ends
@@ -129,3 +130,28 @@ def test_the_slopes_of_what_is_measured_are_those_of_differences(measure):
 def test_mistakes_are_named(text, said):
     with pytest.raises(InputError, match=said):
         conditions_of([text], SLIDER_CRANK)
+
+
+def test_conditions_of_least_squares_take_few_evaluations():
+    """Rounds of the augmented Lagrangian that are exact long before their multipliers are: 74 evaluations."""
+    calls = []
+
+    def deviations(x):
+        calls.append(x)
+        return np.array([np.exp(x[0]) - 3 * x[1], x[1] ** 2 - x[2], x[2] * x[0] - 2, np.sin(x[0] * x[2])])
+
+    def jacobian(x):
+        turned = np.cos(x[0] * x[2])
+        return np.array([[np.exp(x[0]), -3, 0], [0, 2 * x[1], -1], [x[2], 0, x[0]], [x[2] * turned, 0, x[0] * turned]])
+
+    def excess(x):
+        return np.array([x @ x - 2.0, 0.3 - x[1]]), np.array([2 * x, [0, -1, 0]])
+
+    bounds = np.full(3, -3.0), np.full(3, 3.0)
+    x, _, converged = least_squares(
+        deviations, jacobian, np.full(3, 0.5), bounds, 1000, excess=excess, equal=np.array([True, False])
+    )
+    assert converged and len(calls) < 60
+    assert x @ x == pytest.approx(2.0, rel=1e-9)
+    slope = jacobian(x).T @ deviations(x)  # only the sphere holds it back
+    assert np.linalg.norm(np.cross(slope, x)) < 1e-6
