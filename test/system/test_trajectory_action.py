@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from builtin_interfaces.msg import Duration
 from rclpy.action import ActionClient
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
+from rclpy.task import Task
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mbd_sim import Simulation
@@ -153,6 +155,25 @@ def test_goals_succeed_if_they_end_before_an_answer_about_them_arrives() -> None
             assert client.feedback
 
 
+@pytest.mark.usefixtures("variables")
+def test_a_goal_under_way_is_not_looked_at_without_a_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coroutine that awaits its end is resumed in each turn of the executor, which then never waits."""
+    calls: list[Task] = []
+    work = Task.__call__
+
+    def counted(task: Task) -> None:
+        calls.append(task)
+        work(task)
+
+    with served_here(SteppingThread) as client:
+        assert client.send((60.0, [0.0])).accepted
+        client.listener.until(lambda: client.feedback, "feedback")
+        monkeypatch.setattr(Task, "__call__", counted)
+        first = len(client.feedback)
+        client.listener.until(lambda: len(client.feedback) >= first + 10, "more of it")
+        assert max(collections.Counter(map(id, calls)).values()) <= 2
+
+
 @pytest.mark.parametrize("failing", ["abort", "publish_feedback"])
 def test_results_arrive_even_if_other_messages_about_a_goal_fail(
     failing: str,
@@ -197,4 +218,4 @@ def test_without_the_package_the_node_says_once_that_the_action_is_not_served(tm
             lambda: "~/follow_joint_trajectory is not served: control_msgs is not installed" in process.text, "it"
         )
         listener.spin(0.3)
-        assert process.text.count("is not served") == 1
+        assert process.text.count("~/follow_joint_trajectory is not served") == 1

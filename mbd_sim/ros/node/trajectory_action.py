@@ -12,7 +12,6 @@ from typing import Any, assert_never
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from mbd_sim.base.errors import CommandError, listed, nearest
@@ -41,10 +40,9 @@ def serve_trajectory_action(
 
 @dataclass(eq=False)
 class _Active:
-    """A goal under way: its handle, the future of its result, and what it demands."""
+    """A goal under way: its handle, and what it demands."""
 
     handle: Any
-    result: Future
     goal: TrajectoryGoal
     followed: Followed
 
@@ -76,6 +74,20 @@ class _Ending:
     text: str
 
 
+class _Server(ActionServer):  # type: ignore[misc]  # rclpy carries no types
+    """Runs no callback for a goal before it has ended.
+
+    A callback that awaits the end would be resumed over and over, which takes a whole processor.
+    """
+
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+        """A goal is executed from now on."""
+
+    def send_result(self, handle: Any, result: Any) -> None:
+        """Send the result of a goal that has ended."""
+        super().notify_execute(handle, lambda _: result)
+
+
 class TrajectoryAction:
     """Follows the trajectories of goals, with feedback, and ends them by their tolerances."""
 
@@ -90,12 +102,11 @@ class TrajectoryAction:
         self._stepping_thread, self._reject = stepping_thread, reject
         self._commands, self._simulation = stepping_thread.run.commands, stepping_thread.simulation
         self._active: list[_Active] = []
-        self._results: dict[bytes, Future] = {}
-        self._server = ActionServer(
+        self._server = _Server(
             node,
             self._kind,
             ACTION,
-            self._execute,
+            execute_callback=self._result,  # is not called: see `_Server`
             goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT,
@@ -128,21 +139,16 @@ class TrajectoryAction:
             return ""
 
         problem = self._stepping_thread.between_steps(follow)
-        result = self._results[bytes(handle.goal_id.uuid)] = Future()
         handle.execute()
         if problem:
-            handle.abort()
-            result.set_result(self._result("INVALID_GOAL", problem))
+            self._end(handle, _Ending(handle.abort, "INVALID_GOAL", problem))
             return
         request, duration = handle.request, trajectory.points[-1].time
         late = 1e-9 * nanoseconds(request.goal_time_tolerance)
         goal = TrajectoryGoal(
             duration, _tolerances(request.path_tolerance), _tolerances(request.goal_tolerance), late or math.inf
         )
-        self._active.append(_Active(handle, result, goal, followed[0]))
-
-    async def _execute(self, handle: Any) -> Any:
-        return await self._results.pop(bytes(handle.goal_id.uuid))
+        self._active.append(_Active(handle, goal, followed[0]))
 
     def _look(self) -> None:
         """Send feedback, and end the goals that have succeeded, failed, or been canceled."""
@@ -159,7 +165,7 @@ class TrajectoryAction:
         for active, found in progress.items():
             if (ending := self._ending(active, found)) is not None:
                 self._active.remove(active)
-                self._end(active, ending)
+                self._end(active.handle, ending)
         for active in self._active:
             self._publish_feedback(active, progress[active])
 
@@ -197,12 +203,12 @@ class TrajectoryAction:
             case _:
                 assert_never(verdict.outcome)
 
-    def _end(self, active: _Active, ending: _Ending) -> None:
+    def _end(self, handle: Any, ending: _Ending) -> None:
         """End a goal. Whoever waits for its result gets it even if the change of its state could not be published."""
         try:
             ending.change_state()
         finally:
-            active.result.set_result(self._result(ending.code, ending.text))
+            self._server.send_result(handle, self._result(ending.code, ending.text))
 
     def _publish_feedback(self, active: _Active, progress: _Progress) -> None:
         desired, actual, deviations = progress.desired, progress.actual, progress.deviations()
