@@ -44,7 +44,8 @@ def with_control(source: Source, preferred: Interface | None) -> Source:
     text = source.data.get(KEY)
     if not text:
         message = "there is no <ros2_control> block whose interfaces could act"
-        source.problems.append(source.problem(("control",), message, "Leave it out.", chosen))
+        remedy = "Leave it out; actuators or drives of a mechanism file that extends this one hold joints as well."
+        source.problems.append(source.problem(("control",), message, remedy, chosen))
         return source
     if not all(isinstance(source.data.get(key, {}), dict) for key in ("parts", "joints", "actuators", "sensors")):
         return source  # the schema reports it
