@@ -33,12 +33,20 @@ def published(*parameters):
     rclpy.init(args=arguments, domain_id=new_domain())
     try:
         node = SimNode(lambda: None)
-        found = dict(node.get_publisher_names_and_types_by_node("sim_node", "/"))
+        found = {each.topic_name: [type_name(each.msg_type)] for each in node.publishers}
         recorded = node.publishing_thread.recorded_topics()
         node.destroy_node()
         return {name: types for name, types in found.items() if name not in RCLPY_TOPICS}, recorded
     finally:
         rclpy.try_shutdown()
+
+
+def type_name(message_type):
+    """The name of a message type.
+
+    The graph is not asked: it may contain a node of this name that has ended, and topics of actions.
+    """
+    return f"{message_type.__module__.split('.')[0]}/msg/{message_type.__name__}"
 
 
 def resolved(topic):
