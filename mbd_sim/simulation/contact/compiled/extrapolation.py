@@ -27,7 +27,7 @@ DIVERGING = 3  # sequences, from which on each must be better than the one befor
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 NEWTON_STEPS = 8
 EXACT = 1e-14  # of the natural speed, slip across the direction of friction at the end of a part
-MOST_REDUCED = 10.0  # error of slip across its direction, that friction will soon have taken away
+MOST_REDUCED = 10.0  # what divides, at most, an error of slip across its direction, which friction will take away
 CONVERGED = 1e-12  # of the natural speed: what round-off may leave of that
 
 
