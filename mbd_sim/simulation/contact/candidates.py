@@ -41,15 +41,17 @@ ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 @dataclass(frozen=True)
 class Forced:
-    """What an event has decided: gaps that `open`, and friction elements that begin to slide.
+    """What an event has decided: gaps that `open`, and friction elements that begin to slide, or go on sliding.
 
     `yielding` elements have reached their limit; they slide in the direction in which their forces and accelerations
-    agree. Those that are `overloaded` would exceed their limit as they share the load between events.
+    agree, or in that of their slip. Those that are `overloaded` would exceed their limit as they share the load between
+    events. Those that are `sliding` do not stop, however slow they are: the event is another one.
     """
 
     open: frozenset[int] = frozenset()
     yielding: frozenset[int] = frozenset()
     overloaded: frozenset[int] = frozenset()
+    sliding: frozenset[int] = frozenset()
 
 
 NOTHING_FORCED = Forced()
@@ -78,7 +80,8 @@ class Candidates:
             if gap is not None and gap not in self._touching:
                 continue
             slip = readings.rates[list(rows)]
-            if (speed := euclidean_norm(slip)) > (RESTING if len(rows) == 1 else STOPPED) * model.speeds[rows[0]]:
+            slowest = RESTING if len(rows) == 1 or index in forced.yielding | forced.sliding else STOPPED
+            if (speed := euclidean_norm(slip)) > slowest * model.speeds[rows[0]]:
                 self._direction[index] = slip / speed
             elif terms.sizes[index, 1] > 0.0 and gap not in forced.open:
                 self._sticking.append(index)
@@ -178,6 +181,7 @@ class Candidates:
         """Forces and accelerations; where friction at rest that is shared almost balances, with what it lacks.
 
         Whether it can bear that is decided by its reserve: elastic supports yield without bound as it is used up.
+        Rows that cannot all rest, as of two wheels on one axle while it rolls over, have to slide.
         """
         chosen = [gap for gap in self._closable if forces[gap] > 0.0]
         chosen += [row for index in self._sticking for row in self._model.frictions[index][0]]
@@ -188,7 +192,10 @@ class Candidates:
         change, scale = least_solution(matrix, -rates[chosen], own), np.sqrt(own)
         if np.max(np.abs(scale * change)) > NEARLY * np.max(np.abs(scale * forces[chosen])):
             return forces, rates
-        return forces + product(self._unit[:, chosen], change), rates + product(self._coupled[:, chosen], change)
+        balanced = rates + product(self._coupled[:, chosen], change)
+        if np.any(np.abs(balanced[chosen]) > self._unmoved[chosen]):
+            return forces, rates
+        return forces + product(self._unit[:, chosen], change), balanced
 
     def _with_reserve(self, forces: Array) -> Array:
         """Other friction at rest with the same effect, as far from its limits as possible."""

@@ -116,6 +116,9 @@ def _followers(problem: ContactProblem, forces: Array, closed: Sequence[int]) ->
 
 
 SWEEPS = 400
+STIFFER, LEAST_RATIO = 10.0, 1.01  # ratios of the softnesses of supports that become rigid, from one to the next
+RIGID = 1e-13  # softness that is not distinguished from that of rigid ones
+FOLLOWED = 1e-12  # residual up to which forces of such supports are accepted
 SOFTNESSES = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, SOFTNESS)  # of supports, one after the other
 STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
 
@@ -255,22 +258,49 @@ def _quick(problem: ContactProblem) -> tuple[Array | None, Array | None]:
         polished, residual = _newton(problem, forces)
         if residual <= ACCURATE:
             return polished, start
-    return None, start
+    return (None if start is None else _with_fast_rates(problem, start, SOFTNESS)), start
+
+
+def _continued(problem: ContactProblem) -> Array | None:
+    """The solution that the forces of elastic supports approach as these become rigid, step by step; or None.
+
+    Where rows at rest depend on each other and their rates differ a little, as of two wheels on one axle while it rolls
+    over, some must slide: friction is at its limit though the rates are small beside it.
+    """
+    forces, softness, ratio = np.zeros(len(problem.free)), STIFFER, STIFFER
+    while softness > RIGID and ratio > LEAST_RATIO:
+        found = _with_fast_rates(_softened(problem, softness / ratio), forces, softness / ratio)
+        if found is None:
+            ratio = math.sqrt(ratio)
+            continue
+        forces, softness, ratio = found, softness / ratio, min(STIFFER, ratio**2)
+        if (rigid := _with_fast_rates(problem, forces, softness)) is not None:
+            return rigid
+    return None
+
+
+def _with_fast_rates(problem: ContactProblem, start: Array, softness: float) -> Array | None:
+    """The solution by Newton's method from a `start`, or None. Rates times a factor have the same one.
+
+    Beside forces of size 1, rates of the size of the `softness` then tell what slides.
+    """
+    for factor in (1.0, softness**-0.5, 1.0 / softness):
+        faster = replace(problem, matrix=factor * problem.matrix, free=factor * problem.free)
+        polished, residual = _newton(problem, _newton(faster, start)[0])
+        if residual <= FOLLOWED:
+            return polished
+    return None
 
 
 def _solution(problem: ContactProblem, found: Array | None, start: Array | None) -> Array:
-    """The solution that `_quick` has `found`, or else one by sweeps."""
+    """The solution that `_quick` has `found`, or else the one that those of elastic supports approach."""
     if found is not None:
         return found
     if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
         raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
-    swept = np.zeros(len(problem.free)) if start is None else start
-    for _ in range(20):
-        swept = _sweep(problem, swept)
-        polished, residual = _newton(problem, swept)
-        if residual <= ACCURATE:
-            return polished
-    raise NoSolutionError("no forces satisfy the conditions of all contacts")
+    if (continued := _continued(problem)) is None:
+        raise NoSolutionError("no forces satisfy the conditions of all contacts")
+    return continued
 
 
 def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:

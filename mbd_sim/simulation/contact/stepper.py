@@ -144,10 +144,12 @@ class OneSidedStepper:
         touched = reached[: layout.gaps] & ~closed
         opening[reached[: layout.gaps] & closed] = 1
         at_limit = reached[layout.gaps : layout.gaps + len(self._model.frictions)]
-        at_limit[self._model.sliding(modes)] = False
+        sliding = self._model.sliding(modes)
+        at_limit[sliding] = False
         yielding[at_limit] = 1
-        decided = (frozenset(np.flatnonzero(marks).tolist()) for marks in (opening, yielding))
-        self._resolve(time, y, inputs, Forced(*decided), touched, elastic)
+        open_, yields = (frozenset(np.flatnonzero(marks).tolist()) for marks in (opening, yielding))
+        goes_on = frozenset(sliding) if np.any(reached) else frozenset[int]()
+        self._resolve(time, y, inputs, Forced(open_, yields, sliding=goes_on), touched, elastic)
         self._record_changes(time, old, modes)
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
         return SAME if is_same else CHANGED

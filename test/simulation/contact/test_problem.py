@@ -130,3 +130,23 @@ def test_friction_at_rest_is_least_within_its_limits_in_any_order(seed):
     moved = [row for contact in order for row in (2 * contact, 2 * contact + 1)]
     other = contact_forces(ContactProblem((rows @ rows.T)[moved][:, moved], free[moved], [], limits))
     assert other == pytest.approx(found[moved], abs=1e-9)
+
+
+def wheels_on_an_axle(seed):
+    """Of each contact, one row of friction is along the axle: these are the same, but for their rates."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 5))
+    gradient = random.normal(size=(3 * n, 3 * n))
+    gradient[:n] = 0.3 * gradient[:n] + np.eye(n, 3 * n)
+    along = [n + 2 * contact + 1 for contact in range(n)]
+    gradient[along] = gradient[along[0]]
+    free = np.concatenate([random.uniform(-15.0, -5.0, n), random.normal(size=2 * n)])
+    free[along] = free[along[0]] + 10.0 ** random.uniform(-6.0, -1.0) * random.normal(size=n)
+    frictions = [FrictionLimit((n + 2 * k, n + 2 * k + 1), k, float(random.choice([0.5, 1.0]))) for k in range(n)]
+    return ContactProblem(gradient @ gradient.T, free, range(n), frictions)
+
+
+def test_where_rows_depend_on_each_other_and_cannot_all_rest_some_slide():
+    for seed in range(60):
+        problem = wheels_on_an_axle(seed)
+        assert max(violations(problem, contact_forces(problem))) < 1e-9, seed

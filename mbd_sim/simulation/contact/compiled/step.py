@@ -139,7 +139,7 @@ def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: fl
 def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events: Array, counts: Integers) -> int:
     """Take a step with events; y and modes are not restored where it cannot be taken."""
     t, instants, creeping, longest, is_ignored = start, 0, 0, math.inf, False
-    brief, count, status, length, result = BRIEF * (end - start), 0, 0, 0.0, 0
+    brief, count, status, length, result, creeps = BRIEF * (end - start), 0, 0, 0.0, 0, False
     ignored, opening, yielding, found = integers(c.guards), integers(c.gaps), integers(c.frictions), zeros(3)
     for _ in range(MOST_STAGES):
         length = min(end - t, brief) if is_ignored else end - t
@@ -156,6 +156,7 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
             clear(c.gaps, opening)
             clear(c.frictions, yielding)
         if status == EVENT or creeping > CREEPING:
+            creeps = status != EVENT
             creeping = 0
             instants += 1
             if instants > 2 * MOST_EVENTS:
@@ -164,6 +165,8 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
             result = change(c, t, y, inputs, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
             if result < 0:
                 return HARD if result == NOT_SIMPLE else UNSOLVED
+            if creeps and result == SAME:
+                creeping = -MOST_STAGES  # a slip that counts as zero goes on
             is_ignored = (count > 1 and result == SAME) or count > MOST_AT_ONCE
             if not is_ignored:
                 clear(c.guards, ignored)
@@ -224,11 +227,13 @@ def switch(
     :param opening: and `yielding` are what earlier events at this instant have decided, with what this one adds.
     """
     readings, speeds, touched = zeros(readings_size(c)), zeros(c.speeds), integers(c.gaps)
+    sliding, is_stop = integers(c.frictions), True
     if not c.simple:
         return NOT_SIMPLE
     read(c, t, y, inputs, readings)
     for guard in range(c.guards):
         reached[guard] = readings[guard_at(c, guard)] <= c.tolerance
+        is_stop = is_stop and not reached[guard]
     for k in range(c.singles):
         if reached[c.gaps + c.frictions + k]:
             inputs[c.first_mode + 2 * c.rows + c.single_loads[k]] *= -1.0
@@ -240,9 +245,10 @@ def switch(
     for k in range(c.frictions):
         if reached[c.gaps + k] and not slides(c, inputs, k):
             yielding[k] = 1
+        sliding[k] = slides(c, inputs, k) and not is_stop
     for i in range(c.speeds):
         speeds[i] = y[c.first_speed + i]
-    if not resolve(c, t, y, inputs, readings, opening, yielding, touched, elastic, events, counts):
+    if not resolve(c, t, y, inputs, readings, opening, yielding, sliding, touched, elastic, events, counts):
         return NOT_SIMPLE
     record_changes(c, t, old, inputs, events, counts)
     for i in range(c.modes):
@@ -256,12 +262,15 @@ def switch(
 
 def resolve(
     c: Contacts, t: float, y: Array, inputs: Array, readings: Array, opening: Integers, yielding: Integers,
-    touched: Integers, elastic: bool, events: Array, counts: Integers,
+    sliding: Integers, touched: Integers, elastic: bool, events: Array, counts: Integers,
 ) -> bool:  # fmt: skip
-    """Impacts of touching contacts that approach, then the new modes; False where these are not simple."""
+    """Impacts of touching contacts that approach, then the new modes; False where these are not simple.
+
+    :param sliding: 1 for friction that does not stop, however slow it is, unless there are impacts.
+    """
     touching, returning, terms = integers(c.gaps), integers(c.gaps), zeros(terms_size(c))
     impulses, u_change, loss = zeros(c.rows), zeros(c.speeds), zeros(1)
-    none_opening, none_yielding = integers(c.gaps), integers(c.frictions)
+    none_opening, none = integers(c.gaps), integers(c.frictions)
     strikes = False
     for gap in range(c.gaps):
         rate = readings[rate_at(c, gap)] / c.row_speeds[gap]
@@ -270,7 +279,7 @@ def resolve(
         strikes = strikes or (touching[gap] and rate < -RESTING) or returning[gap] != 0
     read_terms(c, t, y, inputs, terms)
     if not strikes:
-        return find_modes(c, t, y, inputs, readings, terms, opening, yielding)
+        return find_modes(c, t, y, inputs, readings, terms, opening, yielding, sliding)
     for gap in range(c.gaps):
         touching[gap] = touching[gap] or c.clutches[gap]  # an impact elsewhere may engage them
     if not impact(c, t, y, inputs, readings, terms, touching, returning, elastic, impulses, u_change, loss):
@@ -278,7 +287,7 @@ def resolve(
     apply(c, t, y, inputs, impulses, u_change, loss[0], events, counts)
     read(c, t, y, inputs, readings)
     read_terms(c, t, y, inputs, terms)
-    return find_modes(c, t, y, inputs, readings, terms, none_opening, none_yielding)
+    return find_modes(c, t, y, inputs, readings, terms, none_opening, none, none)
 
 
 def apply(

@@ -64,7 +64,15 @@ def test_events_have_the_bits_of_before(name):
 
 
 def leaves_all(
-    c: Contacts, t: float, y: Array, inputs: Array, readings: Array, terms: Array, opening: Integers, yielding: Integers
+    c: Contacts,
+    t: float,
+    y: Array,
+    inputs: Array,
+    readings: Array,
+    terms: Array,
+    opening: Integers,
+    yielding: Integers,
+    sliding: Integers,
 ) -> bool:
     """In place of the search for modes; compiled."""
     return False

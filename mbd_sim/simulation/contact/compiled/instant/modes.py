@@ -53,12 +53,13 @@ def is_touching(c: Contacts, readings: Array, gap: int) -> bool:
 
 def find_modes(
     c: Contacts, t: float, y: Array, inputs: Array, readings: Array, terms: Array,
-    opening: Integers, yielding: Integers,
+    opening: Integers, yielding: Integers, sliding: Integers,
 ) -> bool:  # fmt: skip
     """Write the modes at a state without approaching contacts into the inputs; False where they are not simple to find.
 
     :param opening: 1 for gaps that are to open.
     :param yielding: 1 for friction that has reached its limit.
+    :param sliding: 1 for friction that does not stop, however slow it is.
     """
     n, largest = c.rows, 0.0
     s = Search(
@@ -76,7 +77,7 @@ def find_modes(
         s.unmoved[row] = UNMOVED * s.unmoved[row] * (1.0 + largest)
     read_joint_loads(c, t, y, inputs, s.joint_loads)
     for _ in range(ATTEMPTS):
-        begin(c, s, readings)
+        begin(c, s, readings, sliding)
         if not settle(c, s):
             return False
         release(c, s)
@@ -90,7 +91,7 @@ def find_modes(
     return False
 
 
-def begin(c: Contacts, s: Search, readings: Array) -> None:
+def begin(c: Contacts, s: Search, readings: Array, sliding: Integers) -> None:
     """The states of friction before any force is known."""
     s.order[0] = 0
     for k in range(c.frictions):
@@ -100,8 +101,8 @@ def begin(c: Contacts, s: Search, readings: Array) -> None:
         if gap >= 0 and not s.touching[gap]:
             continue
         speed = length_along(c, k, readings[rate_at(c, 0) :])
-        single = c.friction_rows[2 * k + 1] < 0
-        if speed > (RESTING if single else STOPPED) * c.row_speeds[first]:
+        is_exact = c.friction_rows[2 * k + 1] < 0 or sliding[k] or s.yielding[k]
+        if speed > (RESTING if is_exact else STOPPED) * c.row_speeds[first]:
             slide(c, s, k, readings[rate_at(c, 0) :], speed)
         elif friction_size(c, s.terms, k, 1) > 0.0 and (gap < 0 or not s.open[gap]):
             s.states[k] = STICKING
