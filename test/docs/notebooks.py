@@ -63,9 +63,7 @@ def _coarser(words):
     """The words of a command, of a motion or a locus with few positions."""
     most, options = POSITIONS.get(words[1]), ("--drive", "--vary") if words[1] == "modes" else ("--drive",)
     before = ["", *words]
-    return [
-        RANGE.sub(rf"\1:{most}", word) if most and before[at] in options else word for at, word in enumerate(words)
-    ]
+    return [RANGE.sub(rf"\1:{most}", word) if most and before[at] in options else word for at, word in enumerate(words)]
 
 
 @contextlib.contextmanager

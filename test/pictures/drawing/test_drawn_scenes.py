@@ -10,7 +10,6 @@ from mbd_sim.files.text.library import shipped
 from mbd_sim.pictures.drawing.picture import compose
 from mbd_sim.pictures.drawing.sheet import plane_normal, view_of
 from mbd_sim.pictures.shapes.solids import is_invisible
-from mbd_sim.simulation.run.simulation import BaseSimulation
 
 EVERYTHING = """
 mechanism: everything
@@ -42,9 +41,16 @@ forces:
 """
 
 
+def start_poses(mechanism):
+    """The poses of the parts at the start, without machine code."""
+    equations = derive(mechanism)
+    rows = np.array(equations.poses(0.0, equations.start_state)).reshape(-1, 12)
+    return {name: Pose(*pose) for name, *pose in zip(equations.part_names, *unpack_poses(rows), strict=True)}
+
+
 def drawn(text):
-    simulation = BaseSimulation.from_text(text)
-    return compose(simulation.mechanism, simulation.poses())
+    mechanism = parse_mechanism(text)
+    return compose(mechanism, start_poses(mechanism))
 
 
 def overlaps(first, second):
@@ -58,13 +64,6 @@ def test_every_kind_of_joint_shape_and_force_is_drawn_with_its_name():
     assert set("abcdefghi") <= words and {"x", "y", "z", "g"} <= words
     for path in picture.sheet.paths:
         assert path.points.ndim == 2 and path.points.shape[1] == 2 and np.all(np.isfinite(path.points))
-
-
-def start_poses(mechanism):
-    """The poses of the parts at the start, without machine code."""
-    equations = derive(mechanism)
-    rows = np.array(equations.poses(0.0, equations.start_state)).reshape(-1, 12)
-    return {name: Pose(*pose) for name, *pose in zip(equations.part_names, *unpack_poses(rows), strict=True)}
 
 
 @pytest.mark.parametrize("name", sorted(shipped()))
@@ -119,9 +118,9 @@ def test_a_single_particle_can_be_drawn():
     ],
 )
 def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name, normal):
-    simulation = BaseSimulation.from_file(name)
-    found = plane_normal(simulation.mechanism, simulation.poses())
-    view = view_of(simulation.mechanism, simulation.poses())
+    mechanism = load_mechanism(name)
+    poses = start_poses(mechanism)
+    found, view = plane_normal(mechanism, poses), view_of(mechanism, poses)
     assert view.planar == (normal is not None)
     np.testing.assert_allclose(np.cross(view.right, view.up), view.toward, atol=1e-12)
     assert view.right[0] > 0.8 or normal is None
@@ -132,21 +131,15 @@ def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name,
 def test_a_single_slide_is_drawn_in_a_plane_that_contains_it():
     for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 2, 3]):
         text = f"{{mechanism: m, parts: {{p: {{mass: 1}}}}, joints: {{s: {{type: prismatic, between: [ground, p], axis: {axis}}}}}}}"
-        simulation = BaseSimulation.from_text(text)
-        normal = plane_normal(simulation.mechanism, simulation.poses())
+        mechanism = parse_mechanism(text)
+        normal = plane_normal(mechanism, start_poses(mechanism))
         assert abs(normal @ np.array(axis)) < 1e-9
 
 
 def test_gravity_along_the_direction_of_view_is_drawn_end_on():
     flat = load_mechanism("planar_puck")
     assert flat.gravity[2] < 0.0
-    simulation = BaseSimulation(flat)
-    texts = [text.text for text in compose(flat, simulation.poses()).sheet.texts]
+    texts = [text.text for text in compose(flat, start_poses(flat)).sheet.texts]
     assert "g" in texts
-    assert "g" not in [text.text for text in compose(*_without_gravity()).sheet.texts]
-
-
-def _without_gravity():
     text = "{mechanism: m, gravity: [0, 0, 0], parts: {p: {mass: 1, inertia: [1, 1, 1]}}, joints: {f: {type: free, between: [ground, p]}}}"
-    simulation = BaseSimulation(parse_mechanism(text))
-    return simulation.mechanism, simulation.poses()
+    assert "g" not in [text.text for text in drawn(text).sheet.texts]

@@ -17,7 +17,7 @@ from test.recordings.recordings import recorder_in
 from test.recordings.rewriting import rewrite
 from test.recordings.runs import record_run
 
-SAMPLE = 12
+SAMPLE = 8
 
 
 @pytest.fixture(scope="module")
