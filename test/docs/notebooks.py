@@ -71,7 +71,7 @@ def undrawn():
     """Compose pictures, but do not draw them, which takes most of the time of a page: they are empty, or white."""
 
     def touch(figure, path, **_):
-        Path(path).write_bytes(b"")
+        path.write(b"") if hasattr(path, "write") else Path(path).write_bytes(b"")
 
     kept = Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute
     Figure.savefig, Figure.draw_without_rendering = touch, lambda figure: None

@@ -201,7 +201,9 @@ def test_pulling_is_a_wrench_that_ends_with_the_page(node, opened):
     opened.drag(lambda: node.pulls and any(node.pulls[-1][:6]), "a wrench")
     begun = nanoseconds(node.listener.states[-1].header.stamp)
     opened.enter("pin (N*m)", "0.1", lambda: node.listener.states[-1].effort[0] == 0.1, "an effort")
-    opened.until(lambda: nanoseconds(node.listener.states[-1].header.stamp) > begun + 4e9, "4 s, after which it expires")
+    opened.until(
+        lambda: nanoseconds(node.listener.states[-1].header.stamp) > begun + 4e9, "4 s, after which it expires"
+    )
     assert any(node.pulls[-1][:6]), "the page does not repeat it"
     opened.page.close()
     opened.until(
