@@ -10,7 +10,7 @@ from mbd_sim.pictures.drawing.animation import Animation
 from mbd_sim.pictures.drawing.joints import slider_paths
 from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.drawing.symbols import place_joint
-from test.pictures.drawing.test_drawn_scenes import start_poses
+from test.pictures.start import AtStart
 
 POLAR = """
 mechanism: polar_arm
@@ -34,7 +34,7 @@ def test_texts_of_a_drawing_are_texts(tmp_path):
     mechanism = load_mechanism("four_bar")
     svg, pdf = tmp_path / "a.svg", tmp_path / "a.pdf"
     for path in (svg, pdf):
-        draw(mechanism, start_poses(mechanism), path)
+        draw(mechanism, AtStart(mechanism).poses(), path)
     text = svg.read_text(encoding="utf-8")
     assert all(f">{name}</text>" in text for name in ("crank", "coupler", "rocker"))
     assert b"/FontFile2" in pdf.read_bytes()
@@ -44,7 +44,7 @@ def test_texts_of_a_drawing_are_texts(tmp_path):
 @pytest.mark.parametrize("position", [0.8, -0.5, 0.01])
 def test_the_guide_of_a_slider_begins_on_a_part_without_shapes(position):
     """It floated between the arm, of which only the pivot is drawn, and the hand."""
-    simulation = Simulation(parse_mechanism(POLAR.format(position=position, center=[0.1, 0, -0.3])))
+    simulation = AtStart(parse_mechanism(POLAR.format(position=position, center=[0.1, 0, -0.3])))
     poses = simulation.poses()
     page = ScaledView(view_of(simulation.mechanism, poses), 100.0)
     placed = place_joint(page, simulation.mechanism, poses, simulation.mechanism.joints["slide"])
