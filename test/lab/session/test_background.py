@@ -168,6 +168,8 @@ def test_files_that_are_included_are_followed_and_their_mistakes_are_told(kind, 
     assert edited.session.bench is not running
     assert abs(edited.simulation.mass_matrix()[0, 0] / inertia - 1.0) > 0.1
     assert np.array_equal(edited.simulation.q, q)
+    edited.save(text, included)  # it is still followed
+    assert edited.simulation.mass_matrix()[0, 0] == pytest.approx(inertia, rel=0.1)
 
 
 def test_a_file_that_was_missing_is_found_when_it_appears(tmp_path):

@@ -110,6 +110,8 @@ def test_at_a_dead_point_the_drive_turns_back():
             break
     assert "turns back" in bench.message
     assert dead - np.radians(3.0) < max(positions) < dead + 1e-9
+    bench.advance(3 * bench.period)
+    assert bench.message == "" and bench.position < positions[-1]
 
 
 PRESCRIBED = """
