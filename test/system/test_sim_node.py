@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -233,10 +235,15 @@ def test_a_wrong_start_ends_the_node_with_a_reason(
 
 
 def told(arguments: list[str], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> str:
-    """What the program prints with arguments with which it does not start."""
+    """What the program prints with arguments with which it does not start; a node that starts all the same is ended."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(new_domain()))
     monkeypatch.setattr(sys, "argv", ["sim_node", *arguments])
-    assert sim_node.main() == 1
+    end = threading.Timer(30.0, signal.raise_signal, [signal.SIGINT])
+    end.start()
+    try:
+        assert sim_node.main() == 1
+    finally:
+        end.cancel()
     assert not rclpy.ok()
     printed = "".join(capfd.readouterr())
     assert "Traceback" not in printed
