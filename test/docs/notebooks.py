@@ -1,11 +1,16 @@
 """Runs notebooks and snippets of the pages in this process."""
 
+import contextlib
 import re
 import shlex
 import shutil
 import subprocess
 from importlib.util import find_spec
 from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
@@ -50,13 +55,32 @@ WINDOWS = (
 
 
 RANGE = re.compile(r"(.+=.+?:[^:]+)(?::\d+)?\Z")  # NAME=FROM:TO:POSITIONS
-POSITIONS = {"kinematics": 19, "centers": 19, "size": 19, "modes": 7}  # enough for what the pages say
+POSITIONS = {"kinematics": 9, "centers": 9, "size": 9, "modes": 3, "optimize": 9}
+ROWS = re.compile(r"(?<=\\n\" \* )\d+")  # of a table that a page writes; `optimize` takes as many positions
 
 
 def _coarser(words):
     """The words of a command, of a motion or a locus with few positions."""
-    most = POSITIONS.get(words[1])
-    return [RANGE.sub(rf"\1:{most}", word) if most else word for word in words]
+    most, options = POSITIONS.get(words[1]), ("--drive", "--vary") if words[1] == "modes" else ("--drive",)
+    before = ["", *words]
+    return [RANGE.sub(rf"\1:{most}", word) if most and before[at] in options else word for at, word in enumerate(words)]
+
+
+@contextlib.contextmanager
+def undrawn():
+    """Compose pictures, but do not draw them, which takes most of the time of a page: they are empty, or white."""
+
+    def touch(figure, path, **_):
+        path.write(b"") if hasattr(path, "write") else Path(path).write_bytes(b"")
+
+    kept = Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute
+    Figure.savefig, Figure.draw_without_rendering = touch, lambda figure: None
+    FigureCanvasAgg.draw = lambda canvas: canvas.get_renderer()
+    ConstrainedLayoutEngine.execute = lambda engine, figure: None
+    try:
+        yield
+    finally:
+        Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute = kept
 
 
 def snippets(text):
@@ -72,7 +96,7 @@ def execute_snippet(language, code):
     elif language == "python" and "fmpy" in code and not find_spec("fmpy"):
         return  # an extra of the tests
     elif language == "python" and "rclpy" not in code and "Lockstep" not in code:
-        exec(code, {"__name__": "__main__"})
+        exec(ROWS.sub(str(POSITIONS["optimize"]), code), {"__name__": "__main__"})
     elif language == "c":
         Path("main.c").write_text(code, encoding="utf-8")
     elif language == "sh":

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from matplotlib import pyplot as plt
 
-from test.docs.notebooks import cells, execute
+from test.docs.notebooks import cells, execute, undrawn
 
 LEARN = Path(__file__).resolve().parents[2] / "docs" / "learn"
 NOTEBOOKS = sorted(path for path in LEARN.glob("*.md") if path.name != "index.md")
@@ -17,7 +17,7 @@ def test_a_tutorial_runs(path, tmp_path, monkeypatch):
     text = path.read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
-    with plt.rc_context():
+    with plt.rc_context(), undrawn():
         for cell in cells(text):
             execute(cell, names)
         plt.close("all")

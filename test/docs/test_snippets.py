@@ -6,7 +6,8 @@ import pytest
 from matplotlib import pyplot as plt
 
 from mbd_sim.cli.main import main
-from test.docs.notebooks import execute_snippet, snippets
+from mbd_sim.studies.synthesis import global_search
+from test.docs.notebooks import execute_snippet, snippets, undrawn
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -25,8 +26,10 @@ PAGES = [
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_snippets_of_a_page_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for language, code in snippets(page.read_text(encoding="utf-8")):
-        execute_snippet(language, code)
+    monkeypatch.setattr(global_search, "POLISHED", 1)
+    with undrawn():
+        for language, code in snippets(page.read_text(encoding="utf-8")):
+            execute_snippet(language, code)
     plt.close("all")
 
 

@@ -1,6 +1,7 @@
 """The hydraulic lift and the engine: beside their controllers in another process, and against energy balances."""
 
 import math
+import re
 import signal
 from itertools import pairwise
 
@@ -30,15 +31,17 @@ def verified(folder, mechanism):
 
 def test_the_lift_reaches_its_levels_by_commands_of_its_valve_from_another_process(tmp_path):
     options = {**lockstep("hydraulic_scissor_lift", 100), "step_count": 100, **RECORDED}
-    with beside(tmp_path, options, "hydraulic_lift.hydraulic_lift", "targets:=[0.5, 0.4]", "period:=3.0") as experiment:
+    with beside(
+        tmp_path, options, "hydraulic_lift.hydraulic_lift", "targets:=[0.34, 0.33]", "period:=0.5"
+    ) as experiment:
         listener = experiment.listener
-        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 6_000_000_000, "both levels")
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 1_000_000_000, "both levels")
         assert experiment.node.end(signal.SIGINT) == 0
     states = recorded_states(tmp_path / "logs")
-    hinge = states[30000].names.index("hinge")
-    heights = [1.2 * math.sin(states[tick].position[hinge]) for tick in (29900, 59900)]
-    assert heights == pytest.approx([0.5, 0.4], abs=2e-3)
-    assert verified(tmp_path, "hydraulic_scissor_lift").commands["applied_commands"] > 300
+    hinge = states[5000].names.index("hinge")
+    heights = [1.2 * math.sin(states[tick].position[hinge]) for tick in (4900, 9900)]
+    assert heights == pytest.approx([0.34, 0.33], abs=2e-3)
+    assert verified(tmp_path, "hydraulic_scissor_lift").commands["applied_commands"] > 80
 
 
 def test_the_level_is_held_although_oil_leaks_and_the_accounts_close():
@@ -64,17 +67,25 @@ def test_the_level_is_held_although_oil_leaks_and_the_accounts_close():
     assert heights[1] < start - 0.01
 
 
-def test_the_engine_is_started_and_runs_at_its_speeds(tmp_path):
+def test_the_engine_is_started_and_braked_by_another_process_as_by_a_script(tmp_path):
     options = {**lockstep("engine", 200), "step_count": 100, **RECORDED}
-    with beside(tmp_path, options, "engine.engine", "targets:=[300.0, 220.0]", "period:=3.5") as experiment:
+    with beside(tmp_path, options, "engine.engine", "targets:=[300.0, 220.0]", "period:=1.5") as experiment:
         listener = experiment.listener
-        listener.until(lambda: "runs at 2" in experiment.log.read_text(), "both speeds")
+        listener.until(lambda: "runs at" in experiment.log.read_text(), "the first speed")
         assert experiment.node.end(signal.SIGINT) == 0
+    sim, law, speeds, torques = Simulation.from_file("engine"), Dynamometer(), [], []
+    for _ in range(300):
+        speeds.append(sim.u[0])
+        torques.append(law.torque(sim.time, sim.u[0], 300.0))
+        sim.set_commands({"brake": torques[-1]})
+        sim.step(100)
     states = recorded_states(tmp_path / "logs")
-    means = [np.mean([states[100 * n].velocity[0] for n in range(end - 200, end)]) for end in (699, 1399)]
-    assert means == pytest.approx([300.0, 220.0], rel=0.01)
-    assert states[100].effort[0] == pytest.approx(0.3) and states[139900].effort[0] == pytest.approx(-0.075, abs=0.005)
-    assert "runs at 300" in experiment.log.read_text() or "runs at 299" in experiment.log.read_text()
+    mean = np.mean([states[100 * n].velocity[0] for n in range(100, 300)])
+    assert mean == pytest.approx(np.mean(speeds[100:]), rel=0.01)
+    assert states[100].effort[0] == pytest.approx(0.3)
+    assert states[29900].effort[0] == pytest.approx(torques[-1], abs=0.005)
+    told = re.search(r"runs at ([0-9.]+) rad/s", experiment.log.read_text())[1]
+    assert float(told) == pytest.approx(np.mean(speeds[100:]), rel=0.01)
     verified(tmp_path, "engine")
 
 
@@ -121,7 +132,7 @@ def cycle():
     return torque, slope, np.array(ends), works
 
 
-@pytest.mark.parametrize("flywheel", [1e-4, 2e-4, 4e-4])
+@pytest.mark.parametrize("flywheel", [1e-4, 4e-4])
 def test_the_speed_of_the_crank_follows_from_the_work_of_the_gas(cycle, flywheel):
     """½ (J + m (dy/dφ)²) ω² + m g y is the energy at the start plus the work of the gas and the brake."""
     torque, slope, ends, works = cycle

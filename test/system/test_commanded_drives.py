@@ -37,6 +37,7 @@ def test_a_drive_follows_positions_velocities_and_trajectories_and_the_recording
         "record": True,
         "record_dir": "logs",
         "real_time_factor": 4.0,
+        "publish_rate": 25.0,
         "ros2_control": True,
         "actuator_timeout": 0.5,
     }

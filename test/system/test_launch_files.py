@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import os
 import re
 import sys
 import urllib.error
@@ -32,7 +35,8 @@ def test_the_simulation_runs_with_arguments_and_a_file_of_parameters(tmp_path: P
     domain = new_domain()
     listener = Listener(domain, "lab")
     try:
-        with launching(SIMULATION, tmp_path, domain, params_file=str(tmp_path / "live.yaml"), **arguments):
+        arguments["params_file"] = str(tmp_path / "live.yaml")
+        with launching(SIMULATION, tmp_path, domain, forked=True, **arguments):
             listener.until(lambda: len(listener.states) > 5, "states")
             assert listener.states[-1].name == ["pin"]
             assert listener.parameter("joints.pin.damping") == 0.25
@@ -98,19 +102,40 @@ def test_every_launch_argument_reaches_its_node(
     assert {name: type(value) for name, value in passed.items()} == {spec.name: type(spec.default) for spec in specs}
 
 
+def settings(file: Path) -> dict[str, str]:
+    """The arguments that the launch file of an example gives to the simulator."""
+    (line,) = [line for line in file.read_text(encoding="utf-8").splitlines() if line.startswith("SIM = ")]
+    found: dict[str, str] = ast.literal_eval(line.removeprefix("SIM = "))
+    return found
+
+
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.name.partition(".")[0])
-def test_an_example_starts_its_simulation_and_its_program(tmp_path: Path, file: Path) -> None:
-    domain = new_domain()
+def test_an_example_names_programs_and_parameters_that_there_are(tmp_path: Path, file: Path) -> None:
+    assert settings(file).keys() <= {spec.name for spec in SIM_PARAMETERS}
+    load_mechanism(settings(file)["mechanism"])
+    simulator, *programs = launched(file, tmp_path).commands
+    assert Path(simulator[0]).name == "sim_node" and len(programs) == 1
+    for name, *words in programs:
+        (path,) = ROOT.glob(f"mbd_sim/examples/*/{Path(name).name.removeprefix('example_')}.py")
+        assert os.access(name, os.X_OK)
+        module = importlib.import_module(f"mbd_sim.examples.{path.parent.name}.{path.stem}")
+        nodes = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
+        known = {spec.name for one in nodes for spec in getattr(one, "PARAMETERS", ())}
+        given = [yaml.safe_load(Path(word).read_text(encoding="utf-8")) for word in words if word.endswith(".yaml")]
+        assert {key for one in given for key in one["/**"]["ros__parameters"]} <= known
+
+
+def test_an_example_starts_its_simulation_and_its_program(tmp_path: Path) -> None:
+    """As users start it, in processes of their own."""
+    file, domain = ROOT / "launch" / "pd_hold.launch.py", new_domain()
     listener = Listener(domain)
     try:
-        forked = file != EXAMPLES[0]  # which is started as users start it
-        with launching(file, tmp_path, domain, forked=forked, record_dir=str(tmp_path)) as processes:
+        with launching(file, tmp_path, domain, record_dir=str(tmp_path)) as processes:
             assert len(processes) == 2
             listener.until(lambda: len(listener.node.get_node_names()) == 3, "both nodes")
             listener.until(lambda: len(listener.states) > 2, "states")
             assert all(process.poll() is None for process in processes)
-            (name,) = [line for line in file.read_text().splitlines() if line.startswith("SIM = ")]
-            mechanism = load_mechanism(eval(name.removeprefix("SIM = "))["mechanism"])
+            mechanism = load_mechanism(settings(file)["mechanism"])
             assert list(listener.states[-1].name) == list(mechanism.coordinate_names)
         assert list(tmp_path.glob("*.mcap"))
     finally:
@@ -119,7 +144,7 @@ def test_an_example_starts_its_simulation_and_its_program(tmp_path: Path, file: 
 
 def test_a_recording_is_played(tmp_path: Path) -> None:
     bag = record_run(tmp_path, "double_rod", seconds=0.3, seed=1, resets=False)
-    with launching(REPLAY, tmp_path, new_domain(), bag=str(bag), rate="0") as (player,):
+    with launching(REPLAY, tmp_path, new_domain(), forked=True, bag=str(bag), rate="0") as (player,):
         wait_until(lambda: player.poll() is not None, "the end of the recording")
 
 

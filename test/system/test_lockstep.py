@@ -19,11 +19,11 @@ def listener(tmp_path_factory):
         yield received
 
 
-def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(listener):
+def test_control_cycles_give_the_same_bits_as_without_ros(listener):
     sim = as_in_the_node("double_pendulum")
     law, target = PdHold(sim.mechanism, stiffness=15.0, damping=0.4), np.array([2.0, 0.8])
     with Lockstep(steps=4, context=listener.context, timeout=PATIENCE) as lockstep:
-        for cycles in (20, 1000):  # the second time after a reset in mid-motion
+        for cycles in (10, 200):  # the second time after a reset in mid-motion
             state = lockstep.reset()
             sim.reset()
             for cycle in range(cycles):
@@ -78,7 +78,7 @@ def test_actuators_in_lockstep_give_the_same_bits_as_without_ros(tmp_path):
         Lockstep(steps=3, context=listener.context, timeout=PATIENCE) as lockstep,
     ):
         state = lockstep.reset()
-        for cycle in range(100):
+        for cycle in range(40):
             assert (state.q.tolist(), state.u.tolist()) == (sim.q.tolist(), sim.u.tolist()), f"cycle {cycle}"
             target, torque = 0.2 + np.sin(0.1 * cycle), -0.3 * state.u[1] + 0.01
             state = lockstep.command([target, 0.1, torque])

@@ -72,7 +72,7 @@ def test_a_disk_that_does_not_answer_does_not_keep_the_node_from_ending(faulty_d
 
 @pytest.mark.parametrize(
     ("calls", "count", "at_end"),
-    [(0, -1, False), (0, 1, False), (2, -1, True)],
+    [(0, 1, False), (2, -1, True)],
 )
 def test_a_quota_that_is_reached_at_any_call_does_not_keep_the_node_from_ending(
     faulty_disk: Path, tmp_path: Path, calls: int, count: int, at_end: bool

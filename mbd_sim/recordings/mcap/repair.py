@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections import Counter
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -70,26 +70,32 @@ _QOS_KEYS = {
 
 def definition_problem(definitions: Definitions) -> str:
     """Return which topic has no valid definition of its messages, or ""."""
-    from rosbags.typesys import Stores, get_typestore
-
     for channel in definitions.channels.values():
         if channel.schema_id not in definitions.schemas:
             return f"the definition of {channel.topic} is missing"
         if not _is_qos(channel.metadata.get("offered_qos_profiles", "")):
             return f"the QoS profiles of {channel.topic} cannot be read"
-    for schema in definitions.schemas.values():
-        if schema.encoding not in _ENCODINGS:
-            return f"the definition of {schema.name} has the unknown encoding '{schema.encoding}'"
-        try:
-            text = schema.data.decode()
-            if schema.encoding == _TEXT:
-                store = get_typestore(Stores.EMPTY)
-                store.register(_parsed(text, schema.name))
-                store.hash_rihs01(schema.name)  # needs the definitions of all types that it contains
-        except KeyError as error:
-            return f"the definition of {schema.name} lacks that of {error}"
-        except Exception as error:  # the parser raises errors of its own
-            return f"the definition of {schema.name} cannot be read ({error})"
+    found = (_schema_problem(one.name, one.encoding, one.data) for one in definitions.schemas.values())
+    return next(filter(None, found), "")
+
+
+@lru_cache(maxsize=256)  # all files of a run have the same definitions, which take longer to read than their messages
+def _schema_problem(name: str, encoding: str, data: bytes) -> str:
+    """Return what is wrong with a definition, or ""."""
+    from rosbags.typesys import Stores, get_typestore
+
+    if encoding not in _ENCODINGS:
+        return f"the definition of {name} has the unknown encoding '{encoding}'"
+    try:
+        text = data.decode()
+        if encoding == _TEXT:
+            store = get_typestore(Stores.EMPTY)
+            store.register(_parsed(text, name))
+            store.hash_rihs01(name)  # needs the definitions of all types that it contains
+    except KeyError as error:
+        return f"the definition of {name} lacks that of {error}"
+    except Exception as error:  # the parser raises errors of its own
+        return f"the definition of {name} cannot be read ({error})"
     return ""
 
 
@@ -106,7 +112,9 @@ def repair_definitions(definitions: Definitions) -> str:
     problem = ""
     for number, message_types in expected.items():
         schema, message_type = definitions.schemas.get(number), min(message_types)
-        if len(message_types) == 1 and not (schema is not None and _defines(schema, message_type)):
+        if len(message_types) == 1 and not (
+            schema is not None and _defines(schema.name, schema.encoding, schema.data, message_type)
+        ):
             text = definition(message_type).encode()
             definitions.schemas[number] = Schema(id=number, data=text, encoding=_TEXT, name=message_type)
             problem = problem or f"the definition of {message_type} is damaged"
@@ -128,12 +136,13 @@ def _recorded_type(topic: str) -> str:
     return ""
 
 
-def _defines(schema: Schema, message_type: str) -> bool:
+@lru_cache(maxsize=256)
+def _defines(name: str, encoding: str, data: bytes, message_type: str) -> bool:
     """Whether a schema is the definition of a type; comments may differ."""
-    if (schema.name, schema.encoding) != (message_type, _TEXT):
+    if (name, encoding) != (message_type, _TEXT):
         return False
     try:
-        return _parsed(schema.data.decode(), message_type) == _expected(message_type)
+        return _parsed(data.decode(), message_type) == _expected(message_type)
     except Exception:  # the parser raises errors of its own
         return False
 
@@ -149,6 +158,7 @@ def _parsed(text: str, message_type: str) -> Typesdict:
     return get_types_from_msg(text, message_type)
 
 
+@lru_cache(maxsize=256)
 def _is_qos(text: str) -> bool:
     """Whether a text holds rosbag2's QoS profiles, or nothing."""
     try:

@@ -33,7 +33,7 @@ joints:
 actuators:
   drive: {type: dc_motor, joint: rear_hip, torque_constant: 0.05, resistance: 0.8, gear_ratio: 20, control: voltage}
 contacts:
-  floor: {parts: [front.left, front.right, rear.left, rear.right], plane: ground, friction: 0.8}
+  floor: {parts: [front.left, front.right, rear.left, rear.right], plane: ground, friction: 0.8, stiffness: 1e5, damping: 100}
 """
 
 

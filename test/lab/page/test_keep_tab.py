@@ -24,12 +24,8 @@ from test.waiting import PATIENCE
     ("button", "mechanism", "ending", "begins"),
     [
         ("picture", "four_bar", "png", b"\x89PNG"),
-        ("motion", "four_bar", "html", b"<!"),
-        ("motion", "bounce", "html", b"<!"),
         ("motion", "motor_drive", "html", b"<!"),
-        ("animation", "four_bar", "gif", b"GIF"),
         ("animation", "bounce", "gif", b"GIF"),
-        ("animation", "motor_drive", "gif", b"GIF"),
     ],
 )
 def test_what_is_being_made_is_said_and_then_its_name(button, mechanism, ending, begins):

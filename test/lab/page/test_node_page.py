@@ -88,15 +88,9 @@ def node(tmp_path_factory):
             listener.reset()
             listener.until(lambda: listener.states[-1].position[0] == 0.0, "the start, in which nothing moves")
 
-        def is_pulled():
-            """Whether the wrench changes while the mouse stands still, as that of a spring does."""
-            count = len(pulls)
-            listener.spin(0.5)
-            return len(pulls) > count + 5 and any(pulls[-1][:6])
-
         yield SimpleNamespace(
             folder=folder, process=process, listener=listener, pulls=pulls,
-            back_to_the_start=back_to_the_start, is_pulled=is_pulled,
+            back_to_the_start=back_to_the_start,
         )  # fmt: skip
 
 
@@ -154,7 +148,7 @@ def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
     """It would expire after three seconds if nobody repeated it."""
     listener = node.listener
     now = nanoseconds(listener.states[-1].header.stamp)
-    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > now + 5e9, "5 s of the run")
+    opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > now + 4e9, "4 s of the run")
     assert listener.states[-1].effort[0] == 0.15
     assert not [event for event in listener.events if "expired" in event]
 
@@ -201,16 +195,12 @@ def test_inverse_kinematics_puts_the_mechanism_of_the_node(node, opened):
     opened.tab("Change")
 
 
-def test_pulling_is_a_wrench_that_ends_with_the_drag_or_with_the_page(node, opened):
+def test_pulling_is_a_wrench_that_ends_with_the_page(node, opened):
+    """That it is repeated, and ends when the hand lets go, is tested without a browser in session/test_node_session.py."""
     node.back_to_the_start()
     opened.press("Play", lambda: not node.listener.repeats(), "the run")
     opened.drag(lambda: node.pulls and any(node.pulls[-1][:6]), "a wrench")
-    opened.page.mouse.up()
-    opened.until(lambda: not any(node.pulls[-1][:6]), "its end")
-    node.back_to_the_start()
-    opened.drag(node.is_pulled, "a wrench that lasts")
     opened.enter("pin (N*m)", "0.1", lambda: node.listener.states[-1].effort[0] == 0.1, "an effort")
-    opened.until(node.is_pulled, "the wrench still")
     opened.page.close()
     opened.until(
         lambda: "commands expired: effort of pin set to zero" in node.listener.events and not any(node.pulls[-1][:6]),

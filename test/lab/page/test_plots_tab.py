@@ -51,7 +51,7 @@ def test_meters_and_degrees_are_drawn_apart_and_the_reading_has_its_name():
 
 
 def test_every_reading_has_a_unit():
-    for name in ("motor_drive", "hydraulic_scissor_lift", "balancing_pendulum", "cart_servo", "bounce"):
+    for name in ("motor_drive", "balancing_pendulum", "cart_servo", "bounce"):
         for reading in readings_of(Bench.of(load_mechanism(name))):
             assert reading.endswith(")"), (name, reading)
     assert "velocity of drive (rad/s)" in readings_of(Bench.of(load_mechanism("motor_drive")))

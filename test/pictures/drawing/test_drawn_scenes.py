@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from mbd_sim.base.geometry.pose import Pose, unpack_poses
-from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.files.text.library import shipped
 from mbd_sim.pictures.drawing.picture import compose
 from mbd_sim.pictures.drawing.sheet import plane_normal, view_of
 from mbd_sim.pictures.shapes.solids import is_invisible
-from mbd_sim.simulation.run.simulation import BaseSimulation
+from test.pictures.start import AtStart
 
 EVERYTHING = """
 mechanism: everything
@@ -43,8 +41,8 @@ forces:
 
 
 def drawn(text):
-    simulation = BaseSimulation.from_text(text)
-    return compose(simulation.mechanism, simulation.poses())
+    mechanism = parse_mechanism(text)
+    return compose(mechanism, AtStart(mechanism).poses())
 
 
 def overlaps(first, second):
@@ -60,17 +58,10 @@ def test_every_kind_of_joint_shape_and_force_is_drawn_with_its_name():
         assert path.points.ndim == 2 and path.points.shape[1] == 2 and np.all(np.isfinite(path.points))
 
 
-def start_poses(mechanism):
-    """The poses of the parts at the start, without machine code."""
-    equations = derive(mechanism)
-    rows = np.array(equations.poses(0.0, equations.start_state)).reshape(-1, 12)
-    return {name: Pose(*pose) for name, *pose in zip(equations.part_names, *unpack_poses(rows), strict=True)}
-
-
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_every_shipped_mechanism_fits_its_sheet_and_names_do_not_cover_each_other(name):
     mechanism = load_mechanism(name)
-    picture = compose(mechanism, start_poses(mechanism))
+    picture = compose(mechanism, AtStart(mechanism).poses())
     low, high = picture.sheet.bounds()
     assert np.all(low >= -0.5) and np.all(high <= picture.size + 0.5)
     assert picture.size[0] <= 680.0
@@ -119,9 +110,9 @@ def test_a_single_particle_can_be_drawn():
     ],
 )
 def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name, normal):
-    simulation = BaseSimulation.from_file(name)
-    found = plane_normal(simulation.mechanism, simulation.poses())
-    view = view_of(simulation.mechanism, simulation.poses())
+    mechanism = load_mechanism(name)
+    poses = AtStart(mechanism).poses()
+    found, view = plane_normal(mechanism, poses), view_of(mechanism, poses)
     assert view.planar == (normal is not None)
     np.testing.assert_allclose(np.cross(view.right, view.up), view.toward, atol=1e-12)
     assert view.right[0] > 0.8 or normal is None
@@ -132,21 +123,15 @@ def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name,
 def test_a_single_slide_is_drawn_in_a_plane_that_contains_it():
     for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 2, 3]):
         text = f"{{mechanism: m, parts: {{p: {{mass: 1}}}}, joints: {{s: {{type: prismatic, between: [ground, p], axis: {axis}}}}}}}"
-        simulation = BaseSimulation.from_text(text)
-        normal = plane_normal(simulation.mechanism, simulation.poses())
+        mechanism = parse_mechanism(text)
+        normal = plane_normal(mechanism, AtStart(mechanism).poses())
         assert abs(normal @ np.array(axis)) < 1e-9
 
 
 def test_gravity_along_the_direction_of_view_is_drawn_end_on():
     flat = load_mechanism("planar_puck")
     assert flat.gravity[2] < 0.0
-    simulation = BaseSimulation(flat)
-    texts = [text.text for text in compose(flat, simulation.poses()).sheet.texts]
+    texts = [text.text for text in compose(flat, AtStart(flat).poses()).sheet.texts]
     assert "g" in texts
-    assert "g" not in [text.text for text in compose(*_without_gravity()).sheet.texts]
-
-
-def _without_gravity():
     text = "{mechanism: m, gravity: [0, 0, 0], parts: {p: {mass: 1, inertia: [1, 1, 1]}}, joints: {f: {type: free, between: [ground, p]}}}"
-    simulation = BaseSimulation(parse_mechanism(text))
-    return simulation.mechanism, simulation.poses()
+    assert "g" not in [text.text for text in drawn(text).sheet.texts]

@@ -9,7 +9,7 @@ from mbd_sim.files.load import parse_mechanism
 from mbd_sim.pictures.drawing.forces import AWAY, LETTER, MOTOR, drive_paths, force_paths
 from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.shapes.joints import coordinate_frame, driven_coordinates, has_cylinder
-from mbd_sim.simulation.run.simulation import BaseSimulation
+from test.pictures.start import AtStart
 
 TEXT = """
 mechanism: text
@@ -24,13 +24,13 @@ joints:
 
 def drawn(text, page):
     mechanism = parse_mechanism(TEXT + text)
-    poses = BaseSimulation(mechanism).poses()
+    poses = AtStart(mechanism).poses()
     return drive_paths(page, mechanism, poses) + force_paths(page, mechanism, poses)
 
 
 @pytest.fixture
 def page():
-    simulation = BaseSimulation.from_text(TEXT)
+    simulation = AtStart.from_text(TEXT)
     return ScaledView(view_of(simulation.mechanism, simulation.poses()), 100.0)
 
 
@@ -45,7 +45,7 @@ def test_a_motor_is_a_circle_with_an_m_beside_its_joint(page):
 def test_an_effort_along_a_line_is_an_arrow_in_its_positive_direction(page, sign, axis):
     text = TEXT.replace("axis: [1, 0, 0]", f"axis: {axis}") + "forces: {e: {type: effort, coordinate: rail, effort: 1}}"
     mechanism = parse_mechanism(text)
-    line, head = drive_paths(page, mechanism, BaseSimulation(mechanism).poses())
+    line, head = drive_paths(page, mechanism, AtStart(mechanism).poses())
     assert np.sign(line.points[-1] - line.points[0])[0] == sign and len(head.points) >= 3
 
 
@@ -68,7 +68,7 @@ SEVERAL = TEXT.replace("[ground, ball]", "[ground, ball], position: [0.5, 0, 2]"
 @pytest.mark.parametrize("coordinate, direction", [("free.x", [1, 0, 0]), ("free.z", [0, 0, 1])])
 def test_an_effort_on_one_of_several_coordinates_is_an_arrow_at_the_moved_part(page, coordinate, direction):
     mechanism = parse_mechanism(SEVERAL + f"forces: {{e: {{type: effort, coordinate: {coordinate}, effort: 1}}}}")
-    line, _ = drive_paths(page, mechanism, BaseSimulation(mechanism).poses())
+    line, _ = drive_paths(page, mechanism, AtStart(mechanism).poses())
     along = line.points[-1] - line.points[0]
     expected = page.direction(np.array(direction, dtype=float))
     assert along @ expected == pytest.approx(np.hypot(*along) * np.hypot(*expected))
@@ -80,7 +80,7 @@ def test_symbols_at_one_joint_do_not_cover_each_other(page):
     actuators = "".join(f"m{n}: {{type: effort, joint: {name}}}, " for n, name in enumerate(names[:2]))
     forces = "".join(f"e{n}: {{type: effort, coordinate: {name}, effort: 1}}, " for n, name in enumerate(names))
     mechanism = parse_mechanism(PLANAR + f"actuators: {{{actuators}}}\nforces: {{{forces}}}\n")
-    paths = drive_paths(page, mechanism, BaseSimulation(mechanism).poses())
+    paths = drive_paths(page, mechanism, AtStart(mechanism).poses())
     centers = [path.points.mean(axis=0) for path in paths if path.closed]
     assert min(np.hypot(*(a - b)) for a, b in combinations(centers, 2)) > 2.0
 

@@ -7,14 +7,14 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
 from mbd_sim.cli.main import main
 from mbd_sim.pictures.drawing import DrawingError, draw
+from test.pictures.start import AtStart
 
 
 @pytest.fixture(scope="module")
 def pendulum():
-    return Simulation.from_file("cart_pendulum_spring")
+    return AtStart.from_file("cart_pendulum_spring")
 
 
 def test_a_png_is_readable_at_800_pixels_and_not_empty(pendulum, tmp_path):
@@ -92,7 +92,7 @@ def test_an_actuator_between_two_points_is_drawn_as_a_damper_between_them(tmp_pa
     damper = "forces: {push: {type: damper, between: [ground, bob.top], coefficient: 1}}"
     paths = []
     for name, section in (("actuator", actuator), ("damper", damper), ("plain", "")):
-        simulation = Simulation.from_text(text.replace("SECTION", section))
+        simulation = AtStart.from_text(text.replace("SECTION", section))
         draw(simulation.mechanism, simulation.poses(), tmp_path / f"{name}.svg")
         paths.append((tmp_path / f"{name}.svg").read_text().count("<path"))
     assert paths[0] == paths[1] != paths[2]

@@ -7,6 +7,7 @@ from mbd_sim import Simulation
 from mbd_sim.pictures.drawing import symbols
 from mbd_sim.pictures.drawing.picture import draw
 from mbd_sim.pictures.drawing.symbols import hanging
+from test.pictures.start import AtStart
 
 DOWN = np.array([0.0, 0.0, -1.0])
 SLING = """
@@ -55,6 +56,6 @@ def test_a_rope_is_straight_until_it_goes_slack(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(("length", "corners"), [(2.0 * np.hypot(0.6, 0.5), 3), (1.8, 66)])
 def test_the_parts_of_a_cable_share_its_slack(monkeypatch, tmp_path, length, corners):
-    line = line_of(monkeypatch, tmp_path, Simulation.from_text(SLING.replace("LENGTH", f"{length:.17g}")))
+    line = line_of(monkeypatch, tmp_path, AtStart.from_text(SLING.replace("LENGTH", f"{length:.17g}")))
     assert len(line) == corners
     assert length_of(line) == pytest.approx(length, abs=1e-9)

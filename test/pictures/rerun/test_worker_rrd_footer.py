@@ -7,7 +7,7 @@ import pytest
 import rerun_cli
 
 from mbd_sim import Simulation
-from mbd_sim.pictures.rerun import Viewer, worker
+from mbd_sim.pictures.rerun import worker
 from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
 from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.rerun.worker import add_footer
@@ -54,11 +54,3 @@ def test_a_file_that_cannot_be_rewritten_stays_as_it_is(without_footer, tmp_path
     assert without_footer.read_bytes() == before
     assert {path.name for path in tmp_path.iterdir()} == {"a.rrd", "rerun"}
     add_footer(tmp_path / "missing.rrd")
-
-
-def test_the_file_of_a_run_has_a_footer_and_rerun_prints_no_warning(tmp_path, capfd):
-    sim = Simulation.from_file("rod_pendulum")
-    with Viewer(sim.model, str(tmp_path / "a.rrd")) as viewer:
-        viewer.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
-    assert tuple(capfd.readouterr()) == ("", "")  # also of the process that writes
-    assert check(tmp_path / "a.rrd") == ""

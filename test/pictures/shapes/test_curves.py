@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.mechanism.elements.constraints import Surface
@@ -11,6 +10,7 @@ from mbd_sim.pictures.drawing.constraints import constraint_curves
 from mbd_sim.pictures.drawing.picture import compose
 from mbd_sim.pictures.drawing.sheet import view_of
 from mbd_sim.pictures.shapes.curves import follow_curve, section_lines
+from test.pictures.start import AtStart
 
 SURFACE = """
 mechanism: surface
@@ -28,11 +28,11 @@ def lines_of(simulation):
 
 def drawn_surface(place, equation, frame="ground"):
     text = SURFACE.replace("PLACE", place).replace("EQUATION", equation).replace("FRAME", frame)
-    return lines_of(Simulation.from_text(text))
+    return lines_of(AtStart.from_text(text))
 
 
 def test_a_curve_is_followed_in_both_directions_over_its_whole_length():
-    (curve,) = lines_of(Simulation.from_file("bead_on_wire"))
+    (curve,) = lines_of(AtStart.from_file("bead_on_wire"))
     x, y, z = curve.points.T
     np.testing.assert_allclose(y, 0.3 * np.sin(4.0 * x), atol=1e-9)
     np.testing.assert_allclose(z, (x**2 + y**2) / 1.6, atol=1e-9)
@@ -42,7 +42,7 @@ def test_a_curve_is_followed_in_both_directions_over_its_whole_length():
 
 
 def test_a_sphere_has_a_round_outline_and_lines_on_both_sides():
-    simulation = Simulation.from_file("insect_on_sphere")
+    simulation = AtStart.from_file("insect_on_sphere")
     toward = view_of(simulation.mechanism, simulation.poses()).toward
     lines = lines_of(simulation)
     for line in lines:
@@ -78,7 +78,7 @@ def test_the_frame_of_the_equations_is_used():
 
 
 def test_in_a_planar_view_only_the_section_is_drawn():
-    simulation = Simulation.from_text("""
+    simulation = AtStart.from_text("""
 mechanism: bowl
 parts: {carrier: {mass: 0}, p: {mass: 1}}
 joints:

@@ -101,6 +101,7 @@ def test_a_damaged_definition_is_replaced(run, tmp_path, old, new):
     [
         (b"ros2msg", b"rosrmsg", "std_msgs/msg/String has the unknown encoding 'rosrmsg'"),
         (b"string data", b"strinh data", "the definition of std_msgs/msg/String lacks that of 'std_msgs/msg/strinh'"),
+        (b"reliability", b"reliabilitz", "the QoS profiles of /text cannot be read"),
         (b"# This", b"\xff This", "the definition of std_msgs/msg/String cannot be read ('utf-8' codec"),
     ],
 )

@@ -13,6 +13,7 @@ from mbd_sim.recordings.run.metadata import RecomputeError
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.recomputation import Recomputation
 from mbd_sim.recordings.run.verification import verify
+from test.docs.notebooks import undrawn
 from test.recordings.runs import record_run
 
 
@@ -93,8 +94,10 @@ def test_a_live_value_may_be_given_where_its_formula_is_not_defined(tmp_path):
 
 def test_both_runs_are_plotted_and_the_deviations_printed(run, tmp_path, capsys):
     picture = tmp_path / "x.png"
-    assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(picture), "--quiet"]) == 0
-    assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 20_000
+    with undrawn():
+        options = ["--set", "joints.elbow.damping=0.2", "--plot", str(picture), "--quiet"]
+        assert main(["rerun-with", str(run), *options]) == 0
+    assert picture.exists()
     out = capsys.readouterr().out
     assert "with joints.elbow.damping = 0.2" in out and "elbow position" in out and "t = " in out
 

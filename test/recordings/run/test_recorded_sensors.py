@@ -88,7 +88,7 @@ def test_the_recorded_run_is_shown_and_exported_like_others(run, tmp_path):
     assert "shoulder" in header and "elbow" in header
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["imu", "encoder", "odometry"])
 def test_a_damaged_measurement_is_found(run, tmp_path, name):
     topic = f"/sim_node/sensors/{name}"
     count = sum(message.topic == topic for message in open_recording(run).messages())

@@ -17,7 +17,7 @@ from mbd_sim.recordings.run.verification import verify
 from test.recordings.runs import ACTIONS, drive, stepped_node
 
 CHAIN = """mechanism: chain
-parameters: {n: 4, l: 40 cm, w: 4 rad/s, m: 0.3 kg}
+parameters: {n: 3, l: 40 cm, w: 4 rad/s, m: 0.3 kg}
 
 functions:
   taper(i): 1 - i/(2*n)
@@ -54,10 +54,10 @@ def files(chain, tmp_path_factory) -> list[Path]:
     """A run with commands, wrenches, live values and resets, in two files, the second begun in the middle."""
     folder, chance = tmp_path_factory.mktemp("run"), random.Random(12)
     with stepped_node(folder, str(chain)) as node:
-        assert {"parameters.w", "joints.pin_4.damping"} <= set(node.simulation.live)
+        assert {"parameters.w", "joints.pin_3.damping"} <= set(node.simulation.live)
         drive(node, 0.5, 10, chance, ACTIONS)
-        node.stepping_thread.set_live({"joints.pin_3.damping": 0.1})
-        node.commands.by_order([0.0, 0.1, 0.0, -0.1])
+        node.stepping_thread.set_live({"joints.pin_2.damping": 0.1})
+        node.commands.by_order([0.0, 0.1, -0.1])
         done, answer = node.publishing_thread.recordings.split()
         assert done, answer
         drive(node, 0.5, 10, chance, ACTIONS)
@@ -74,16 +74,16 @@ def test_both_files_of_a_split_recording_are_verified(files):
 
 def test_a_changed_live_value_is_that_of_one_entry(chain, files, tmp_path, capsys):
     out = tmp_path / "damped.mcap"
-    changes = ["--set", "joints.pin_4.damping=0.2", "--set", "l=0.5"]
+    changes = ["--set", "joints.pin_3.damping=0.2", "--set", "l=0.5"]
     assert main(["rerun-with", str(files[0]), *changes, "--out", str(out), "--quiet"]) == 0
-    assert "with joints.pin_4.damping = 0.2" in capsys.readouterr().out
+    assert "with joints.pin_3.damping = 0.2" in capsys.readouterr().out
     assert [one.agrees for one in verify(out)] == [True]
     mechanism = Recomputation(open_recording(out).files[0]).simulation.mechanism
-    expected = with_values(load_mechanism(chain), {"joints.pin_4.damping": 0.2, "l": 0.5})
+    expected = with_values(load_mechanism(chain), {"joints.pin_3.damping": 0.2, "l": 0.5})
     assert {name: joint.damping.tolist() for name, joint in mechanism.joints.items()} == {
         name: joint.damping.tolist() for name, joint in expected.joints.items()
     }
-    assert mechanism.parts["link_4"].mass == expected.parts["link_4"].mass
+    assert mechanism.parts["link_3"].mass == expected.parts["link_3"].mass
 
 
 def test_a_parameter_of_a_function_changes_all_of_its_calls(chain, tmp_path):
@@ -100,8 +100,8 @@ def test_a_parameter_of_a_function_changes_all_of_its_calls(chain, tmp_path):
 
 
 def test_another_number_of_entries_is_another_mechanism(files, capsys):
-    assert main(["rerun-with", str(files[0]), "--set", "n=5", "--quiet"]) == 1
+    assert main(["rerun-with", str(files[0]), "--set", "n=4", "--quiet"]) == 1
     error = capsys.readouterr().err
-    assert "other coordinates ('pin_5' is added)" in error and "mbd_sim run" in error
-    assert main(["rerun-with", str(files[0]), "--set", "n=3", "--quiet"]) == 1
-    assert "other coordinates ('pin_4' is missing)" in capsys.readouterr().err
+    assert "other coordinates ('pin_4' is added)" in error and "mbd_sim run" in error
+    assert main(["rerun-with", str(files[0]), "--set", "n=2", "--quiet"]) == 1
+    assert "other coordinates ('pin_3' is missing)" in capsys.readouterr().err

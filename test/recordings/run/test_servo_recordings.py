@@ -28,15 +28,10 @@ DC = "type: dc_motor, joint: pin, torque_constant: 0.1, resistance: 1, gear_rati
 DAMPING = "joints.rail.damping"
 SERVOS = {
     "position": f"{{{EFFORT}, servo: {{controls: position, kp: kp, kd: kd}}}}",
-    "position, proportional": f"{{{EFFORT}, servo: {{controls: position, kp: kp}}}}",
-    "position, integral": f"{{{EFFORT}, servo: {{controls: position, kp: kp, ki: 3, kd: kd}}}}",
     "position, sampled": f"{{{EFFORT}, delay: 4 ms, servo: {{controls: position, kp: kp, kd: kd, sample_rate: 50}}}}",
-    "velocity": f"{{{EFFORT}, servo: {{controls: velocity, kp: kp}}}}",
     "velocity, integral": f"{{{EFFORT}, servo: {{controls: velocity, kp: kp, ki: 3}}}}",
-    "velocity, feedforward": f"{{{EFFORT}, servo: {{controls: velocity, kp: kp, velocity_feedforward: 0.5}}}}",
-    "velocity, rate limit": f"{{{EFFORT}, servo: {{controls: velocity, kp: kp, rate_limit: 2}}}}",
+    "velocity, feedforward, rate limit": f"{{{EFFORT}, servo: {{controls: velocity, kp: kp, velocity_feedforward: 0.5, rate_limit: 2}}}}",
     "voltage": f"{{{DC}, voltage_limit: 12, inductance: 2 mH, servo: {{controls: position, kp: kp, kd: kd}}}}",
-    "voltage without a limit": f"{{{DC}, servo: {{controls: velocity, kp: kp}}}}",
     "current": f"{{{DC}, control: current, current_limit: 5, servo: {{controls: position, kp: kp}}}}",
     "no servo": f"{{{EFFORT}}}",
 }
@@ -62,8 +57,8 @@ def require_verified(path, commands):
     assert verification.commands.get("applied_commands", 0) == commands
 
 
-# each kind in a script or in the lab, and the first, whose tracking time is infinite, in both
-@pytest.mark.parametrize("name", [*list(SERVOS)[::2], "no servo"])
+# the first, whose tracking time is infinite, in a script, in the lab and in a node
+@pytest.mark.parametrize("name", ["position", "velocity, integral", "voltage", "no servo"])
 def test_a_script_with_live_gains(name, tmp_path):
     simulation = Simulation.from_text(text_of(name), live=live_of(name))
     for path in (tmp_path / "fresh.mcap", tmp_path / "middle.mcap"):
@@ -75,7 +70,7 @@ def test_a_script_with_live_gains(name, tmp_path):
         require_verified(path, 1)
 
 
-@pytest.mark.parametrize("name", [next(iter(SERVOS)), *list(SERVOS)[1::2]])
+@pytest.mark.parametrize("name", ["position", "position, sampled", "velocity, feedforward, rate limit", "current"])
 def test_a_lab(name, tmp_path):
     """It lets all gains change, and restores states within a recording when it is wound back."""
     session = OwnSession(Bench.of(parse_mechanism(text_of(name))), running=False)
@@ -95,11 +90,10 @@ def test_a_lab(name, tmp_path):
         assert verification.agrees
 
 
-@pytest.mark.parametrize("name", ["position", "velocity", "no servo"])
-def test_a_node_with_live_gains(name, tmp_path):
+def test_a_node_with_live_gains(tmp_path):
     file = tmp_path / "cart.yaml"
-    file.write_text(text_of(name))
-    with stepped_node(tmp_path, str(file), live=f"'{', '.join(live_of(name))}'") as node:
+    file.write_text(text_of("position"))
+    with stepped_node(tmp_path, str(file), live=f"'{', '.join(live_of('position'))}'") as node:
         node.stepping_thread.step(30)
         path = node.publishing_thread.recorder.path
     require_verified(path, 0)

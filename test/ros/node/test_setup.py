@@ -1,8 +1,6 @@
 """A start that takes long says what it does, for how long so far, and when it is done."""
 
 import logging
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pytest
@@ -78,9 +76,3 @@ def test_without_viser_the_node_says_how_to_install_it_and_goes_on(monkeypatch):
     assert said == [
         "The lab needs viser, which is not installed. Install it with: pip install viser. The run has no page."
     ]
-
-
-def test_a_node_without_a_page_imports_nothing_of_it():
-    program = "import sys, mbd_sim.ros.node.sim_node; print([m for m in sys.modules if m.startswith('mbd_sim.lab')])"
-    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert found.stdout == "[]\n"
