@@ -19,7 +19,6 @@ from test.generators.mechanisms import violation
 CHANGE_POINTS = {
     "parallelogram": ((1.5, 0.5, 1.5, 0.5), (90, -90, 90)),
     "antiparallelogram": ((1.5, 0.5, 1.5, 0.5), (90, -130, -60)),
-    "kite": ((1.0, 1.0, 2.0, 2.0), (90, -60, 110)),
     "short kite": ((1.5, 0.5, 0.5, 1.5), (60, -100, 150)),
     "of four lengths": ((1.5, 0.5, 1.1, 0.9), (90, -60, 100)),
 }
@@ -51,14 +50,6 @@ def test_change_points_are_passed(name):
     assert np.max(np.abs(accelerations)) < 50.0 * np.max(np.abs(np.diff(motion, axis=0))) / 0.01
 
 
-def test_a_parallelogram_stays_a_parallelogram():
-    sim = Simulation.from_text(four_bar(*CHANGE_POINTS["parallelogram"]))
-    while sim.time < 20.0:
-        sim.step(20)
-        crank, coupler, rocker = sim.q
-        assert [coupler, rocker] == pytest.approx([-crank, crank], abs=1e-10)
-
-
 def test_it_passes_its_change_points_with_efforts_at_its_joints():
     """A moment at a pin loads the flat loop; the energy audit includes its work."""
     sim = Simulation.from_text(four_bar(*CHANGE_POINTS["parallelogram"]))
@@ -74,7 +65,7 @@ def test_it_passes_its_change_points_with_efforts_at_its_joints():
 # energy. It is round-off: in other orders of operations, other slopes have up to 7e-13.
 @pytest.mark.parametrize(
     ("mass", "slope", "allowed"),
-    [(1e-4, 0, 3e-13), (1e-5, 0, 3e-13), (1e-6, 45, 2e-12), (1e-7, 0, 5e-13), (1e-8, 90, 5e-12), (1e-9, 0, 8e-11)],
+    [(1e-4, 0, 3e-13), (1e-6, 45, 2e-12), (1e-8, 90, 5e-12)],
 )
 def test_a_parallelogram_with_a_light_rocker_passes_its_change_points(mass, slope, allowed):
     """Without gravity, a crank of 1 kg and a bar of 1 kg beside a rocker of `mass` turn at a constant speed.

@@ -15,7 +15,7 @@ from mbd_sim import Simulation
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.files.load import load_mechanism
+from mbd_sim.files.load import load_mechanism, parse_mechanism
 from test.generators.mechanisms import violation
 
 G = 9.81
@@ -90,16 +90,17 @@ class TestA02:
         assert sim.u == pytest.approx(-rate * np.array([1, 1, 1, -1, -1]), abs=1e-7)
 
     def test_generated_file_is_the_shipped_one(self):
-        shipped, generated = Simulation.from_file("a02_four_bars"), Simulation.from_text(four_bars(2))
-        shipped.run(until=1.0)
-        generated.run(until=1.0)
-        assert generated.q[0] == pytest.approx(shipped.q[0], abs=1e-13)
+        shipped, generated = equations("a02_four_bars"), derive(parse_mechanism(four_bars(2)))
+        y, nothing = generated.start_state, np.zeros(generated.layout.nv)
+        assert y == pytest.approx(shipped.start_state, abs=1e-14)
+        rates = [np.array(each.rates.call([0.0, y, nothing])[0]).ravel() for each in (shipped, generated)]
+        assert rates[1] == pytest.approx(rates[0], abs=1e-12)
 
     def test_it_stays_a_row_of_parallelograms(self):
-        """It lies flat a hundred times and neither gains nor loses energy."""
+        """It lies flat thirty times and neither gains nor loses energy."""
         sim = Simulation.from_file("a02_four_bars")
-        residual, off = run(sim, 60.0)
-        assert sim.q[0] > 2.0 * np.pi * 25
+        residual, off = run(sim, 20.0)
+        assert sim.q[0] > 2.0 * np.pi * 8
         assert np.ptp(sim.q * [1, 1, 1, -1, -1]) < 1e-11
         assert residual < 1e-9
         assert off < 1e-11
@@ -141,7 +142,7 @@ class TestA04:
         assert (derived.layout.nv, len(derived.rows), derived.start.rank) == (5, 5, 4)
 
     def test_energy_and_constraints(self):
-        residual, off = run(Simulation.from_file("a04_bricard"), 20.0)
+        residual, off = run(Simulation.from_file("a04_bricard"), 5.0)
         assert residual < 1e-13
         assert off < 1e-13
 
