@@ -52,8 +52,8 @@ QUICKLY_COMPILED = {
     "test_docs.py",
     "test_representations.py",
 }
-# Within `compiler`, those that compare methods and histories; they compare the two levels as well.
-QUICKLY_COMPILED_PARTS = ("compiler/steps/", "compiler/taylor/", "compiler/test_kernel_method_history.py")
+# Within `compiler`, those of methods and histories, which compare the two levels as well.
+QUICKLY_COMPILED_PARTS = ("compiler/steps/", "compiler/taylor/", "compiler/test_kernel")
 WAITING = ("system", "examples", "lab/page")  # whose tests start nodes, or share a browser, and wait for them
 LONG_TESTS = {
     "test_processes_with_other_hashes_and_linear_algebra_derive_and_compute_the_same",

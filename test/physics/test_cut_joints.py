@@ -140,13 +140,9 @@ def test_no_result_depends_on_the_joint_that_is_cut():
 def test_a_drive_in_a_loop_that_is_cut():
     bar = FourBar(2)
     laws = {name: {"damping": value} for name, value in bar.dampings.items()} | {"c": {"drive": "0.2*sin(3*t)"}}
-    states = []
-    for cut in (None, "b"):
-        given = {name: law | ({"cut": True} if name == cut else {}) for name, law in laws.items()}
-        simulation = Simulation(bar.file(given))
-        simulation.run(until=0.3)
-        states.append(simulation.poses()["coupler"].position)
-    assert all(state == pytest.approx(states[0], abs=1e-9) for state in states)
+    found = accelerations_at_start(bar.cut_at("b", laws))
+    for name, acceleration in accelerations_at_start(bar.file(laws)).items():
+        assert found[name] == pytest.approx(acceleration, rel=1e-9)
 
 
 def random_loop(kinds, rng, cut=None, loads=True):
@@ -205,18 +201,16 @@ def test_each_kind_of_joint_may_be_cut(kinds, cuts):
 def test_a_split_part_moves_as_one_that_is_not():
     """Beside the loop with a closing joint that carries nothing: its damping tends to 0 in the other one."""
     data = random_loop(("screw", "planar", "universal", "revolute"), np.random.default_rng(3), loads=False)
-    plain = Simulation(parse_mechanism(json.dumps(data)))
-    (closing,) = plain.mechanism.closing
+    plain = parse_mechanism(json.dumps(data))
+    (closing,) = plain.closing
     data["joints"][closing]["cut"] = True
     count = FREEDOMS[data["joints"][closing]["type"]]
     data["joints"][closing]["damping"] = 1e-30 if count == 1 else [1e-30] * count
-    split = Simulation(parse_mechanism(json.dumps(data)))
-    assert not split.mechanism.closing
-    for one in (plain, split):
-        one.run(until=0.3)
-    for name, pose in plain.poses().items():
-        assert split.poses()[name].position == pytest.approx(pose.position, abs=1e-10)
-    assert split.energies.total == pytest.approx(plain.energies.total, abs=1e-10)
+    split = parse_mechanism(json.dumps(data))
+    assert not split.closing
+    found = accelerations_at_start(split)
+    for name, acceleration in accelerations_at_start(plain).items():
+        assert found[name] == pytest.approx(acceleration, rel=1e-9, abs=1e-9)
 
 
 def test_a_part_without_mass_is_not_the_one_that_is_split():

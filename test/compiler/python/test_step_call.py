@@ -118,7 +118,7 @@ def test_it_leaks_no_references():
     simulation.step(many)
     gc.collect()
     before = sys.getrefcount(None), sys.getrefcount(many), sys.getrefcount(simulation)
-    for _ in range(1000):
+    for _ in range(300):
         simulation.step(many % 3)
         with contextlib.suppress(ValueError):
             simulation.step(-many)

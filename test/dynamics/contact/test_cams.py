@@ -94,6 +94,7 @@ def test_a_member_of_an_ensemble_with_a_cam_that_is_too_concave_is_refused():
 
 
 def test_a_roller_hops_on_a_lobed_cam_with_the_right_gaps_and_energies(simulation):
+    assert simulation.remarks == ()
     simulation.set_live({"parameters.depth": 0.01})
     simulation.reset()
     angles = np.linspace(0.0, 2.0 * np.pi, 20_001)

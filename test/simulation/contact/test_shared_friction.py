@@ -121,16 +121,11 @@ forces: {{push: {{type: force, at: top.push, vector: {vector}}}}}
     )
 
 
-def frictions_and_slip(simulation, times, count):
-    """The sizes of friction at some times, and the time at which the legs begin to slip."""
-    sizes = []
-    for time in times:
-        simulation.run(until=time)
-        states = simulation.contacts()
-        sizes.append([np.linalg.norm(states[f"c{number}"].friction) for number in range(count)])
+def time_of_slip(simulation):
+    """The time at which the legs begin to slip."""
     while not (slips := [event for event in simulation.contact_events if event.change is ContactChange.SLIDES]):
         simulation.step(5)
-    return np.array(sizes), slips[0].time
+    return slips[0].time
 
 
 def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_axes():
@@ -140,12 +135,9 @@ def test_a_table_pushed_off_its_center_slips_at_its_limit_load_in_any_order_and_
     angles = 2.0 * np.pi * (np.arange(count) + chance.uniform(-0.3, 0.3, count)) / count
     legs = 0.4 * chance.uniform(0.6, 1.0, (count, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
     direction, place, height = chance.uniform(0.0, 6.28), chance.uniform(-0.3, 0.3, 2), chance.uniform(0.05, 0.15)
-    push, times = np.array([np.cos(direction), np.sin(direction)]), (0.04,)
-    given = (legs, push, place, height)
-    expected, slip = frictions_and_slip(pushed_table(*given, np.eye(3), range(count)), times, count)
+    push = np.array([np.cos(direction), np.sin(direction)])
     turn = Rotation.random(random_state=seed).as_matrix()
-    sizes, time = frictions_and_slip(pushed_table(*given, turn, chance.permutation(count)), times, count)
-    assert sizes == pytest.approx(expected, abs=1e-7) and time == pytest.approx(slip, rel=1e-6)
+    slip = time_of_slip(pushed_table(legs, push, place, height, turn, chance.permutation(count)))
     normals = least_normals(legs, RATE * slip * push * height)
     for time, sign in ((slip * (1.0 - 1e-5), 1.0), (slip * (1.0 + 1e-5), -1.0)):
         assert sign * least_margin(legs, normals, RATE * time * push, place) > 0.0

@@ -30,8 +30,8 @@ from test.generators.legged_robots import legged
 
 ROOT = Path(__file__).parents[3]
 LIVE = ["gravity[*]", "parameters.*", "forces.*", "constraints.*"]  # joints have most keys: see `computed`
-FEATURES = ("knife_edge", "tippe_top", "duffing", "rocking", "freewheel")  # joints, elements, laws and contacts
-SAMPLE = ("four_bar", "driveline")
+FEATURES = ("tippe_top", "duffing", "rocking", "freewheel")  # joints, elements, laws and contacts
+SAMPLE = ("four_bar",)
 OLD_PROCESSOR = {
     "OPENBLAS_CORETYPE": "Nehalem",
     "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3",

@@ -83,8 +83,6 @@ contacts: {rides: {parts: [ball], cam: ground, profile: "0.3 + 0.05*cos(angle)"}
     along = "prismatic, axis: [0.1, 0, 1], between: [ground.beside, ball]"
     (remark,) = Simulation.from_text(text.replace("FOLLOWER", along)).remarks
     assert remark.startswith("the cam of 'rides' is endless along its axis, along which 'ball' moves")
-    slide = "prismatic, axis: [1, 0, 0], between: [ground, ball], position: 0.5"
-    assert Simulation.from_text(text.replace("FOLLOWER", slide)).remarks == ()
 
 
 PUSHED = """

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from mbd_sim import Simulation
 from mbd_sim.simulation.contact.compiled.extrapolation import refined
 
-BEGINS, ENDS = 0.05, 0.12  # s
+BEGINS, ENDS = 0.05, 0.09  # s
 BRIEF = 1e-7  # s, after which the comparison starts
 # A point on the floor, with different masses along x and y, is dragged by a force that turns and exceeds friction from
 # `BEGINS` on.
