@@ -203,6 +203,6 @@ def test_a_model_is_usable_after_its_equations_are_gone():
     model = build_model(load_mechanism("rod_pendulum"), "rk4")
     kernel, y, start = model.kernel, model.start.copy(), model.start.copy()
     del model
-    gc.collect()
+    gc.collect(1)
     assert advance(kernel, y, np.zeros(1), 0, 1e-3, 10) == 1
     assert y[0] < start[0]

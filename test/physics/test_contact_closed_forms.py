@@ -13,6 +13,11 @@ from mbd_sim.base.geometry import rotation as rot
 
 G = 9.81
 
+
+def built(text, **options):
+    return Simulation.from_text(text, method="tsitouras8", **options)
+
+
 DISC = """
 mechanism: ball_on_disc
 parts:
@@ -27,7 +32,7 @@ contacts: {c: {between: [ball, table], friction: 9}}
 
 def ball_on_disc(text, y, speed, spin, **options):
     """A ball at (0.1, y) that moves and turns over the table."""
-    sim = Simulation.from_text(text, **options)
+    sim = built(text, **options)
     sim.reset(q=[0.1, y, 0.05, 1, 0, 0, 0], u=[speed, 0, 0, 0, spin, 0])
     return sim
 
@@ -77,7 +82,7 @@ CONE_TABLE = DISC.replace("type: disc, radius: 0.3", "type: cone, radius: 0.3, l
 def test_a_ball_rolls_over_the_rim_of_a_cone_and_back():
     """On the base at a constant speed, and about the rim at v² = v0² + 10/7 g r (1 - cos θ), from where it returns."""
     sim, radius = (
-        Simulation.from_text(CONE_TABLE),
+        built(CONE_TABLE),
         0.05,
     )
     chance = np.random.default_rng(3)
@@ -120,7 +125,7 @@ def test_balls_pass_edges_of_moving_cylinders_and_tubes_without_loss_of_energy(i
     """They slide, roll or bounce on its side, and fall over an end. Without friction the step does not matter."""
     text = BALL_AND_CYLINDER.replace("UP", "0" if inside else "0.4").replace("FRICTION", str(friction))
     text = text.replace("INSIDE", ", inside: true" if inside else "")
-    simulations = [Simulation.from_text(text, step=step) for step in ((2e-3,) if friction else (2e-3, 1e-3))]
+    simulations = [built(text, step=step) for step in ((2e-3,) if friction else (2e-3, 1e-3))]
     chance, passed = np.random.default_rng(5), 0
     for _ in range(4):
         lateral, up, height = chance.uniform(-0.02, 0.02), chance.uniform(0.0, 0.01), 0.25 if inside else 0.35
@@ -152,7 +157,7 @@ contacts: {c: {between: [point, table]}}
 
 def test_points_slide_past_the_end_of_a_cylinder_and_fall():
     """Without friction they keep their speed along its axis, so that they leave as they reach the end."""
-    sim, chance = Simulation.from_text(POINT_AND_CYLINDER), np.random.default_rng(21)
+    sim, chance = built(POINT_AND_CYLINDER), np.random.default_rng(21)
     for _ in range(4):
         lateral, speed, start = chance.uniform(-0.03, 0.03), chance.uniform(0.5, 2.0), chance.uniform(-0.09, 0.09)
         up, side = math.sqrt(0.3**2 - lateral**2), chance.uniform(-0.2, 0.2)
@@ -189,7 +194,7 @@ contacts: {c: {between: [rod, table], friction: 2}}
 
 def test_a_rod_that_lies_too_far_over_a_corner_tips_about_it():
     """Its angle follows from the energy, ω² = 2 g d sin θ / (l²/12 + d²), as long as the corner holds it."""
-    sim, arm = Simulation.from_text(CORNER), 0.04
+    sim, arm = built(CORNER), 0.04
     inertia = 0.5**2 / 12.0 + arm**2
     sim.step(250)
     angle = sim.q[2]
@@ -224,7 +229,7 @@ def test_a_cone_rolls_on_its_side_on_an_incline_as_a_pendulum():
     across = np.array([-math.sin(start), math.cos(start), 0.0])
     turn = rot.to_quaternion(np.column_stack([np.cross(across, -toward), across, -toward]))
     text = CONE.replace("GX", str(G * math.sin(slope))).replace("GZ", str(-G * math.cos(slope)))
-    sim = Simulation.from_text(text.replace("TURN", str(turn.tolist())))
+    sim = built(text.replace("TURN", str(turn.tolist())))
     along, beside = 0.3 * radius**2, 0.6 * height**2 + 0.15 * radius**2  # moments over the mass, at the tip
     inertia = (along * math.cos(alpha) ** 2 + beside * math.sin(alpha) ** 2) / math.tan(alpha) ** 2
     rate = G * math.sin(slope) * 0.75 * height * math.cos(alpha) / inertia

@@ -28,7 +28,7 @@ SHIFT = np.array([0.3, -0.2, 0.5])
 
 
 def simulation(data):
-    return Simulation.from_text(json.dumps(data))
+    return Simulation.from_text(json.dumps(data), method="tsitouras8")
 
 
 def events_while_equal(data, changed, seed):

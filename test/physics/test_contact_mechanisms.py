@@ -139,7 +139,7 @@ def wheel_of_the_geneva_drive(time):
 
 
 def test_a_geneva_drive_turns_its_wheel_by_a_quarter_in_each_turn():
-    sim = Simulation.from_file("geneva_drive")
+    sim = Simulation.from_file("geneva_drive", method="tsitouras8")
     play = 2e-5 / (0.04 * (math.sqrt(2.0) - 1.0))  # of the pin where it is nearest to the wheel's axis
     largest = 0.0
     while sim.time < 1.0 - 1e-9:
@@ -152,7 +152,7 @@ def test_a_geneva_drive_turns_its_wheel_by_a_quarter_in_each_turn():
 
 def test_the_locking_disc_of_a_geneva_drive_holds_its_wheel():
     """A moment on the wheel turns it only by the play of its horns."""
-    sim = Simulation.from_file("geneva_drive")
+    sim = Simulation.from_file("geneva_drive", method="tsitouras8")
     sim.set_efforts({"wheel": 1.0})
     sim.run(until=0.2)
     lever = 0.04 * (math.sqrt(0.5) * 0.7 - math.sqrt(0.5) * math.sqrt(0.7505**2 - 0.7**2)) / 0.7505 * math.sqrt(2.0)
@@ -211,7 +211,7 @@ def foot_of_jansens_leg(crank):
 
 
 def test_a_walking_jansen_linkage():
-    sim = Simulation.from_file("jansen_walker")
+    sim = Simulation.from_file("jansen_walker", method="tsitouras8")
     standing = dict[str, np.ndarray]()
     sim.run(until=1.0)
     begin = sim.q[0]
@@ -237,7 +237,7 @@ def test_a_walking_jansen_linkage():
 
 
 def test_the_feet_of_a_jansen_linkage_carry_its_rate_of_momentum():
-    sim = Simulation.from_file("jansen_walker")
+    sim = Simulation.from_file("jansen_walker", method="tsitouras8")
     parts = sim.mechanism.parts
     mass = sim.mechanism.mass
 

@@ -172,7 +172,11 @@ def random_loop(kinds, rng, cut=None, loads=True):
             joint["lead"] = 0.4
         damping, stiffness = rng.uniform(0.1, 1.0, 2).tolist()
         if loads:
-            joint |= {"damping": [damping] * FREEDOMS[kind]} if FREEDOMS.get(kind, 6) in (2, 3) else {}
+            joint |= (
+                {"damping": [damping, 2 * damping, 3 * damping][: FREEDOMS[kind]]}
+                if FREEDOMS.get(kind, 6) in (2, 3)
+                else {}
+            )
             joint |= {"damping": damping, "stiffness": stiffness, "rest": 0.3} if FREEDOMS.get(kind) == 1 else {}
             joint |= {"damping": [damping] * 6, "stiffness": [stiffness] * 6} if kind == "free" else {}
         if number == 0:

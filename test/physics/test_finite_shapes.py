@@ -15,7 +15,7 @@ G = 9.81
 
 
 def simulation(text, **options):
-    return Simulation(parse_mechanism(text), **options)
+    return Simulation(parse_mechanism(text), method="tsitouras8", **options)
 
 
 SLIDING = """

@@ -72,7 +72,7 @@ constraints:
   blade: {{type: knife_edge, at: sledge, direction: [1, 0, 0], plane: base}}
 """
 
-FLOATING = {"four_bar": FOUR_BAR, "ring": RING, "plate": PLATE}
+FLOATING = {"ring": RING, "plate": PLATE}
 
 
 def center_of_mass(sim):

@@ -65,7 +65,7 @@ def carried(name):
 # A spring with mass must have one end on ground; these mechanisms keep theirs there.
 MOUNTED = [
     "air_spring", "upright_wheel", "quadratic_drag", "knife_edge", "rack_and_pinion", "insect_on_sphere", "follower_force",
-    "a04_bricard", "four_bar", "spherical_top",
+    "four_bar",
 ]  # fmt: skip
 
 

@@ -58,8 +58,8 @@ contacts:
 """
 
 
-def motion(steps=400, **changes):
-    simulation = Simulation(parse_mechanism(text(**changes)))
+def motion(steps=250, **changes):
+    simulation = Simulation(parse_mechanism(text(**changes)), method="tsitouras8")
     simulation.step(steps)
     return np.concatenate([simulation.q, simulation.u]).reshape(-1, 3)
 

@@ -22,7 +22,7 @@ contacts: {k: {CONTACT}}
 
 def scene(shape, start, contact="between: [a, b]", friction=0.3):
     text = SCENE.replace("SHAPE", shape).replace("START", start)
-    return Simulation.from_text(text.replace("CONTACT", f"{contact}, friction: {friction}"))
+    return Simulation.from_text(text.replace("CONTACT", f"{contact}, friction: {friction}"), method="tsitouras8")
 
 
 CAN = "{type: cylinder, radius: 0.1, length: 0.1, mass: 2}"

@@ -217,7 +217,7 @@ CLOSED_FORMS = {
 def test_accelerations(name):
     """Up to round-off, which is larger where the closed form is near a singular configuration."""
     mechanism, rng = load_mechanism(name), np.random.default_rng(60)
-    for _ in range(40):
+    for _ in range(12):
         q, u, efforts = random_state(mechanism, rng, reach=2.5)
         t = rng.uniform(0.0, 20.0)
         expected = CLOSED_FORMS[name](mechanism.parameters, t, q, u, efforts)

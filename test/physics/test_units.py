@@ -42,7 +42,7 @@ def motion(mechanism, units):
     return np.array(rows), simulation.model.method_name, simulation.step_advice is None, simulation.remarks != ()
 
 
-@pytest.mark.parametrize("name", SMOOTH[::9])
+@pytest.mark.parametrize("name", SMOOTH[::12])
 def test_a_shipped_mechanism_moves_alike_in_other_units(name):
     """They differed by up to 5e-8, in the method that was chosen, and in the advice on the step."""
     expected, *choices = motion(scaled(name, Units()), Units())

@@ -37,7 +37,7 @@ def lobes(radius):
 
 @pytest.fixture(scope="module")
 def simulation():
-    return Simulation(lobes(0.003), live=["parameters.depth"])
+    return Simulation(lobes(0.003), live=["parameters.depth"], method="tsitouras8")
 
 
 def fault(text, roller):

@@ -5,12 +5,13 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.base.geometry.rotation import about, unit
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.elements.contacts import Cluster
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 
 BOX = "{type: block, size: [0.4, 0.3, 0.2]}"
-ROUND, SLOTS = "{type: cylinder, radius: 0.2, length: 0.3}, {type: sphere, radius: 0.1, at: [0, 0, 0.2]}", 7
+ROUND, SLOTS = "{type: cylinder, radius: 0.2, length: 0.3}, {type: sphere, radius: 0.1, at: [0.15, 0, 0]}", 7
 TEXT = """
 mechanism: thrown
 parts: {{body: {{mass: 2, inertia: [0.03, 0.04, 0.05], collisions: [{shapes}]}}}}
@@ -104,6 +105,6 @@ def test_of_many_corners_that_touch_those_are_chosen_that_are_far_from_each_othe
     (contact,) = thrown(f"{{type: hull, points: [{points}]}}", "[body]").contacts
     assert (type(contact.first), contact.slots) == (Cluster, 8)
     narrow, still = ClusterOnPlane(contact.first, contact.second, 8), Pose(np.zeros(3), np.eye(3))
-    found = narrow.touching(Pose(np.array([0.0, 0.0, 0.1]), np.eye(3)), still, 1e-9)
+    found = narrow.touching(Pose(np.array([0.0, 0.0, 0.1]), about(unit((1, 2, 0)), 1e-10)), still, 1e-9)
     angles = np.sort([np.arctan2(body.point[1], body.point[0]) for body in found])
     assert len(found) == 8 and np.diff([*angles, angles[0] + 2.0 * np.pi]).max() < 1.1

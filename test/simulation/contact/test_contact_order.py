@@ -14,7 +14,6 @@ from mbd_sim import Simulation
 TIME = 0.3
 SECTIONS = "parts", "joints", "constraints", "contacts", "forces"
 NAMES = [
-    "disc_brake",
     "newtons_cradle",
     "slider_crank_friction",
     "woodpecker",

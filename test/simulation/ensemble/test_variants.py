@@ -16,9 +16,7 @@ VARIED = {
     "double_rod": ("l", "joints.elbow.damping", "gravity[2]"),
     "four_bar": ("coupler", "joints.crank_pivot.velocity", "density"),
     "tumbling": ("parts.body.mass", "joints.flight.angular_velocity[1]"),
-    "stewart": ("m", "r"),
     "constrained_pendulum": ("l", "m"),
-    "spring_chain": ("forces.first.mass", "forces.first.stiffness"),
     "universal_pendulum": ("parameters.*",),
 }
 

@@ -35,7 +35,7 @@ def test_no_shipped_mechanism_is_warned_of(name):
     assert simulation.error_estimate < 0.1 * TOLERATED
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["euler", "rk4", "dop853", "rosenbrock", "gauss4", "taylor"])
 def test_estimates_have_the_size_of_the_error(method):
     """Of one step of a double rod, within a factor of 50, and 300 for the methods of high order."""
     step = 0.01 if METHODS[method].order < 7 else 0.04

@@ -25,21 +25,19 @@ contacts:
 """
 
 
-@pytest.mark.parametrize(("name", "end", "largest", "both"), [
-    ("rocking", 1.2, 20.0, False),  # one edge closes as the other one opens
-    ("rope", 1.2, 2.0, False),  # a curved path of a contact that stays closed
-    ("bowling", 1.6, 1.0, False),  # slides, then rolls
-    ("slider_crank_friction", 0.3, 1.0, True),  # friction by the load of a joint in a loop
-    ("freewheel", 2.0, 0.2, False),  # a one-way clutch
+@pytest.mark.parametrize(("name", "end", "largest"), [
+    ("bounce", 1.1, 4.0),  # rebounds
+    ("rocking", 1.2, 20.0),  # one edge closes as the other one opens
+    ("rope", 1.2, 2.0),  # a curved path of a contact that stays closed
+    ("slider_crank_friction", 0.3, 1.0),  # friction by the load of a joint in a loop
+    ("freewheel", 1.0, 0.2),  # a one-way clutch
 ])  # fmt: skip
-def test_its_error_is_in_proportion_to_the_step(name, end, largest, both):
+def test_its_error_is_in_proportion_to_the_step(name, end, largest):
     """The error of an impact depends on where in its step it is, so the bound counts and not the ratio of two errors."""
-    own = [Simulation.from_file(name, method="moreau", step=step) for step in ((2e-3, 5e-4) if both else (2e-3,))]
-    exact = Simulation.from_file(name, step=5e-4)
-    for simulation in (exact, *own):
+    own, exact = Simulation.from_file(name, method="moreau", step=2e-3), Simulation.from_file(name, step=5e-4)
+    for simulation in (exact, own):
         simulation.run(until=end)
-    for simulation in own:
-        assert np.max(np.abs(simulation.q - exact.q)) < largest * simulation.step_size
+    assert np.max(np.abs(own.q - exact.q)) < largest * own.step_size
 
 
 @pytest.fixture(scope="module")
