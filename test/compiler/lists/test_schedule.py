@@ -44,7 +44,7 @@ def by_library(angle):
     return np.sin(angle), np.cos(angle)
 
 
-@pytest.mark.parametrize("name", ["quadratic_drag", "spring_chain", "double_rod", "four_bar", "spherical_top"])
+@pytest.mark.parametrize("name", ["quadratic_drag", "arm", "spring_chain", "double_rod", "four_bar", "spherical_top"])
 def test_rates_of_shipped_mechanisms(name):
     equations = derive(load_mechanism(name))
     rng = np.random.default_rng(50)

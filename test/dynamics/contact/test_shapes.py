@@ -332,6 +332,7 @@ def test_an_elastic_contact_lasts_as_long_as_hooke_and_hertz_say(exponent, error
 SOFT_PAIRS = {
     "ball on cylinder": ("between: [a, b]", BALL, CYLINDER, 0.5),
     "disc on plane": ("parts: [a], plane: b.p, normal: [0, 1, 1]", DISC, SPHERE, 0.1),
+    "roller on cam": (f"parts: [a], cam: b.p, profile: {PROFILE}", BALL, SPHERE, 0.5),
     "follower on cam": (f"plane: a.p, normal: [1, 0.3, 0], cam: b.p, profile: {PROFILE}", BALL, SPHERE, 0.2),
 }
 

@@ -42,6 +42,10 @@ def test_bodies_move_as_with_rows_of_their_own():
         np.testing.assert_allclose(runs[0].state[:13], runs[1].state[:13], rtol=0, atol=digits)
     assert len(runs[1].contact_events) > 3
     assert abs(runs[0].energies.residual) < 1e-8
+    for turned in ([1, 0, 0, 0], [0, 1, 0, 0]):  # it stands on the points of either rim
+        runs[0].reset(q=[0, 0, 0.15, *turned], u=np.zeros(6))
+        runs[0].run(until=0.05)
+        assert runs[0].q[:3] == pytest.approx([0, 0, 0.15], abs=1e-9)
 
 
 def dropped():
